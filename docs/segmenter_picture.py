@@ -15,8 +15,8 @@ import numpy as np
 from PIL import Image
 
 from semgs import load, open_scene, segmenters
-from semgs.figures.classes import class_picture
-from semgs.figures.views import as_bytes
+from semgs.figures.class_images import class_picture
+from semgs.figures.view_images import as_bytes
 from semgs.rendering.rendering import label_maps
 
 FRAMES = (0, 4, 3)

@@ -13,8 +13,8 @@ import numpy as np
 from PIL import Image
 
 from semgs import Views, load
-from semgs.figures.views import as_bytes
-from semgs.files.colours import depth_limits, depth_picture
+from semgs.figures.view_images import as_bytes
+from semgs.files.images.colours import depth_limits, depth_picture
 
 folder, used = Path(sys.argv[1]), (2, 5)
 scene = json.loads((folder / "transforms.json").read_text())

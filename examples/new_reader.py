@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.classes import IGNORE, SCANNET20
+from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.fields import parsed
-from semgs.data.lens import Lens
 from semgs.data.maps import DepthMap, DepthThroughLens, IdMap, MaskMap
 from semgs.data.scene import Scene
+from semgs.data.tables.classes import IGNORE, SCANNET20
 
 LABELS = np.full(1 << 16, IGNORE, np.uint8)
 LABELS[[1, 2, 3]] = [SCANNET20.index(name) for name in ("chair", "table", "wall")]

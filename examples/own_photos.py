@@ -13,10 +13,10 @@ import numpy as np
 from PIL import Image
 
 from semgs import load, open_scene, save_ply
-from semgs.data.choice import choose
-from semgs.figures.classes import class_picture
-from semgs.figures.views import as_bytes
-from semgs.files.colours import depth_limits, depth_picture
+from semgs.data.choosing.choice import choose
+from semgs.figures.class_images import class_picture
+from semgs.figures.view_images import as_bytes
+from semgs.files.images.colours import depth_limits, depth_picture
 
 scene, out = open_scene(sys.argv[1]), Path(sys.argv[2])
 choice = choose(scene, 2)  # the pair that overlaps and has a baseline

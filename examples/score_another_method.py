@@ -11,13 +11,13 @@ from pathlib import Path
 import torch
 
 from semgs import load
-from semgs.data.classes import SCANNET20
 from semgs.data.scenes import open_scenes
+from semgs.data.tables.classes import SCANNET20
 from semgs.evaluation.frames.frame_plan import make_plan
-from semgs.evaluation.frames.network import NetworkMethod
+from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.evaluation.frames.protocols import neighbours
-from semgs.evaluation.scoring.evaluate import evaluate
+from semgs.evaluation.scoring.method_scores import evaluate
 from semgs.evaluation.scoring.summary import summary
 
 

@@ -11,8 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from semgs.training import presets
-from semgs.training.execution import Execution
 from semgs.training.loop import train
+from semgs.training.run.execution import Execution
 
 
 def main(scenes: str, out: str, steps: int = 200, *size: int) -> None:

@@ -20,11 +20,11 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from semgs.data.terms import terms_text
+from semgs.data.origin.licences import terms_text
 from semgs.files.errors import InputError
 from semgs.model.build import build
-from semgs.weights.file import fill, read_header, read_tensors, save
-from semgs.weights.load import DATA_TERMS, SCENES, data_terms, trained_scenes
+from semgs.model.weights.load import DATA_TERMS, SCENES, data_terms, trained_scenes
+from semgs.model.weights.weights_file import fill, read_header, read_tensors, save
 
 
 def average(files: Sequence[Path], out: Path, start: Path | None = None) -> None:

@@ -14,7 +14,7 @@ import torch
 from locate_depth_errors import pairs
 
 from semgs.files.errors import InputError
-from semgs.weights.load import load
+from semgs.model.weights.load import load
 
 
 @torch.no_grad()

@@ -20,18 +20,18 @@ from jaxtyping import Float, UInt8
 from scipy import ndimage
 from torch import Tensor
 
-from semgs.data.classes import SCANNET20
 from semgs.data.scenes import open_scenes
+from semgs.data.tables.classes import SCANNET20
 from semgs.data.views import Views, joined
 from semgs.evaluation.frames.frame_plan import Task, make_plan
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import read_views
 from semgs.geometry.cameras import back_project, project
 from semgs.geometry.fusion import fused
-from semgs.model.encoding import Encoding
+from semgs.model.weights.load import load
 from semgs.objectives.metrics import confusion_matrix, miou
 from semgs.rendering.rendering import likeliest
-from semgs.weights.load import load
+from semgs.scene.encoding import Encoding
 
 LEVELS = (0.0, 0.1, 0.2, 0.4)
 SURE = 0.9

@@ -27,10 +27,10 @@ from semgs.data.views import Views
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import back_project, project
 from semgs.geometry.plane_sweep import expected_depth
-from semgs.model.cnn import SHRINK
-from semgs.model.padded import Padded
+from semgs.model.layers.network_input import Padded
 from semgs.model.semgs import SemGS
-from semgs.weights.load import load
+from semgs.model.weights.load import load
+from semgs.scene.coarse_depth import SHRINK
 
 SIZE = (240, 320)
 STEPS = ("raw cost", "regressor", "final")

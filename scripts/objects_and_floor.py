@@ -27,25 +27,25 @@ import torch
 from jaxtyping import Bool, Float64, Int64
 from sensor_depth import measured
 
-from semgs.data.classes import IGNORE, SCANNET20
+from semgs.data.tables.classes import IGNORE, SCANNET20
 from semgs.data.views import Views
-from semgs.export.scene import SavedScene
-from semgs.export.things import occupancy_of, things_of
-from semgs.export.upright import up_of
-from semgs.files.pictures import write_png
+from semgs.export.scene_objects import occupancy_of, things_of
+from semgs.files.images.pictures import write_png
 from semgs.geometry.cameras import back_project, project
-from semgs.model.encoding import Encoding
-from semgs.reconstruction.sensor import placed
+from semgs.model.weights.load import load
+from semgs.reconstruction.sensor_depth import placed
 from semgs.robotics.boxes import Box, box_of
 from semgs.robotics.floor import NoFloorError
-from semgs.robotics.grid import FREE, OCCUPIED, UNKNOWN, Occupancy
-from semgs.robotics.things import STUFF, Objects
-from semgs.rooms.assets.library import Library, open_library
+from semgs.robotics.objects import STUFF, Objects
+from semgs.robotics.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
+from semgs.rooms.assets.asset_library import Library, open_library
 from semgs.rooms.drawing.room import Room, build_room
 from semgs.rooms.pieces.solids import BALL, BOX, CUSHION, CYLINDER, SHELL
-from semgs.rooms.sets.cameras import draw_habit, draw_intrinsics, draw_path
-from semgs.rooms.sets.stream import fitted, generator, shoot
-from semgs.weights.load import load
+from semgs.rooms.sets.carried_cameras import draw_habit, draw_intrinsics, draw_path
+from semgs.rooms.sets.room_stream import fitted, generator, shoot
+from semgs.scene.encoding import Encoding
+from semgs.scene.scene_file import SavedScene
+from semgs.scene.upright import up_of
 
 SIZE, VIEWS, GAP = (240, 320), 4, 2.0
 """Size of the images, number of views, and steps of the camera between them."""

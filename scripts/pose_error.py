@@ -20,16 +20,16 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from semgs.data.choice import choose
+from semgs.data.choosing.choice import choose
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.model.semgs import SemGS
+from semgs.model.weights.load import load
 from semgs.reconstruction.scores import mean_scores, scores
 from semgs.sfm.photos import Photo, PhotoSet
 from semgs.sfm.scale import scaled
 from semgs.sfm.solving import PosedPhoto, solve
-from semgs.weights.load import load
 
 
 def angle_deg(first: np.ndarray, second: np.ndarray) -> float:

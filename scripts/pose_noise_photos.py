@@ -18,13 +18,13 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from semgs.data.choice import Choice, choose
+from semgs.data.choosing.choice import Choice, choose
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.model.semgs import SemGS
+from semgs.model.weights.load import load
 from semgs.reconstruction.scores import mean_scores, scores
 from semgs.sfm.refine import refine
-from semgs.weights.load import load
 
 NOISE = runpy.run_path(str(Path(__file__).with_name("pose_noise.py")))
 

@@ -30,9 +30,9 @@ rooms more 211 3 2301 240x320
 rooms long 120 8 2401 240x320
 python - "$folder/held" "$assets" <<'PYTHON'
 import sys
-from semgs.rooms.assets.library import Library
+from semgs.rooms.assets.asset_library import Library
 from semgs.rooms.sets.dataset import Recipe, write_dataset
-from semgs.training.settings import VALIDATION_SEED
+from semgs.training.training_settings import VALIDATION_SEED
 
 held, assets = sys.argv[1:]
 write_dataset(held, Recipe(VALIDATION_SEED, (240, 320), 6, library=Library((assets,), "validation")), 24)

@@ -15,10 +15,10 @@ import torch
 from jaxtyping import Bool, UInt8
 from scipy import ndimage
 
-from semgs.data.classes import IGNORE
 from semgs.data.scenes import open_scene, scene_paths
+from semgs.data.tables.classes import IGNORE
+from semgs.model.weights.load import load
 from semgs.objectives.metrics import accuracy, confusion_matrix, miou
-from semgs.weights.load import load
 
 SMALL = 38
 """Regions of fewer pixels are speckle."""

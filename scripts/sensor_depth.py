@@ -20,19 +20,19 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import conv2d, max_pool2d, normalize, pad
 
-from semgs.data.classes import IGNORE
-from semgs.data.depth_range import DepthRange
+from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
+from semgs.data.tables.classes import IGNORE
 from semgs.data.views import Views
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.intervals import intervals, paired_differences
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import back_project
+from semgs.model.weights.load import load
 from semgs.objectives.map_scores import Maps, map_scores
-from semgs.reconstruction.sensor import FEWEST_MEASURED, placed, sensor_spread
+from semgs.reconstruction.sensor_depth import FEWEST_MEASURED, placed, sensor_spread
 from semgs.rendering.rendering import Rendering, likeliest
-from semgs.weights.load import load
 
 SOURCES = ("network", "sensor", "both")
 METRICS = ("psnr", "miou", "depth_abs_rel")
@@ -55,7 +55,7 @@ PATCHES = (12, 16)
 def measured(views: Views, seed: int) -> Float[Tensor, "v h w"]:
     """What a depth camera would have measured: noise that grows with depth squared, holes, and a limited range.
 
-    The noise is that of `semgs.reconstruction.sensor.sensor_spread`.
+    The noise is that of `semgs.reconstruction.sensor_depth.sensor_spread`.
 
     Args:
         views: with true depth and labels.

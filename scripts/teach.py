@@ -23,7 +23,7 @@ import torch
 from semgs.data.scenes import open_scene, scene_paths
 from semgs.data.views import Views
 from semgs.files.atomic import write_bytes
-from semgs.training.teacher import STRIDE, Teacher
+from semgs.training.data.teacher import STRIDE, Teacher
 
 AFTER_LOGITS = ("ARG_MAX", "RESIZE_BILINEAR", "RESIZE_NEAREST_NEIGHBOR", "CAST", "SQUEEZE")
 """Operators after the logits, which turn them into class indices."""

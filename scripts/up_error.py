@@ -18,16 +18,16 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import torch
 
-from semgs.data.choice import choose
+from semgs.data.choosing.choice import choose
 from semgs.data.scenes import open_scene
-from semgs.export.scene import SavedScene
-from semgs.export.upright import up_of
 from semgs.geometry.rigid import cameras_in, gaussians_in
 from semgs.geometry.rotations import matrix_from_quaternion
-from semgs.rooms.sets.cameras import draw_habit, draw_intrinsics, draw_path
-from semgs.rooms.sets.scenes import Recipe, build_room, write_views
-from semgs.rooms.sets.stream import fitted, generator, shoot
-from semgs.weights.load import load
+from semgs.model.weights.load import load
+from semgs.rooms.sets.carried_cameras import draw_habit, draw_intrinsics, draw_path
+from semgs.rooms.sets.room_scenes import Recipe, build_room, write_views
+from semgs.rooms.sets.room_stream import fitted, generator, shoot
+from semgs.scene.scene_file import SavedScene
+from semgs.scene.upright import up_of
 
 ROOMS, FRAMES, SIZE = 24, 8, (240, 320)
 

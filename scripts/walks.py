@@ -26,20 +26,20 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from semgs.data.choice import preference
-from semgs.data.covisibility import Covisibility, DepthGrids
+from semgs.data.choosing.choice import preference
+from semgs.data.choosing.covisibility import Covisibility, DepthGrids
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.views import Views
 from semgs.geometry.cameras import back_project, project
 from semgs.mapping.mapper import Mapper, Merged
 from semgs.mapping.stream import VOXEL
-from semgs.model.encoding import Encoding
+from semgs.model.encode import encode
 from semgs.model.semgs import SemGS
-from semgs.reconstruction.encode import encode
+from semgs.model.weights.load import load
 from semgs.reconstruction.scores import scores
 from semgs.rendering.rendering import Rendering, likeliest
-from semgs.weights.load import load
+from semgs.scene.encoding import Encoding
 
 CANDIDATES = 8
 """Frames that the chosen window is taken from."""

@@ -13,15 +13,15 @@ if TYPE_CHECKING:
     from semgs.data.scenes import open_scene
     from semgs.data.views import Views
     from semgs.export.ply import save_ply, save_semantic_ply
-    from semgs.export.scene import SavedScene, load_scene, save_scene
     from semgs.geometry.cameras import Cameras
     from semgs.geometry.gaussians import Gaussians
     from semgs.mapping.stream import stream
+    from semgs.model.weights.load import load
     from semgs.rendering.render import render
     from semgs.rendering.temperatures import tempered
-    from semgs.robotics.grid import Occupancy, occupancy
-    from semgs.robotics.things import Objects, objects
-    from semgs.weights.load import load
+    from semgs.robotics.objects import Objects, objects
+    from semgs.robotics.occupancy import Occupancy, occupancy
+    from semgs.scene.scene_file import SavedScene, load_scene, save_scene
 
 __all__ = [
     "Cameras", "Gaussians", "Objects", "Occupancy", "SavedScene", "Views", "load", "load_scene", "objects", "occupancy", "open_scene", "render",
@@ -31,18 +31,18 @@ __all__ = [
 _HOMES = {
     "Cameras": "semgs.geometry.cameras",
     "Gaussians": "semgs.geometry.gaussians",
-    "Objects": "semgs.robotics.things",
-    "Occupancy": "semgs.robotics.grid",
-    "SavedScene": "semgs.export.scene",
+    "Objects": "semgs.robotics.objects",
+    "Occupancy": "semgs.robotics.occupancy",
+    "SavedScene": "semgs.scene.scene_file",
     "Views": "semgs.data.views",
-    "load": "semgs.weights.load",
-    "load_scene": "semgs.export.scene",
-    "objects": "semgs.robotics.things",
-    "occupancy": "semgs.robotics.grid",
+    "load": "semgs.model.weights.load",
+    "load_scene": "semgs.scene.scene_file",
+    "objects": "semgs.robotics.objects",
+    "occupancy": "semgs.robotics.occupancy",
     "open_scene": "semgs.data.scenes",
     "render": "semgs.rendering.render",
     "save_ply": "semgs.export.ply",
-    "save_scene": "semgs.export.scene",
+    "save_scene": "semgs.scene.scene_file",
     "save_semantic_ply": "semgs.export.ply",
     "stream": "semgs.mapping.stream",
     "tempered": "semgs.rendering.temperatures",

@@ -19,10 +19,10 @@ from posed import posed_views
 
 from semgs import SavedScene, Views, load_scene, open_scene, render, save_ply, save_scene
 from semgs.data.scene import Scene
-from semgs.files import notebook
-from semgs.model.encoding import Encoding
+from semgs.files.images import notebook
 from semgs.rendering.rendering import Rendering
-from semgs.rooms.sets.demo import demo_scene
+from semgs.rooms.sets.demo_room import demo_scene
+from semgs.scene.encoding import Encoding
 
 SIZE = (32, 48)
 

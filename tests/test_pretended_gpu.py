@@ -13,21 +13,21 @@ from golden import fill_golden
 from networks import network, preset
 from posed import posed_views
 
-from semgs.data.choice import choose
+from semgs.data.choosing.choice import choose
 from semgs.data.scenes import open_scene
 from semgs.data.views import Batch, stack
 from semgs.evaluation.frames.frame_plan import make_plan
-from semgs.evaluation.frames.network import NetworkMethod
+from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import inputs_of, read_views
 from semgs.export.ply import save_ply
 from semgs.model.semgs import SemGS
-from semgs.reconstruction.reconstruct import reconstruct
-from semgs.rooms.sets.demo import demo_scene
+from semgs.reconstruction.pipeline import reconstruct
+from semgs.rooms.sets.demo_room import demo_scene
 from semgs.training import presets
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
-from semgs.training.supervision import supervision_of
+from semgs.training.supervision.supervision import supervision_of
 
 from pretended import Pretended, pretended_device  # isort: skip
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from semgs.rooms.sets.demo import demo_scene
-from semgs.training.execution import Execution
+from semgs.model.weights.load import load
+from semgs.rooms.sets.demo_room import demo_scene
 from semgs.training.loop import train
 from semgs.training.presets import small
-from semgs.weights.load import load
+from semgs.training.run.execution import Execution
 
 
 @pytest.mark.parametrize(

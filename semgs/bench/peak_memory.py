@@ -14,8 +14,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from semgs.model.free_memory import process_bytes
-from semgs.reconstruction.allocator import keep_freed_memory
+from semgs.runtime.allocator import keep_freed_memory
+from semgs.runtime.free_memory import process_bytes
 
 MEGABYTE = 1e6
 

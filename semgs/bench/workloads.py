@@ -13,17 +13,17 @@ from pathlib import Path
 
 import torch
 
+from semgs.bench.bench_inputs import context_views, generated_scene, network, target_camera, training_batch
 from semgs.bench.measure import WHOLE, CannotMeasureError
 from semgs.bench.rows import BenchRow
-from semgs.bench.scenes import context_views, generated_scene, network, target_camera, training_batch
 from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Gaussians
-from semgs.model.chunks import Chunks
-from semgs.model.memory_plan import NotEnoughMemoryError, memory_plan
+from semgs.model.layers.chunks import Chunks
+from semgs.model.memory.memory_plan import NotEnoughMemoryError, memory_plan
 from semgs.model.semgs import SemGS
 from semgs.rendering.render import render
-from semgs.rooms.sets.demo import demo_scene
+from semgs.rooms.sets.demo_room import demo_scene
 
 Watch = Callable[[str], AbstractContextManager[object]]
 """A context manager around each part of a run, given its name: measures time or memory. `WHOLE` is around all parts."""
@@ -147,11 +147,11 @@ def _backward(gaussians: Gaussians, camera: Cameras, watch: Watch) -> None:
 
 def _training(row: BenchRow) -> Run:
     """A training step on one scene, with the settings of the network's preset."""
+    from semgs.model.weights.load import load
     from semgs.training import presets
     from semgs.training.state import TrainingState
     from semgs.training.step import training_step
-    from semgs.training.supervision import supervision_of
-    from semgs.weights.load import load
+    from semgs.training.supervision.supervision import supervision_of
 
     settings = presets.PRESETS[row.network]()
     batch = training_batch(row.views, row.size, settings.targets)

@@ -14,7 +14,7 @@ from typing import TypeVar
 import tyro
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
-from semgs.cli.errors import UsageError
+from semgs.cli.usage_errors import UsageError
 from semgs.files.paths import typed_path
 
 Options = TypeVar("Options")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from semgs.cli.errors import UsageError
+from semgs.cli.usage_errors import UsageError
 
 
 def chosen_device(name: str) -> str:

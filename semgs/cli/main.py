@@ -18,13 +18,10 @@ from importlib import import_module
 from typing import Any
 
 from semgs._version import __version__
-from semgs.cli.errors import UsageError, line_for
 from semgs.cli.terminal import Plain, open_streams
+from semgs.cli.usage_errors import UsageError, line_for
 from semgs.files.errors import InputError
 from semgs.files.text import printable
-
-BAKE = ["rooms", "bake"]
-"""A command that is now a tool of the repository; the hint will be removed after the next release."""
 
 BAD_INPUT = 2
 INTERRUPTED = 128 + signal.SIGINT
@@ -48,40 +45,76 @@ class Command:
 
 
 COMMANDS = {
-    "demo": Command("semgs.cli.demo", "Demo", "Reconstruct the included sample room."),
+    "demo": Command("semgs.cli.commands.scenes.demo", "Demo", "Reconstruct the included sample room."),
     "reconstruct": Command(
-        "semgs.cli.reconstruct", "Reconstruct", "Turn posed photos of a room into a labelled 3D scene."
+        "semgs.cli.commands.scenes.reconstruct", "Reconstruct", "Turn posed photos of a room into a labelled 3D scene."
     ),
-    "doctor": Command("semgs.cli.doctor", "Doctor", "Check a scene's cameras, and name the mistake if they are wrong."),
+    "doctor": Command(
+        "semgs.cli.commands.scenes.doctor", "Doctor", "Check a scene's cameras, and name the mistake if they are wrong."
+    ),
     "poses": Command(
-        "semgs.cli.poses", "Poses", "Estimate the cameras of photos or a clip, and write them as a scene."
+        "semgs.cli.commands.scenes.poses",
+        "Poses",
+        "Estimate the cameras of photos or a clip, and write them as a scene.",
     ),
-    "query": Command("semgs.cli.query", "Query", "Find what looks like an embedding in a reconstructed scene."),
-    "export": Command("semgs.cli.export", "Export", "Write a scene for splat viewers, point clouds, ROS or training."),
-    "render": Command("semgs.cli.render", "Render", "Render images or a video along a camera path."),
-    "view": Command("semgs.cli.view", "View", "Show a scene in 3D in the browser, or write it as one page."),
-    "prepare": Command("semgs.cli.prepare", "Prepare", "Convert scenes to compact zip files for training."),
+    "query": Command(
+        "semgs.cli.commands.scenes.query", "Query", "Find what looks like an embedding in a reconstructed scene."
+    ),
+    "export": Command(
+        "semgs.cli.commands.scenes.export", "Export", "Write a scene for splat viewers, point clouds, ROS or training."
+    ),
+    "render": Command("semgs.cli.commands.scenes.render", "Render", "Render images or a video along a camera path."),
+    "view": Command(
+        "semgs.cli.commands.scenes.view", "View", "Show a scene in 3D in the browser, or write it as one page."
+    ),
+    "prepare": Command(
+        "semgs.cli.commands.scenes.prepare", "Prepare", "Convert scenes to compact zip files for training."
+    ),
     "label": Command(
-        "semgs.cli.label", "Label", "Label scenes with a 2D segmenter, to train a network on its answers."
+        "semgs.cli.commands.scenes.label",
+        "Label",
+        "Label scenes with a 2D segmenter, to train a network on its answers.",
     ),
-    "rooms": Command("semgs.cli.rooms", "Rooms", "Generate synthetic rooms with labels, depth and poses."),
-    "train": Command("semgs.cli.train", "Train", "Train, or resume training."),
-    "recipe": Command("semgs.cli.recipe", "Recipe", "Train as the included weights were: classes, depth, colour."),
+    "rooms": Command(
+        "semgs.cli.commands.scenes.rooms", "Rooms", "Generate synthetic rooms with labels, depth and poses."
+    ),
+    "train": Command("semgs.cli.commands.networks.train", "Train", "Train, or resume training."),
+    "recipe": Command(
+        "semgs.cli.commands.networks.recipe", "Recipe", "Train as the included weights were: classes, depth, colour."
+    ),
     "evaluate": Command(
-        "semgs.cli.evaluate", "Evaluate", "Score weights, or saved predictions, on a fixed list of frames."
+        "semgs.cli.commands.networks.evaluate",
+        "Evaluate",
+        "Score weights, or saved predictions, on a fixed list of frames.",
     ),
-    "ablate": Command("semgs.cli.ablate", "Ablate", "Train and score the variants of the paper's ablation."),
-    "compare": Command("semgs.cli.compare", "Compare", "Compare reports of evaluate or bench in one table."),
+    "ablate": Command(
+        "semgs.cli.commands.networks.ablate", "Ablate", "Train and score the variants of the paper's ablation."
+    ),
+    "compare": Command(
+        "semgs.cli.commands.networks.compare", "Compare", "Compare reports of evaluate or bench in one table."
+    ),
     "weights": Command(
-        "semgs.cli.weights", "Weights", "List the included weights, or describe files: scores, licence, terms."
+        "semgs.cli.commands.networks.weights",
+        "Weights",
+        "List the included weights, or describe files: scores, licence, terms.",
     ),
-    "weights verify": Command("semgs.cli.weights", "Verify", "Check weights against the published hashes."),
-    "weights calibrate": Command("semgs.cli.calibrate", "Calibrate", "Calibrate confidence on labelled scenes."),
+    "weights verify": Command(
+        "semgs.cli.commands.networks.weights", "Verify", "Check weights against the published hashes."
+    ),
+    "weights calibrate": Command(
+        "semgs.cli.commands.networks.calibrate", "Calibrate", "Calibrate confidence on labelled scenes."
+    ),
     "segmenters fit": Command(
-        "semgs.cli.segmenter_fit", "FitSegmenter", "Learn on labelled scenes what a segmenter's classes mean."
+        "semgs.cli.commands.networks.segmenter_fit",
+        "FitSegmenter",
+        "Learn on labelled scenes what a segmenter's classes mean.",
     ),
-    "figure": Command("semgs.cli.figure", "Figure", "Plot the paper's comparison figures for your weights and scenes."),
-    "bench": Command("semgs.cli.bench", "Bench", "Measure time and memory on this machine."),
+    "figure": Command(
+        "semgs.cli.commands.networks.figure",
+        "Figure",
+        "Plot the paper's comparison figures for your weights and scenes.",
+    ),
+    "bench": Command("semgs.cli.commands.networks.bench", "Bench", "Measure time and memory on this machine."),
 }
 
 
@@ -100,7 +133,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if arguments is not None:
             return _run(list(arguments))
         open_streams()
-        from semgs.reconstruction.allocator import keep_freed_memory
+        from semgs.runtime.allocator import keep_freed_memory
 
         keep_freed_memory()
         return _run(sys.argv[1:])
@@ -163,10 +196,6 @@ def _run(arguments: list[str]) -> int:
     if not arguments:
         print(_help(), file=sys.stderr)
         return BAD_INPUT
-    if arguments[:2] == BAKE:
-        raise UsageError(
-            "semgs rooms bake is now python -m tools.furniture, in a clone of the repository, with the same options"
-        )
     words = 2 if " ".join(arguments[:2]) in COMMANDS else 1
     name, rest = " ".join(arguments[:words]), arguments[words:]
     if name in ("-h", "--help", "help"):

@@ -11,12 +11,12 @@ import numpy as np
 import torch
 from jaxtyping import Float32, UInt8
 
-from semgs.data.classes import IGNORE, SCANNET20, ClassTable
-from semgs.data.lens import AbstractLens
+from semgs.data.cameras.lens import AbstractLens
 from semgs.data.maps import MapSource, Pixels
 from semgs.data.resampling import reframed, resized
+from semgs.data.tables.classes import IGNORE, SCANNET20, ClassTable
 from semgs.data.views import Views
-from semgs.files.pictures import read_rgb
+from semgs.files.images.pictures import read_rgb
 from semgs.files.stored import Stored
 from semgs.geometry.cameras import Cameras
 

@@ -15,13 +15,13 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float32, Num, Shaped, UInt8
 
-from semgs.data.classes import IGNORE, ClassTable
-from semgs.data.lens import AbstractLens, carried_over
+from semgs.data.cameras.lens import AbstractLens, carried_over
 from semgs.data.resampling import kept_window, nearest
+from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.files.arrays import read_array
 from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError
-from semgs.files.pictures import decode_map, read_uint8, read_uint16
+from semgs.files.images.pictures import decode_map, read_uint8, read_uint16
 from semgs.files.stored import Stored
 from semgs.geometry.cameras import Cameras
 

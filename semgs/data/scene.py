@@ -11,15 +11,15 @@ from typing import Literal
 
 import numpy as np
 
-from semgs.data.classes import ClassTable
-from semgs.data.depth_range import DepthRange, depth_range
+from semgs.data.bounds.depth_range import DepthRange, depth_range
+from semgs.data.bounds.parallax import Seen
 from semgs.data.frames import Frame
-from semgs.data.labeller import Labeller
-from semgs.data.parallax import Seen
+from semgs.data.origin.labeller import Labeller
 from semgs.data.resampling import default_size
+from semgs.data.tables.classes import ClassTable
 from semgs.data.views import FAR_OUT, INDOOR_DEPTH_RANGE, Views, joined
 from semgs.files.errors import InputError
-from semgs.files.notebook import MOST, Strip, html, small
+from semgs.files.images.notebook import MOST, Strip, html, small
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.summaries import summary
 

@@ -6,20 +6,20 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from semgs.data.asked import Asked
 from semgs.data.layouts import labelled_images, transforms_json
-from semgs.data.layouts.colmap import model as colmap
-from semgs.data.layouts.parts.recordings import PICTURES
+from semgs.data.layouts.colmap import colmap_scene as colmap
+from semgs.data.layouts.parts.usable_frames import PICTURES
 from semgs.data.layouts.phones import polycam, record3d
 from semgs.data.layouts.replica import sequence as replica
-from semgs.data.layouts.rgbd import folders as rgbd
 from semgs.data.layouts.rgbd import frame_files, tum
-from semgs.data.layouts.ros import recording as ros
-from semgs.data.layouts.scannet import scan as scannet
-from semgs.data.layouts.scannetpp import scan as scannetpp
-from semgs.data.layouts.zoo import scenes as zoo
-from semgs.data.readings import check_applicable, check_readings
+from semgs.data.layouts.rgbd import frame_folders as rgbd
+from semgs.data.layouts.ros import bag_scene as ros
+from semgs.data.layouts.scannet import scannet_scan as scannet
+from semgs.data.layouts.scannetpp import scannetpp_scan as scannetpp
+from semgs.data.layouts.zoo import zoo_scenes as zoo
+from semgs.data.paper_variants import check_applicable, check_readings
 from semgs.data.scene import Scene
+from semgs.data.scene_details import Asked
 from semgs.data.scene_lists import SceneList, calls
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import existing_folder, typed_path
@@ -33,8 +33,8 @@ class Layout:
         recognises: whether a path has this layout.
         open: opens the scene; also takes `as_peers` if the layout has `readings`, and `asked` if it `asks`.
         looked_for: what the layout is recognised by, in words.
-        readings: the names from `semgs.data.readings` that it supports.
-        asks: the fields of `semgs.data.asked.Asked` that it uses.
+        readings: the names from `semgs.data.paper_variants` that it supports.
+        asks: the fields of `semgs.data.scene_details.Asked` that it uses.
     """
 
     recognises: Callable[[Path], bool]
@@ -99,8 +99,8 @@ def open_scene(
 
     Args:
         path: a folder of one of the known layouts, or the file that describes the scene.
-        as_peers: names from `semgs.data.readings.READINGS`: read files the way another paper's code does.
-        camera, world, body, intrinsics, depth_unit, scenezoo: details that the files may not state, see `semgs.data.asked.Asked`.
+        as_peers: names from `semgs.data.paper_variants.READINGS`: read files the way another paper's code does.
+        camera, world, body, intrinsics, depth_unit, scenezoo: details that the files may not state, see `semgs.data.scene_details.Asked`.
         needs_labels: whether labels that cannot be read are an error; if not, they are left out and a note says why.
         needs_cameras: whether labelled images without cameras are an error.
 

@@ -12,8 +12,8 @@ import torch
 from jaxtyping import Float, Float64, UInt8
 from torch import Tensor
 
-from semgs.data.classes import IGNORE, SCANNET20, ClassTable
-from semgs.files.notebook import class_row, depth_row, html, photo_row
+from semgs.data.tables.classes import IGNORE, SCANNET20, ClassTable
+from semgs.files.images.notebook import class_row, depth_row, html, photo_row
 from semgs.geometry.cameras import Arrays, Cameras, as_float64
 from semgs.geometry.summaries import array_of, summary
 
@@ -279,12 +279,3 @@ def _picture(image: Arrays) -> Float[Tensor, "3 h w"]:
     raise ValueError(
         f"an image is {tensor.dtype} {tuple(tensor.shape)}; expected uint8 [h w 3] or float [3 h w] in 0..1"
     )
-
-
-def __getattr__(name: str) -> Any:
-    """Names that moved to `semgs.data.resampling`, kept for one more release."""
-    from semgs.data import resampling
-
-    if name in ("DEFAULT_PIXELS", "STRETCH", "cropped", "default_size", "kept_size", "reframed", "resized"):
-        return getattr(resampling, name)
-    raise AttributeError(f"module {__name__} has no attribute {name}")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from semgs.data.covisibility import Covisibility, DepthGrids
+from semgs.data.choosing.covisibility import Covisibility, DepthGrids
 from semgs.data.scene import Scene
-from semgs.figures.numbers import length, percent
+from semgs.figures.number_texts import length, percent
 
 MOST_FRAMES = 40
 """Baselines and overlaps are those of this many frames, evenly spread, and their neighbours in the file's order."""

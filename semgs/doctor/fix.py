@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
-from semgs.data.lens import Lens
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
 from semgs.doctor.rig import FLIP, Rig

@@ -9,8 +9,8 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
+from semgs.data.cameras.lens import AbstractLens, matrix
 from semgs.data.frames import Frame
-from semgs.data.lens import AbstractLens, matrix
 
 POSES_ARE_INVERSE = ("COLMAP",)
 """Layouts whose files have world-to-camera poses; all others have camera-to-world."""

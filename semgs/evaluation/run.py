@@ -7,19 +7,19 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from semgs.data.asked import Asked
-from semgs.data.classes import ClassTable
 from semgs.data.scene import Scene
+from semgs.data.scene_details import Asked
 from semgs.data.scene_lists import read_list
 from semgs.data.scenes import open_scenes
+from semgs.data.tables.classes import ClassTable
 from semgs.evaluation.frames.frame_plan import FramePlan, frame_list, make_plan, pinned_plan
-from semgs.evaluation.frames.network import NetworkMethod
+from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.predictions import Method
 from semgs.evaluation.frames.protocols import neighbours, peers
 from semgs.evaluation.frames.saved import TIMING, SavedPredictions
 from semgs.evaluation.page.evaluation_page import evaluation_page
-from semgs.evaluation.scoring.evaluate import PREDICTIONS, evaluate
-from semgs.evaluation.tables.compare import BRIEF, overview_grid
+from semgs.evaluation.scoring.method_scores import PREDICTIONS, evaluate
+from semgs.evaluation.tables.comparison_tables import BRIEF, overview_grid
 from semgs.evaluation.tables.environment import hardware, versions
 from semgs.evaluation.tables.evaluation_report import (
     Evaluation,
@@ -29,16 +29,16 @@ from semgs.evaluation.tables.evaluation_report import (
     saved_report,
     timing,
 )
-from semgs.evaluation.tables.grid import printed
 from semgs.evaluation.tables.notes import notes
+from semgs.evaluation.tables.table_grid import printed
 from semgs.files.atomic import write_json, write_text
 from semgs.files.errors import InputError
 from semgs.files.folders import own_folder
 from semgs.files.hashes import sha256
-from semgs.model.nearest import NearestViews
 from semgs.model.semgs import SemGS
+from semgs.model.weights.load import find, load, table_of
+from semgs.scene.nearest import NearestViews
 from semgs.segmenters.labelling import Labelling
-from semgs.weights.load import find, load, table_of
 
 VIEWS = (2, 3, 4)
 """The default numbers of contexts: the paper's."""

@@ -24,13 +24,13 @@ from jaxtyping import Bool, Float64
 from torch import Tensor
 
 from semgs.export.points import Points
-from semgs.export.scene import SavedScene
 from semgs.files.atomic import write_bytes
 from semgs.files.contents import read_bytes
-from semgs.files.pictures import read_header
+from semgs.files.images.pictures import read_header
 from semgs.files.strict_json import read_json
 from semgs.geometry.cameras import project
 from semgs.geometry.rotations import quaternion_from_matrix
+from semgs.scene.scene_file import SavedScene
 
 SAME = 0.05
 """A view sees a point if its own depth there differs by at most this share."""

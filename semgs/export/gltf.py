@@ -29,12 +29,12 @@ from jaxtyping import Bool, Int64
 from torch import Tensor
 
 from semgs._version import __version__
-from semgs.export.confidence import class_confidences
 from semgs.export.ply import DEGREE_0
-from semgs.export.scene import SavedScene
-from semgs.export.things import PlacedThing
+from semgs.export.scene_objects import PlacedThing
 from semgs.files.atomic import write_bytes
 from semgs.robotics.boxes import EDGES, SIGNS
+from semgs.scene.confidence import class_confidences
+from semgs.scene.scene_file import SavedScene
 
 EXTENSION = "KHR_gaussian_splatting"
 
@@ -56,7 +56,7 @@ def save_gltf(
 
     Args:
         path: the file, *.glb.
-        scene: upright, with y up, as `semgs.export.upright.upright(scene, "y").scene`.
+        scene: upright, with y up, as `semgs.scene.upright.upright(scene, "y").scene`.
         keep: the Gaussians to write; all by default.
         boxes: things in the same frame, each written as a node with the edges of its box.
         instances: the number of the thing that each Gaussian belongs to, for the attribute _INSTANCE.

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Int8
 
-from semgs.data.classes import ClassTable
+from semgs.data.tables.classes import ClassTable
 from semgs.files.atomic import write_bytes, write_text
-from semgs.robotics.grid import FREE, OCCUPIED, Occupancy
+from semgs.robotics.occupancy import FREE, OCCUPIED, Occupancy
 
 IMAGE, SETTINGS, VOXELS = "map.pgm", "map.yaml", "voxels.npz"
 

@@ -9,7 +9,7 @@ All 45 f_rest are always written, zero beyond the degree. Of the viewers we look
 refuses 45. This costs 180 bytes per Gaussian.
 
 The coordinates are those of the Gaussians; PLY has no field that says which. Commands turn scenes upright first, and write the matrix back to
-export.json (`semgs.export.record`).
+export.json (`semgs.export.export_record`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 import torch
 from jaxtyping import Int64
 
-from semgs.data.classes import ClassTable
+from semgs.data.tables.classes import ClassTable
 from semgs.files.atomic import write_bytes
 from semgs.geometry.gaussians import Appearance, Gaussians
 

@@ -17,11 +17,11 @@ import torch
 from jaxtyping import Bool, Float, Int64, UInt8
 from torch import Tensor
 
-from semgs.export.confidence import class_confidences
-from semgs.export.own_views import own_colours
-from semgs.export.scene import SavedScene
 from semgs.files.atomic import write_bytes
 from semgs.files.bags import write_message
+from semgs.scene.confidence import class_confidences
+from semgs.scene.own_views import own_colours
+from semgs.scene.scene_file import SavedScene
 
 TOPIC, FRAME = "/semgs/points", "map"
 """Where the points are in a bag."""

@@ -10,12 +10,12 @@ import numpy as np
 import torch
 from jaxtyping import UInt8
 
-from semgs.export.scene import SavedScene
-from semgs.figures.classes import class_picture, overlay
-from semgs.figures.views import as_bytes
-from semgs.files.colours import depth_limits, depth_picture, heat_picture
+from semgs.figures.class_images import class_picture, overlay
+from semgs.figures.view_images import as_bytes
+from semgs.files.images.colours import depth_limits, depth_picture, heat_picture
 from semgs.geometry.cameras import Cameras
 from semgs.rendering.rendering import Rendering, check_may_be_unknown, confidence_maps, label_maps
+from semgs.scene.scene_file import SavedScene
 
 Show = Literal["colour", "classes", "overlay", "depth", "confidence", "alpha", "rgba"]
 """What an image shows: the colours over black; the classes, hatched where unseen; the colours tinted by class; the depth; the probability of the likeliest
@@ -23,9 +23,6 @@ class; the opacity; the colours with the opacity as transparency."""
 
 OF_CLASSES = ("classes", "overlay", "confidence")
 """Images of scenes that have classes."""
-
-TRANSPARENT = ("rgba",)
-"""Images with a fourth channel, which videos cannot have."""
 
 LEAST_ALPHA = 1 / 255
 """The colour of pixels with less opacity would be noise."""

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
-from semgs.figures.classes import LegendEntry
+from semgs.figures.class_images import LegendEntry
 from semgs.figures.plotting import new_figure, rectangle
 
 if TYPE_CHECKING:

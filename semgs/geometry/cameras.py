@@ -242,3 +242,12 @@ def _first(bad: Tensor) -> str:
     if bad.ndim == 0:
         return ""
     return str(bad.nonzero()[0].tolist())
+
+
+def shrunk(cameras: Cameras, stride: int) -> Cameras:
+    """The cameras of images whose sides are `stride` times smaller."""
+    if stride == 1:
+        return cameras
+    scale = torch.diag(torch.tensor([1 / stride, 1 / stride, 1.0], dtype=torch.float64))
+    height, width = cameras.size
+    return cameras.adjusted(scale, (height // stride, width // stride))

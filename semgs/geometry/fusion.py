@@ -27,7 +27,6 @@ def fused(
     depths: Float[Tensor, "v h w"],
     spread: Float[Tensor, "v h w"],
     cameras: Cameras,
-    weights: Float[Tensor, " v"] | None = None,
 ) -> Float[Tensor, "v class h w"]:
     """The class distribution of every pixel of every view, given what all views say about its point.
 
@@ -36,12 +35,11 @@ def fused(
         depths: z-depth of every pixel [m].
         spread: standard deviation of log depth of every pixel.
         cameras: of the views [v], at the size of the maps.
-        weights: how much each view's answer counts; None is 1 for all.
 
     Raises:
         ValueError: the maps are not of the cameras' size.
     """
-    return pooled((probabilities + LEAST).log(), depths, spread, cameras, weights).softmax(1)
+    return pooled((probabilities + LEAST).log(), depths, spread, cameras).softmax(1)
 
 
 def deviation(
@@ -66,20 +64,18 @@ def pooled(
     depths: Float[Tensor, "v h w"],
     spread: Float[Tensor, "v h w"],
     cameras: Cameras,
-    weights: Float[Tensor, " v"] | None = None,
 ) -> Float[Tensor, "v c h w"]:
     """For every pixel of every view, the mean of the values that the views have at its point.
 
     Args:
         values: of each pixel.
-        depths, spread, cameras, weights: as for `fused`.
+        depths, spread, cameras: as for `fused`.
     """
     count, (height, width) = len(depths), cameras.size
-    shares = torch.ones(count).to(values) if weights is None else weights.to(values)
     points = back_project(depths, cameras).flatten(1, 2)
     rows = []
     for one in range(count):
-        total, weight = shares[one] * values[one].flatten(1), shares[one].expand(height * width)
+        total, weight = values[one].flatten(1), torch.ones(height * width).to(values)
         for other in range(count):
             if other == one:
                 continue
@@ -90,7 +86,7 @@ def pooled(
             seen = depths[other].flatten()[place]
             apart = deviation(z.clamp(min=1e-6), seen, spread[one].flatten(), spread[other].flatten()[place])
             agrees = inside & (apart.abs() <= TOLERANCE)
-            vote = shares[other] * agrees
+            vote = agrees.to(values)
             total = total + vote * values[other].flatten(1)[:, place]
             weight = weight + vote
         rows.append((total / weight.clamp(min=1e-12)).unflatten(1, (height, width)))

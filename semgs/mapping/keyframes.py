@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semgs.data.choice import IDEAL_BASELINE, LEAST_SHARED, preference
-from semgs.data.covisibility import GRID, WIDEST_ANGLE, Covisibility, DepthGrid, flat, points_of
+from semgs.data.choosing.choice import IDEAL_BASELINE, LEAST_SHARED, preference
+from semgs.data.choosing.covisibility import GRID, WIDEST_ANGLE, Covisibility, DepthGrid, flat, points_of
 from semgs.geometry.cameras import Cameras
 
 COVERED = 0.9
@@ -88,7 +88,7 @@ def judged(camera: Cameras, known: Sequence[Known], partners: int, typical: floa
     """Whether a frame becomes a keyframe, and its window.
 
     It does if keyframes see less than `COVERED` of what it sees. Partners share at least `LEAST_SHARED` with it, and go best with it by overlap and
-    baseline, as in `semgs.data.choice`. If the baseline to the best one is shorter than the ideal, and it sees `TIME_TO_ACT` of the frame, a later frame will do
+    baseline, as in `semgs.data.choosing.choice`. If the baseline to the best one is shorter than the ideal, and it sees `TIME_TO_ACT` of the frame, a later frame will do
     better. A frame that shares too little with all of them becomes a keyframe without a window, and gets one with a later frame.
 
     Args:

@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from semgs.data.covisibility import flat, grid_of
-from semgs.data.depth_range import DepthRange
+from semgs.data.bounds.depth_range import DepthRange
+from semgs.data.choosing.covisibility import flat, grid_of
 from semgs.data.views import Views, joined
 from semgs.geometry.cameras import Cameras
 from semgs.mapping import merging
 from semgs.mapping.keyframes import Known, Verdict, judged, near
 from semgs.mapping.merging import Part
 from semgs.mapping.voxels import joined_in_voxels
-from semgs.model.encoding import Encoding
+from semgs.scene.encoding import Encoding
 
 MOST_KEYFRAMES = 64
 """With a radius, at most this many keyframes are kept; the farthest one goes first."""

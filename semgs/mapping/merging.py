@@ -30,9 +30,9 @@ from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.fusion import LEAST, SPREAD, TOLERANCE, deviation
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.model.encoding import Encoding, Places, per_gaussian
-from semgs.model.nearest import inside
-from semgs.model.overlap import PAIR, shrinkage
+from semgs.scene.encoding import Encoding, Places, per_gaussian
+from semgs.scene.nearest import inside
+from semgs.scene.overlap import PAIR, shrinkage
 
 LAYERS = 4
 """A surface gets the Gaussians of this many keyframes, those that see it most sharply."""

@@ -9,17 +9,17 @@ from time import perf_counter
 
 import torch
 
-from semgs.data.depth_range import DepthRange
+from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.resampling import default_size, reframed
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
-from semgs.export.scene import SavedScene
 from semgs.geometry.cameras import Arrays, Cameras
 from semgs.geometry.gaussians import Gaussians
 from semgs.mapping.mapper import Mapper, Merged
-from semgs.model.encoding import Encoding
-from semgs.reconstruction.encode import Network, encode
+from semgs.model.encode import Network, encode
+from semgs.model.weights.load import load
 from semgs.rendering.rendering import Rendering
-from semgs.weights.load import load
+from semgs.scene.encoding import Encoding
+from semgs.scene.scene_file import SavedScene
 
 VOXEL = 0.003
 """Gaussians in the same voxel of this size are joined [m]."""

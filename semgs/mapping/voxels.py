@@ -9,7 +9,7 @@ from torch import Tensor
 from semgs.geometry.fusion import LEAST
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.rotations import covariance, quaternion_from_matrix
-from semgs.model.encoding import Places
+from semgs.scene.encoding import Places
 
 LARGEST_CELL = 2**20
 """Voxels are numbered within this many of the origin along each axis, so that a key fits into 63 bits."""

@@ -7,29 +7,36 @@ from dataclasses import replace
 import torch
 from torch import nn
 
-from semgs.data.classes import SCANNET20, ClassTable
-from semgs.model.cnn import SHRINK, FeatureCNN
-from semgs.model.cost_filter import CostFilter
-from semgs.model.depth import CostRegressor, PlaneSweepDepth
-from semgs.model.heads import Decoder, DepthRefinement, Head, MVSplatDecoder, PaperDecoder, PlainUpsampler, Upsampler
-from semgs.model.mobilenet import CUE_WIDTHS, MobileNetRefinement
-from semgs.model.placing import LARGEST_SIGMA, SIGMA_UNIT, SMALLEST_SIGMA
-from semgs.model.pyramid import SemanticPyramid
-from semgs.model.refinement import ClassRefinement, ResidualRefinement
-from semgs.model.semantic import SHAPE, SemanticBranch
+from semgs.data.tables.classes import SCANNET20, ClassTable
+from semgs.model.attention.swin import MultiViewSwin
+from semgs.model.attention.transformer import CameraTransformer
+from semgs.model.classes.mobilenet import CUE_WIDTHS, MobileNetRefinement
+from semgs.model.classes.refinement import ClassRefinement, ResidualRefinement
+from semgs.model.classes.semantic import SHAPE, SemanticBranch
+from semgs.model.gaussians.heads import (
+    Decoder,
+    DepthRefinement,
+    Head,
+    MVSplatDecoder,
+    PaperDecoder,
+    PlainUpsampler,
+    Upsampler,
+)
+from semgs.model.gaussians.placing import LARGEST_SIGMA, SIGMA_UNIT, SMALLEST_SIGMA
+from semgs.model.layers.cnn import FeatureCNN
 from semgs.model.semgs import ColourBranch, SemGS
 from semgs.model.settings import (
     MobileNet,
     MVSplatHeads,
     NetworkSettings,
     PaperHeads,
-    Pyramid,
     SemanticSettings,
     TransformerSettings,
     TwoBlocks,
 )
-from semgs.model.swin import MultiViewSwin
-from semgs.model.transformer import CameraTransformer
+from semgs.model.sweep.cost_filter import CostFilter
+from semgs.model.sweep.depth import CostRegressor, PlaneSweepDepth
+from semgs.scene.coarse_depth import SHRINK
 
 
 def build(settings: NetworkSettings, classes: ClassTable | None = SCANNET20) -> SemGS:
@@ -100,10 +107,8 @@ def _semantic_branch(settings: NetworkSettings, semantic: SemanticSettings, clas
     return SemanticBranch(cnn, refinement, transformer, upsampler, head)
 
 
-def _refinement(settings: TwoBlocks | Pyramid | MobileNet, channels: int, classes: int) -> ClassRefinement:
+def _refinement(settings: TwoBlocks | MobileNet, channels: int, classes: int) -> ClassRefinement:
     """The class refinement."""
-    if isinstance(settings, Pyramid):
-        return SemanticPyramid(channels, settings.widths, classes)
     if isinstance(settings, MobileNet):
         return MobileNetRefinement(channels, classes, settings.width)
     return ResidualRefinement(channels)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from semgs.model.conventions import MVSPLAT, Conventions
+from semgs.model.layers.conventions import MVSPLAT, Conventions
 from semgs.model.settings import (
     ColourSettings,
     DepthSettings,

@@ -9,23 +9,24 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from semgs.data.classes import ClassTable
+from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
-from semgs.geometry.compiled import check_not_forked
-from semgs.model.chunks import WHOLE, Chunks, by_chunks
-from semgs.model.cnn import SHRINK, FeatureCNN
-from semgs.model.depth import CoarseDepth, PlaneSweepDepth
-from semgs.model.encoding import Encoding
-from semgs.model.heads import Decoder, coarse_disparities
-from semgs.model.memory_format import lay_out
-from semgs.model.padded import Padded, widened
-from semgs.model.placing import Placer
-from semgs.model.refinement import Cues, Refined
-from semgs.model.semantic import SHAPE, ClassMaps, SemanticBranch
+from semgs.model.attention.transformer import CameraTransformer
+from semgs.model.classes.refinement import Cues, Refined
+from semgs.model.classes.semantic import SHAPE, ClassMaps, SemanticBranch
+from semgs.model.gaussians.heads import Decoder, coarse_disparities
+from semgs.model.gaussians.placing import Placer
+from semgs.model.layers.chunks import WHOLE, Chunks, by_chunks
+from semgs.model.layers.cnn import FeatureCNN
+from semgs.model.layers.memory_format import lay_out
+from semgs.model.layers.network_input import Padded, widened
 from semgs.model.settings import NetworkSettings
 from semgs.model.stages import STAGES, Stage
-from semgs.model.transformer import CameraTransformer
+from semgs.model.sweep.depth import PlaneSweepDepth
 from semgs.rendering.temperatures import Temperatures
+from semgs.runtime.kernels import check_not_forked
+from semgs.scene.coarse_depth import SHRINK, CoarseDepth
+from semgs.scene.encoding import Encoding
 
 __all__ = ["STAGES", "ColourBranch", "SemGS"]
 
@@ -106,7 +107,7 @@ class SemGS(nn.Module):
         Args:
             views: of one scene, or of a batch of scenes.
             chunks: views to process at a time; fewer need less memory and give the same numbers. None uses
-                `semgs.model.memory_plan.memory_plan` for one scene in evaluation mode, and all views at once for a batch or in training.
+                `semgs.model.memory.memory_plan.memory_plan` for one scene in evaluation mode, and all views at once for a batch or in training.
             stage: context manager around each of `semgs.model.stages.STAGES`, for example to time it.
 
         Raises:
@@ -268,7 +269,7 @@ class SemGS(nn.Module):
         """How many views to process at a time."""
         if self.training or views.images.ndim > 4:
             return WHOLE
-        from semgs.model.memory_plan import memory_plan  # which imports this class
+        from semgs.model.memory.memory_plan import memory_plan  # which imports this class
 
         return memory_plan(self, views).chunks
 

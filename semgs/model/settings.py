@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field, is_dataclass
 from itertools import cycle
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from semgs.model.conventions import OURS, Conventions
+from semgs.model.layers.conventions import OURS, Conventions
 
 Part = TypeVar("Part")
 
@@ -52,7 +52,7 @@ class DepthSettings:
         cost_prior: predict logits as a correction of the cost, from normalised features. Without it, at a high learning rate, they
             saturate at one candidate before the features have learned to match.
         initial_scale: factor for the random weights of depth's last layers; below 1, all candidates start with similar probability.
-        cost_filter: channels of a 3D CNN that filters the cost volume (`semgs.model.cost_filter`); 0 for none.
+        cost_filter: channels of a 3D CNN that filters the cost volume (`semgs.model.sweep.cost_filter`); 0 for none.
         cue: the U-Net also reads coarse maps of single views from the class branch, which must be a `MobileNet`.
     """
 
@@ -130,21 +130,9 @@ class TwoBlocks:
 
 
 @dataclass(frozen=True)
-class Pyramid:
-    """A pyramid of coarser maps that classifies each view on its own; the head corrects its classes.
-
-    Attributes:
-        widths: of the maps at 1/8 of the image and so on.
-        kind: which refinement this is, in JSON.
-    """
-
-    widths: tuple[int, ...]
-    kind: Literal["pyramid"] = "pyramid"
-
-
-@dataclass(frozen=True)
 class MobileNet:
-    """MobileNetV2 on the image and a light decoder: it classifies each view on its own and can start from published weights.
+    """MobileNetV2 on the image and a light decoder: it classifies each view on its own, the head corrects its classes, and it can
+    start from published weights.
 
     Attributes:
         width: channels in the decoder.
@@ -167,7 +155,7 @@ class SemanticSettings:
     """
 
     transformer: TransformerSettings = field(default_factory=lambda: TransformerSettings(blocks=3))
-    refinement: TwoBlocks | Pyramid | MobileNet = field(default_factory=TwoBlocks)
+    refinement: TwoBlocks | MobileNet = field(default_factory=TwoBlocks)
     own_cnn: bool = False
     hidden: int = 54
     fusion: bool = False

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from semgs.model.settings import MobileNet, MVSplatHeads, NetworkSettings, PaperHeads, Pyramid, TwoBlocks
+from semgs.model.settings import MobileNet, MVSplatHeads, NetworkSettings, PaperHeads, TwoBlocks
 
 
 @dataclass(frozen=True)
@@ -25,12 +25,10 @@ class Switches:
     """Multiply the output of attention by G; off is the paper's text."""
     paper_heads: bool = False
     """The paper's text for the heads instead of MVSplat's."""
-    semantic_pyramid: tuple[int, ...] = ()
-    """Refine the semantic features with a pyramid of coarser maps of these widths, such as 128 192 192 (not in the paper). Train it with
-    --supervision pictures first, the only stage in which its batch norms measure. With --init, all other layers are kept."""
     class_backbone: bool = False
     """Classify each view with a MobileNetV2 on the image, which can start from published weights (not in the paper), instead of the paper's
-    two residual blocks. Train it with --supervision pictures first."""
+    two residual blocks. Train it with --supervision pictures first, the only stage in which its batch norms measure. With --init, all other
+    layers are kept."""
     class_fusion: bool = False
     """Outside training, let input views agree on the classes of points that several of them see (not in the paper). It has no weights."""
     cost_filter: int = 0
@@ -39,12 +37,6 @@ class Switches:
     depth_cue: bool = False
     """Let depth also see coarse maps of each view by itself, from the class backbone (not in the paper). They start without effect, so --init
     works with weights that lack them. Depth never trains the backbone."""
-
-    def __post_init__(self) -> None:
-        if self.semantic_pyramid and self.class_backbone:
-            raise ValueError(
-                "semantic_pyramid and class_backbone are both given; expected one refinement of the classes"
-            )
 
 
 def switches_of(settings: NetworkSettings) -> Switches:
@@ -63,7 +55,6 @@ def switches_of(settings: NetworkSettings) -> Switches:
         found,
         shared_layers=not semantic.own_cnn,
         camera_aware_semantic=semantic.transformer.camera_aware,
-        semantic_pyramid=semantic.refinement.widths if isinstance(semantic.refinement, Pyramid) else (),
         class_backbone=isinstance(semantic.refinement, MobileNet),
         class_fusion=semantic.fusion,
         depth_cue=colour.depth.cue,
@@ -71,7 +62,7 @@ def switches_of(settings: NetworkSettings) -> Switches:
 
 
 def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSettings:
-    """The settings of a network with some of its switches changed. A pyramid replaces a backbone, and vice versa.
+    """The settings of a network with some of its switches changed.
 
     Args:
         settings: of the network.
@@ -81,12 +72,8 @@ def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSe
         TypeError: there is no switch with a name.
         ValueError: depth_cue is set without a class backbone.
     """
-    before, replaced = switches_of(settings), dict[str, Any]()
-    if changes.get("semantic_pyramid"):
-        replaced = {"class_backbone": False, "depth_cue": False}
-    elif changes.get("class_backbone"):
-        replaced = {"semantic_pyramid": ()}
-    now = replace(before, **replaced | dict(changes))
+    before = switches_of(settings)
+    now = replace(before, **changes)
     both: dict[str, Any] = {"windows": now.windows, "output_transform": now.output_transform}
     colour = replace(
         settings.colour,
@@ -103,13 +90,6 @@ def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSe
             fusion=now.class_fusion,
             transformer=replace(semantic.transformer, camera_aware=now.camera_aware_semantic, **both),
         )
-        if (now.semantic_pyramid, now.class_backbone) != (before.semantic_pyramid, before.class_backbone):
-            semantic = replace(semantic, refinement=_refinement(now))
+        if now.class_backbone != before.class_backbone:
+            semantic = replace(semantic, refinement=MobileNet() if now.class_backbone else TwoBlocks())
     return replace(settings, colour=colour, semantic=semantic)
-
-
-def _refinement(switches: Switches) -> TwoBlocks | Pyramid | MobileNet:
-    """The refinement that the switches select."""
-    if switches.semantic_pyramid:
-        return Pyramid(switches.semantic_pyramid)
-    return MobileNet() if switches.class_backbone else TwoBlocks()

@@ -15,10 +15,9 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from semgs.model.cnn import SHRINK
-from semgs.model.depth import CoarseDepth
 from semgs.objectives.loss_weights import DepthLossWeights
 from semgs.objectives.losses import depth_error, per_known_pixel
+from semgs.scene.coarse_depth import SHRINK, CoarseDepth
 
 STRIDES = (1, 2, 4, 8)
 """The scales of gradient matching: steps in pixels between the compared pixels."""

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 from torch.nn.functional import pad
 
-from semgs.data.classes import IGNORE
+from semgs.data.tables.classes import IGNORE
 from semgs.data.views import Views
 from semgs.objectives.loss_weights import LossWeights
 from semgs.rendering.rendering import Rendering

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from jaxtyping import Bool, Float, Int64, UInt8
 from torch import Tensor
 
-from semgs.data.classes import IGNORE
+from semgs.data.tables.classes import IGNORE
 from semgs.objectives.metrics import (
     DepthScores,
     accuracy,

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Bool, Float, Int64, UInt8
 from torch import Tensor
 
-from semgs.data.classes import IGNORE
+from semgs.data.tables.classes import IGNORE
 
 DELTA = 1.25
 """`depth_delta_125` counts depths within this factor of the true one."""

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.gaussians import Gaussians
-from semgs.rendering.features import render_features
+from semgs.rendering.render_features import render_features
 from semgs.rendering.rendering import SEEN_ALPHA
 
 

@@ -11,7 +11,6 @@ import torch
 from jaxtyping import Float, Float64, Int64
 from torch import Tensor
 
-from semgs.geometry.compiled import in_threads, operation
 from semgs.rendering.pinhole import Pinhole, near_plane
 from semgs.rendering.projection_kernels import project, project_backward
 from semgs.rendering.splats import Layer, Splats
@@ -26,6 +25,7 @@ from semgs.rendering.tile_kernels import (
     fill_pairs,
     sort_pairs,
 )
+from semgs.runtime.kernels import in_threads, operation
 
 PAIRS_AT_A_TIME = 1 << 21
 """Pairs of Gaussian and tile that are in memory at a time, those of a run of tiles; 12 bytes each, about 140 in the backward pass. A

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from semgs.geometry.jit import njit
 from semgs.rendering.rules import BLUR_PX2, MIN_ALPHA
+from semgs.runtime.jit import njit
 
 CENTRE_X, CENTRE_Y, CONIC_XX, CONIC_XY, CONIC_YY, OPACITY, REACH, DETERMINANT = range(8)
 """Columns of an ellipse: centre [px], inverse covariance [px^-2], opacity, reach (the squared Mahalanobis distance

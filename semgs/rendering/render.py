@@ -14,12 +14,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from semgs.geometry.cameras import Cameras
-from semgs.geometry.compiled import check_not_forked
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.harmonics import colours_from_harmonics
 from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.rendering import Rendering
 from semgs.rendering.splats import Layer, Splats
+from semgs.runtime.kernels import check_not_forked
 
 Result = TypeVar("Result")
 

@@ -9,8 +9,8 @@ import torch
 from jaxtyping import Bool, Float, Float32, UInt8
 from torch import Tensor
 
-from semgs.files.colours import NamedColours
-from semgs.files.notebook import Strip, class_row, depth_row, html, photo_row
+from semgs.files.images.colours import NamedColours
+from semgs.files.images.notebook import Strip, class_row, depth_row, html, photo_row
 from semgs.geometry.summaries import array_of, summary
 from semgs.rendering.temperatures import highest
 

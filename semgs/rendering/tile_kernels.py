@@ -18,7 +18,6 @@ import math
 
 import numpy as np
 
-from semgs.geometry.jit import njit
 from semgs.rendering.projection_kernels import (
     CENTRE_X,
     CENTRE_Y,
@@ -30,6 +29,7 @@ from semgs.rendering.projection_kernels import (
     REACH,
 )
 from semgs.rendering.rules import MAX_ALPHA, MIN_ALPHA, MIN_TRANSMITTANCE
+from semgs.runtime.jit import njit
 
 TILE_HEIGHT, TILE_WIDTH = 16, 8
 """Sides of a tile [px]. A row is one or two vectors long, and most ellipses of a feed-forward scene are not much wider."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from semgs.robotics.libraries import box_library
+from semgs.robotics.object_libraries import box_library
 
 INNER = (2.0, 98.0)
 """Percentiles between which the sides of a box lie: a few points with wrong depth would make it much larger."""

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from semgs.geometry.cameras import Cameras, back_project
 from semgs.geometry.gaussians import Gaussians
-from semgs.model.encoding import block_size, per_gaussian
+from semgs.scene.encoding import block_size, per_gaussian
 
 SPREADS = 1.0
 """Rays stop this many standard deviations before their end."""

@@ -13,13 +13,13 @@ import numpy as np
 import torch
 from jaxtyping import Float32, Float64, UInt8
 
+from semgs.data.cameras.lens import Lens
 from semgs.data.frames import undistortion
 from semgs.data.layouts.ros.bag import frame_of, stamp_of
 from semgs.data.layouts.ros.camera import lens_of
-from semgs.data.layouts.ros.images import as_file, is_depth, pixels_of
-from semgs.data.lens import Lens
+from semgs.data.layouts.ros.image_messages import as_file, is_depth, pixels_of
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
-from semgs.files.pictures import decode_rgb
+from semgs.files.images.pictures import decode_rgb
 from semgs.geometry.rotations import matrix_from_quaternion
 
 PosedImage = tuple[UInt8[np.ndarray, "h w 3"], Float64[np.ndarray, "4 4"], Float64[np.ndarray, "3 3"], float]

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import torch
 
-from semgs.data.classes import ClassTable
+from semgs.data.tables.classes import ClassTable
 from semgs.export.points import cloud_message, points_of
-from semgs.export.scene import SavedScene
-from semgs.export.things import PlacedThing, placed
+from semgs.export.scene_objects import PlacedThing, placed
 from semgs.files.bags import message_store
 from semgs.geometry.rotations import quaternion_from_matrix
-from semgs.robotics.grid import Occupancy
-from semgs.robotics.things import Objects
+from semgs.robotics.objects import Objects
+from semgs.robotics.occupancy import Occupancy
+from semgs.scene.scene_file import SavedScene
 
 
 def point_cloud(scene: SavedScene, header: Any, found: Objects | None = None) -> Any:

@@ -12,16 +12,16 @@ import torch
 from jaxtyping import Float, Float64, UInt8
 from torch import Tensor
 
-from semgs.data.classes import IGNORE, ClassTable
 from semgs.data.scene import Scene
+from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.data.views import Views
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
 from semgs.files.strict_json import read_json
 from semgs.geometry.fusion import LEAST
+from semgs.segmenters.class_source import Source
 from semgs.segmenters.labelling import Votes
 from semgs.segmenters.names import Correspondence
-from semgs.segmenters.source import Source
 
 FORMAT = "semgs.correspondence"
 VERSION = 1

@@ -12,9 +12,9 @@ from torch import Tensor
 from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.geometry.fusion import LEAST, fused
-from semgs.model.encoding import Encoding
-from semgs.segmenters.images import Photos
-from semgs.segmenters.source import Source, Translated, distributions, notes_of
+from semgs.scene.encoding import Encoding
+from semgs.segmenters.class_source import Source, Translated, distributions, notes_of
+from semgs.segmenters.networks.network_source import Photos
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import torch
 from jaxtyping import Float, Float32
 from torch import Tensor
 
-from semgs.data.classes import SCANNET20, ClassTable
+from semgs.data.tables.classes import SCANNET20, ClassTable
 
 LEAST_KNOWN = 0.5
 """At least this share of the names of a table must be known."""

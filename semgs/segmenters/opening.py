@@ -11,19 +11,19 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from semgs.data.classes import ClassTable
 from semgs.data.scene import Scene
+from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
 from semgs.files.errors import InputError, input_error
 from semgs.files.paths import typed_path
-from semgs.segmenters.exported import ENDINGS, open_exported
-from semgs.segmenters.files import RECORD, TABLE, MapFiles, save_table
+from semgs.segmenters.class_map_files import RECORD, TABLE, MapFiles, save_table
+from semgs.segmenters.class_source import Source, Translated
 from semgs.segmenters.fitting import Fit, read_fit
-from semgs.segmenters.huggingface import is_model, open_model
-from semgs.segmenters.images import Photos, Segmenter
-from semgs.segmenters.maps import resized_map
 from semgs.segmenters.names import Correspondence, scannet20_of
-from semgs.segmenters.source import Source, Translated
+from semgs.segmenters.networks.exported import ENDINGS, open_exported
+from semgs.segmenters.networks.huggingface import is_model, open_model
+from semgs.segmenters.networks.network_source import Photos, Segmenter
+from semgs.segmenters.photo_maps import resized_map
 
 Table = Literal["scannet20", "own"]
 """Whether to translate class names to ScanNet's 20 classes, or to keep the segmenter's own table."""
@@ -120,7 +120,7 @@ def sources(
     in that one.
 
     Args:
-        name: a folder of class maps (`semgs.segmenters.files`), or as for `open_segmenter`.
+        name: a folder of class maps (`semgs.segmenters.class_map_files`), or as for `open_segmenter`.
         classes: the table of the answers; None keeps that of class maps, and is "scannet20" for networks and their maps.
         correspondence: a file of `semgs segmenters fit`, used instead of class names; None for names.
         save: new folder for the maps of a network; None for none.

@@ -1,4 +1,4 @@
-"""Scenes whose labels are a segmenter's instead of those of their files, so that `semgs.preparation` writes them for training."""
+"""Scenes whose labels are a segmenter's instead of those of their files, so that `semgs.data.preparation` writes them for training."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from semgs.data.classes import IGNORE
 from semgs.data.frames import Frame
-from semgs.data.labeller import Labeller
 from semgs.data.maps import Pixels
+from semgs.data.origin.labeller import Labeller
+from semgs.data.preparation.prepared_set import Reading, SceneSource
 from semgs.data.resampling import nearest
 from semgs.data.scene import Scene
+from semgs.data.tables.classes import IGNORE
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
 from semgs.files.paths import typed_path
-from semgs.preparation.prepared_set import Reading, SceneSource
+from semgs.segmenters.class_source import Source
 from semgs.segmenters.opening import Table, is_map_folder, sources
-from semgs.segmenters.source import Source
 
 MOST_PIXELS = 307_200
 """Distributions of larger photos are computed at this many pixels (480 x 640): with 150 classes they take 180 MB."""
@@ -80,7 +80,7 @@ def relabelled(scene: Scene, source: Source, confidence: float) -> Scene:
 @final
 @dataclass(frozen=True)
 class Relabelling:
-    """Reads scenes for `semgs.preparation.prepared_set.PreparedSet` with a segmenter's labels.
+    """Reads scenes for `semgs.data.preparation.prepared_set.PreparedSet` with a segmenter's labels.
 
     Attributes:
         reading: how to read the scenes.

@@ -6,7 +6,7 @@ import colorsys
 from collections.abc import Sequence
 from dataclasses import replace
 
-from semgs.data.classes import IGNORE, SCANNET20, ClassTable
+from semgs.data.tables.classes import IGNORE, SCANNET20, ClassTable
 
 GOLDEN = 0.618034
 """Step between hues, so that neighbours in a table differ."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
-from semgs.files.pictures import jpeg_bytes
+from semgs.files.images.pictures import jpeg_bytes
 from semgs.sfm.photos import BLANK, QUALITY, Photo, PhotoSet, sharpness_of, small_grey
 
 MOST_JUDGED = 900

@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from semgs.data.bounds.parallax import LONGEST_SIDE, mutual_matches
 from semgs.data.frames import Frame
-from semgs.data.parallax import LONGEST_SIDE, mutual_matches
 from semgs.data.scene import Scene
-from semgs.files.pictures import read_grey
+from semgs.files.images.pictures import read_grey
 
 ALL_PAIRS = 12
 """Of scenes with at most this many frames, all pairs are matched."""

@@ -19,7 +19,7 @@ from semgs.data.scenes import PICTURES, VIDEOS, is_scene
 from semgs.files.atomic import write_bytes
 from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError
-from semgs.files.pictures import jpeg_bytes, read_header, read_optics, read_upright
+from semgs.files.images.pictures import jpeg_bytes, read_header, read_optics, read_upright
 
 UNREAD = (
     ".webp", ".avif", ".gif", ".bmp", ".tif", ".tiff", ".heif", ".jxl", ".jp2", ".exr", ".hdr",

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.sfm.library import pycolmap
+from semgs.sfm.pycolmap_library import pycolmap
 
 FEW_FEATURES = 60
 """Photos with fewer features show too little detail."""

@@ -8,7 +8,7 @@ from pathlib import PurePath
 
 import numpy as np
 
-from semgs.sfm.library import pycolmap
+from semgs.sfm.pycolmap_library import pycolmap
 from semgs.sfm.solving import PosedPhoto, Solution
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semgs.sfm.clips import copy_frames
-from semgs.sfm.library import pycolmap
 from semgs.sfm.photos import copy_photos, with_focal
+from semgs.sfm.pycolmap_library import pycolmap
 from semgs.sfm.scale import KnownDistance, in_metres
 from semgs.sfm.solving import Solution, expected_seconds, solve
 from semgs.sfm.writing import IMAGES, write_colmap, write_transforms

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from semgs.data.lens import Lens
+from semgs.data.cameras.lens import Lens
 from semgs.files.errors import InputError
 from semgs.files.paths import check_utf8
-from semgs.sfm.library import pycolmap
 from semgs.sfm.photos import Photo, PhotoSet
+from semgs.sfm.pycolmap_library import pycolmap
 from semgs.sfm.reasons import why_not
 
 SEED = 0

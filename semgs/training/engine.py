@@ -8,7 +8,7 @@ from typing import Any
 import torch
 
 from semgs.rendering.gsplat_backend import rasterizer
-from semgs.training.execution import Execution
+from semgs.training.run.execution import Execution
 
 
 def launched(execution: Execution) -> Any:

@@ -32,21 +32,31 @@ from rich.console import Console
 from semgs.data.views import Batch
 from semgs.files.atomic import remove_parts
 from semgs.files.errors import input_error
-from semgs.files.pictures import write_png
+from semgs.files.images.pictures import write_png
 from semgs.rooms.assets.lock import verify
-from semgs.training.batches import Portion, surveyed, training_batches, validation_batches
-from semgs.training.checkpoints import best_checkpoint, newest_checkpoint, save_checkpoint
+from semgs.training.data.batches import Portion, surveyed, training_batches, validation_batches
 from semgs.training.engine import launched
-from semgs.training.execution import Execution
-from semgs.training.faults import TOLERATED_IN_A_ROW, BadScenes, broken_down
-from semgs.training.log import RunLog, tell
 from semgs.training.presets import from_preset
-from semgs.training.run import BEST, SETTINGS, WEIGHTS, alone, claim, export_weights, hold_assets, network, prolong
-from semgs.training.session import Session, Stopped, timed
-from semgs.training.settings import TrainingSettings
+from semgs.training.run.checkpoints import best_checkpoint, newest_checkpoint, save_checkpoint
+from semgs.training.run.execution import Execution
+from semgs.training.run.faults import TOLERATED_IN_A_ROW, BadScenes, broken_down
+from semgs.training.run.log import RunLog, tell
+from semgs.training.run.run_folder import (
+    BEST,
+    SETTINGS,
+    WEIGHTS,
+    alone,
+    claim,
+    export_weights,
+    hold_assets,
+    network,
+    prolong,
+)
+from semgs.training.run.session import Session, Stopped, timed
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
-from semgs.training.supervision import rate_shares, supervision_of
+from semgs.training.supervision.supervision import rate_shares, supervision_of
+from semgs.training.training_settings import TrainingSettings
 
 
 @dataclass(frozen=True)
@@ -87,7 +97,6 @@ def train(
     execution: Execution | None = None,
     *,
     console: Console | None = None,
-    **named: Any,
 ) -> Outcome:
     """Train, or resume training, into a run folder.
 
@@ -96,7 +105,6 @@ def train(
         out: the run folder.
         execution: how to run it; None is the default. A run may resume on another device, but not to the same bits.
         console: where the first process shows progress; None shows nothing.
-        named: fields of `Execution` by name, as this function took them before; for one release.
 
     Raises:
         ValueError: the folder is a run with other settings, a required setting is missing, or a step cannot be shared equally.
@@ -106,7 +114,7 @@ def train(
         FloatingPointError: ten steps in a row had no finite gradient; the last batch is saved in the run folder.
     """
     began = time.monotonic()
-    execution = replace(execution or Execution(), **named)
+    execution = execution or Execution()
     settings.check_whole()
     execution.share().check(settings.batch)
     for folder in settings.assets:

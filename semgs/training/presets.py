@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from semgs.objectives.loss_weights import LossWeights
-from semgs.training.differences import differences, shown
-from semgs.training.settings import TrainingSettings
+from semgs.training.run.differences import differences, shown
+from semgs.training.training_settings import TrainingSettings
 
 
 def small() -> TrainingSettings:
@@ -49,9 +49,6 @@ def base_text() -> TrainingSettings:
 
 PRESETS = {"small": small, "base": base, "paper": paper, "base_text": base_text}
 """The trainings that `semgs train` knows by name."""
-
-OTHER_NAMES = {"small": "small-cpu", "base": "base-rooms"}
-"""What some of them are called too."""
 
 
 def from_preset(settings: TrainingSettings) -> list[str]:

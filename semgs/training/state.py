@@ -12,8 +12,8 @@ from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 
 from semgs.training.engine import launched
-from semgs.training.execution import Execution
-from semgs.training.objective import Objective, Supervision
+from semgs.training.run.execution import Execution
+from semgs.training.supervision.objective import Objective, Supervision
 
 HEAD = "head."
 """Prefix of a head's tensors in a checkpoint."""

@@ -10,9 +10,9 @@ import torch
 from torch import nn
 
 from semgs.data.views import Batch
-from semgs.training.objective import TERMS
-from semgs.training.settings import TrainingSettings
 from semgs.training.state import SHARE, TrainingState
+from semgs.training.supervision.objective import TERMS
+from semgs.training.training_settings import TrainingSettings
 
 
 @dataclass(frozen=True)

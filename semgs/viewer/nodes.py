@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from semgs.export.things import PlacedThing
-from semgs.export.upright import UpDirection
+from semgs.export.scene_objects import PlacedThing
 from semgs.files.text import printable
 from semgs.robotics.boxes import EDGES, SIGNS
-from semgs.viewer.splats import SplatArrays, thing_colours
-from semgs.viewer.views import InputView, Triple
+from semgs.scene.upright import UpDirection
+from semgs.viewer.splat_groups import SplatArrays, thing_colours
+from semgs.viewer.viewer_cameras import InputView, Triple
 
 if TYPE_CHECKING:
     from semgs.viewer.server import (

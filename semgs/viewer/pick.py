@@ -9,14 +9,14 @@ import torch
 from jaxtyping import Bool, Float64
 from torch import Tensor
 
-from semgs.export.scene import SavedScene
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance
 from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.reference import alphas_and_light, depth_order, project
 from semgs.rendering.rendering import SEEN_ALPHA, UNKNOWN, Rendering, confidence_maps, label_maps
 from semgs.rendering.splats import Splats
-from semgs.viewer.splats import UNKNOWN_NAME
+from semgs.scene.scene_file import SavedScene
+from semgs.viewer.splat_groups import UNKNOWN_NAME
 
 
 @dataclass(frozen=True)

@@ -14,25 +14,25 @@ import numpy as np
 import torch
 from jaxtyping import UInt8
 
-from semgs.export.scene import SavedScene
+from semgs.export.scene_objects import PlacedThing, placed
 from semgs.export.stills import Stills
-from semgs.export.things import PlacedThing, placed
-from semgs.export.upright import Up, UpDirection, up_of
-from semgs.figures.classes import overlay
-from semgs.figures.depth import depth_bar, depth_ticks
-from semgs.figures.numbers import length
-from semgs.figures.views import as_bytes
-from semgs.files.colours import heat_picture
+from semgs.figures.class_images import overlay
+from semgs.figures.depth_images import depth_bar, depth_ticks
+from semgs.figures.number_texts import length
+from semgs.figures.view_images import as_bytes
+from semgs.files.images.colours import heat_picture
 from semgs.files.text import printable
 from semgs.geometry.cameras import Cameras
 from semgs.rendering.rendering import label_maps
-from semgs.robotics.things import Objects
-from semgs.viewer import texts
+from semgs.robotics.objects import Objects
+from semgs.scene.scene_file import SavedScene
+from semgs.scene.upright import Up, UpDirection, up_of
+from semgs.viewer import panel_texts as texts
 from semgs.viewer.nodes import add_boxes, add_input_views, add_splats, in_the_way, node_name, set_first_camera
 from semgs.viewer.pick import pick
 from semgs.viewer.server import ANY_PORT, LOOPBACK, serving, url_of
-from semgs.viewer.splats import Mode, SceneSplats
-from semgs.viewer.views import InputView, camera_seen_from, input_views, pixel_of
+from semgs.viewer.splat_groups import Mode, SceneSplats
+from semgs.viewer.viewer_cameras import InputView, camera_seen_from, input_views, pixel_of
 
 if TYPE_CHECKING:
     from semgs.viewer.server import (

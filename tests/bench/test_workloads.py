@@ -9,14 +9,14 @@ from dataclasses import replace
 import pytest
 import torch
 
+from semgs.bench.bench_inputs import context_views, generated_scene, network
 from semgs.bench.measure import WHOLE, CannotMeasureError
 from semgs.bench.peak_memory import PeakWatch, forget_peak, peak_mb
 from semgs.bench.rows import STAGES, BenchRow, every_row
-from semgs.bench.scenes import context_views, generated_scene, network
 from semgs.bench.watches import Stopwatch
 from semgs.bench.workloads import command, prepare
 from semgs.geometry.cameras import project
-from semgs.model.placing import SIGMA_UNIT
+from semgs.model.gaussians.placing import SIGMA_UNIT
 
 TINY = (32, 48)
 ROWS = {row.name: row for row in every_row()}

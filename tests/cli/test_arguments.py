@@ -9,11 +9,11 @@ import sys
 import pytest
 
 from semgs.cli.arguments import parse
-from semgs.cli.errors import UsageError
+from semgs.cli.commands.scenes.reconstruct import Reconstruct
 from semgs.cli.main import main
-from semgs.cli.reconstruct import Reconstruct
-from semgs.cli.scene_options import SceneOptions
-from semgs.data.asked import Asked
+from semgs.cli.options.scene_options import SceneOptions
+from semgs.cli.usage_errors import UsageError
+from semgs.data.scene_details import Asked
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "ascii"])

@@ -16,13 +16,13 @@ import torch
 from networks import preset
 
 from semgs.cli.main import guarded, main
-from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.scenes import LAYOUTS
+from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.files.folders import own_folder
 from semgs.model import networks
 from semgs.model.build import build
-from semgs.weights.file import save
-from semgs.weights.load import load
+from semgs.model.weights.load import load
+from semgs.model.weights.weights_file import save
 
 Refused = Callable[..., str]
 
@@ -164,7 +164,7 @@ def test_cuda_where_there_is_none(refused: Refused, scene: Path, monkeypatch: py
 
 def test_a_model_that_does_not_exist_or_has_no_weights(refused: Refused, scene: Path) -> None:
     assert "--model" in refused(scene, "--model", "huge")
-    assert "there are no included weights" in refused(scene, "--model", "mvsplat", "--weights", "shipped")
+    assert "there are no included weights" in refused(scene, "--weights", "mvsplat")
 
 
 def test_weights_that_are_missing_damaged_or_of_something_else(refused: Refused, scene: Path, tmp_path: Path) -> None:
@@ -247,7 +247,7 @@ def test_a_fault_of_ours_keeps_its_traceback_and_leaves_nothing(
     def fault(*_: object) -> None:
         raise ValueError("a fault of ours")
 
-    monkeypatch.setattr("semgs.cli.reconstruction_files.save_ply", fault)
+    monkeypatch.setattr("semgs.reconstruction.output.files.save_ply", fault)
     with pytest.raises(ValueError, match="a fault of ours"):
         main(["reconstruct", str(scene), "--out", str(tmp_path / "out"), "--weights", "random"])
     assert [path.name for path in tmp_path.iterdir()] == ["scene"]
@@ -259,7 +259,7 @@ def test_an_interrupt_leaves_nothing_behind(
 ) -> None:
     # What a shell starts in the background is deaf to Ctrl-C, and these tests may be among it.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    monkeypatch.setattr("semgs.cli.reconstruction_files.save_ply", lambda *_: os.kill(os.getpid(), sent))
+    monkeypatch.setattr("semgs.reconstruction.output.files.save_ply", lambda *_: os.kill(os.getpid(), sent))
     try:
         ended = main(["reconstruct", str(scene), "--out", str(tmp_path / "out"), "--weights", "random"])
     finally:

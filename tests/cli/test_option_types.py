@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from semgs.cli.arguments import parse
-from semgs.cli.errors import UsageError
-from semgs.cli.reconstruct import Reconstruct
-from semgs.cli.types import (
+from semgs.cli.commands.scenes.reconstruct import Reconstruct
+from semgs.cli.options.types import (
     AutoSize,
     Count,
     Device,
@@ -22,6 +21,7 @@ from semgs.cli.types import (
     WeightsOrRandom,
     Workers,
 )  # fmt: skip
+from semgs.cli.usage_errors import UsageError
 
 
 @dataclass
@@ -104,7 +104,6 @@ def test_files_that_are_not_there_are_named_in_full(typed: str, told: str):
     [
         ("", "small", None),
         ("--weights small", "small", None),
-        ("--weights shipped", "small", None),
         ("--weights FILE", "FILE", None),
         ("--weights random", "small", "random"),
         ("--weights random --model base", "base", "random"),

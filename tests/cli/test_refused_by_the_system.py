@@ -19,10 +19,10 @@ import torch
 from privileges import permissions_hold
 
 from semgs.cli.arguments import parse
-from semgs.cli.demo import Demo
-from semgs.cli.errors import line_for
+from semgs.cli.commands.scenes.demo import Demo
 from semgs.cli.main import main
 from semgs.cli.terminal import Plain
+from semgs.cli.usage_errors import line_for
 from semgs.files.folders import alone
 
 Told = Callable[..., str]

@@ -13,10 +13,10 @@ import pytest
 from posed import posed_cameras
 
 import semgs.data
-from semgs.data.classes import SCANNET20
+from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
-from semgs.data.lens import Lens
 from semgs.data.maps import DepthMap, DepthThroughLens, InMemory, MapSource, MaskMap, Pixels
+from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError
 
 LENS = Lens((4, 6), (5.0, 5.5), (2.8, 1.9))

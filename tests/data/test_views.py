@@ -8,8 +8,6 @@ import pytest
 import torch
 from landmarks import POINTS, drawn, found, looking
 
-from semgs.data import resampling
-from semgs.data import views as views_module
 from semgs.data.resampling import cropped, default_size, kept_size, reframed, resized
 from semgs.data.views import Views, joined, stack
 from semgs.geometry.cameras import Cameras, project
@@ -275,8 +273,3 @@ def test_views_one_after_the_other_keep_labels_only_where_all_have_them(views):
     assert both.depths is None
     assert both.depth_range.tolist() == [[1.0, 8.0], [1.5, 9.0], [1.5, 9.0]]
     assert torch.equal(both.cameras.intrinsics, views.cameras.intrinsics[[0, 1, 1]])
-
-
-@pytest.mark.parametrize("name", ["resized", "cropped", "reframed", "default_size", "kept_size"])
-def test_what_moved_to_resampling_is_still_found_beside_the_type(name: str):
-    assert getattr(views_module, name) is getattr(resampling, name)

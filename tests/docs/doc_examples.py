@@ -29,10 +29,10 @@ from sybil.parsers.markdown import CodeBlockParser
 
 from semgs.cli.arguments import parse
 from semgs.cli.main import COMMANDS, main
-from semgs.data.class_files import read_class_file
 from semgs.data.scenes import open_scenes
+from semgs.data.tables.class_files import read_class_file
 from semgs.evaluation.frames.frame_plan import pinned_plan
-from semgs.segmenters.exported import read_description
+from semgs.segmenters.networks.exported import read_description
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = (ROOT / "README.md", *sorted(path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts))
@@ -62,7 +62,7 @@ SMALLER = {
     "weights calibrate": "--size 48x64",
     "examples/train_on_a_folder.py": "1 32 48",
     "scripts/sensor_depth.py": "--rooms 1",
-    "tests/doctor_table.py": "--cases 2",
+    "tests/support/doctor_table.py": "--cases 2",
     "tools.release": "--data data/rooms --out failures.jpg",
 }
 """Options that a command gets here: they replace those of the same name in the line, or are added."""

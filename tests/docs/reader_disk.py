@@ -26,10 +26,10 @@ from semgs.bench.bench_file import BenchReport, BenchResult, numbers
 from semgs.cli.main import main
 from semgs.data.resampling import resized
 from semgs.data.scenes import open_scene
+from semgs.model.weights.index import shipped_folder
 from semgs.rooms.assets.lock import make_lock, write_lock
-from semgs.rooms.sets.demo import demo_scene
-from semgs.rooms.sets.scenes import write_views
-from semgs.weights.index import shipped_folder
+from semgs.rooms.sets.demo_room import demo_scene
+from semgs.rooms.sets.room_scenes import write_views
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT / "docs"))

@@ -26,7 +26,7 @@ from doc_examples import (
 )
 from sybil import Example
 
-from semgs.cli.errors import UsageError
+from semgs.cli.usage_errors import UsageError
 from semgs.files.errors import InputError
 
 __all__ = ["asset_folder", "box_mesh", "write_mesh"]
@@ -85,7 +85,7 @@ def disk(built: Path, request: pytest.FixtureRequest, monkeypatch: pytest.Monkey
     return built
 
 
-@pytest.mark.filterwarnings("ignore::semgs.data.terms.TermsWarning")  # of the checkpoint that a page names
+@pytest.mark.filterwarnings("ignore::semgs.data.origin.licences.TermsWarning")  # of the checkpoint that a page names
 @pytest.mark.parametrize("example", RUN)
 def test_it_runs(example: Example, disk: Path):
     example.evaluate()

@@ -10,7 +10,7 @@ import pytest
 
 from semgs.cli.main import main
 from semgs.rooms.sets.dataset import Recipe, write_dataset
-from semgs.rooms.sets.demo import demo_scene
+from semgs.rooms.sets.demo_room import demo_scene
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 

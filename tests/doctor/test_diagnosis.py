@@ -13,7 +13,7 @@ from semgs.data.scenes import open_scene
 from semgs.doctor.diagnosis import Evidence, diagnose, judged
 from semgs.doctor.misses import misses
 from semgs.doctor.rig import rig_of
-from semgs.rooms.sets.demo import demo_scene
+from semgs.rooms.sets.demo_room import demo_scene
 from semgs.sfm.matches import MOST_MATCHES, Matches, find_matches
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from test_mistakes import NAMES, seen, walk
 
 from semgs.doctor.diagnosis import Evidence, judged
-from semgs.doctor.page import PLOT_PX, _axes, _cameras, _measured_points
+from semgs.doctor.doctor_page import PLOT_PX, _axes, _cameras, _measured_points
 
 RED, BLUE = (200, 30, 30), (40, 80, 160)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from semgs.data.scenes import open_scene
 from semgs.doctor.quick import warnings_of
-from semgs.rooms.sets.demo import demo_scene
+from semgs.rooms.sets.demo_room import demo_scene
 
 
 def test_it_warns_of_inverted_poses_and_says_nothing_of_good_ones():

@@ -15,7 +15,7 @@ from semgs.doctor.diagnosis import Evidence, diagnose, judged
 from semgs.doctor.mistakes import BAD_DEPTH
 from semgs.doctor.registered import Zoom, unregistered, zooms_of_matches, zooms_of_warps
 from semgs.doctor.rig import Rig, rig_of
-from semgs.rooms.sets.demo import demo_scene
+from semgs.rooms.sets.demo_room import demo_scene
 from semgs.sfm.matches import ZOOMS, Matches, find_matches
 
 

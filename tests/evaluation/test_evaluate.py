@@ -12,28 +12,34 @@ import pytest
 import torch
 from PIL import Image
 
-from semgs.data.classes import SCANNET20
 from semgs.data.scene import Scene
+from semgs.data.tables.classes import SCANNET20
 from semgs.evaluation.frames.frame_plan import FramePlan, make_plan
-from semgs.evaluation.frames.network import NetworkMethod
+from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import inputs_of, read_frame, read_views
 from semgs.evaluation.frames.saved import SavedPredictions
 from semgs.evaluation.page.evaluation_page import evaluation_page
 from semgs.evaluation.run import write_results
-from semgs.evaluation.scoring.evaluate import Rows, evaluate
+from semgs.evaluation.scoring.method_scores import Rows, evaluate
 from semgs.evaluation.scoring.records import record
 from semgs.evaluation.scoring.summary import summary
-from semgs.evaluation.tables.compare import BRIEF, check_comparable, difference_grids, overview_grid, paper_grid
+from semgs.evaluation.tables.comparison_tables import (
+    BRIEF,
+    check_comparable,
+    difference_grids,
+    overview_grid,
+    paper_grid,
+)
 from semgs.evaluation.tables.environment import hardware, versions
 from semgs.evaluation.tables.evaluation_report import Evaluation, SavedReport, Subject, evaluation_numbers, read_report
 from semgs.evaluation.tables.notes import notes
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
-from semgs.model.nearest import NearestViews
-from semgs.reconstruction.encode import encode
-from semgs.weights.load import load
+from semgs.model.encode import encode
+from semgs.model.weights.load import load
+from semgs.scene.nearest import NearestViews
 
 MakeScene = Callable[..., Scene]
 

@@ -7,10 +7,10 @@ from math import cos, sin
 
 import torch
 
-from semgs.data.classes import SCANNET20
-from semgs.export.scene import SavedScene
+from semgs.data.tables.classes import SCANNET20
 from semgs.geometry.cameras import Cameras, back_project
 from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.scene.scene_file import SavedScene
 
 SIZE = (20, 28)
 WALL, CHAIR, TABLE = (SCANNET20.names.index(name) for name in ("wall", "chair", "table"))

@@ -13,8 +13,8 @@ from known import SIZE, plane_scene
 from semgs.data.scenes import open_scene
 from semgs.export.colmap import image_names, save_model, tracks_of
 from semgs.export.points import points_of
-from semgs.export.scene import SavedScene
-from semgs.files.pictures import write_png
+from semgs.files.images.pictures import write_png
+from semgs.scene.scene_file import SavedScene
 
 
 def write(folder: Path, scene: SavedScene) -> None:

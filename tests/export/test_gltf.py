@@ -8,13 +8,13 @@ import pytest
 import torch
 from glb import FLOAT, Glb, read_glb
 
-from semgs.data.classes import SCANNET20
+from semgs.data.tables.classes import SCANNET20
 from semgs.export.gltf import save_gltf
-from semgs.export.scene import SavedScene
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.harmonics import colours_from_harmonics
 from semgs.geometry.rotations import matrix_from_quaternion
+from semgs.scene.scene_file import SavedScene
 
 SPLAT = "KHR_gaussian_splatting"
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from semgs.data.classes import IGNORE, SCANNET20
+from semgs.data.tables.classes import IGNORE, SCANNET20
 from semgs.export.map_files import map_image, save_map, save_voxels
-from semgs.robotics.grid import FREE, OCCUPIED, UNKNOWN, Occupancy
+from semgs.robotics.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
 
 CELLS = np.array(
     [[FREE, FREE, OCCUPIED, UNKNOWN], [FREE, UNKNOWN, OCCUPIED, UNKNOWN], [OCCUPIED, OCCUPIED, OCCUPIED, FREE]], np.int8

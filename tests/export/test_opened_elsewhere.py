@@ -20,12 +20,12 @@ from test_gltf import SPLAT, some_scene
 from semgs.cli.main import main
 from semgs.export.gltf import save_gltf
 from semgs.export.ply import DEGREE_0, save_ply, save_semantic_ply
-from semgs.export.scene import SavedScene, load_scene
-from semgs.export.upright import upright
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.rigid import cameras_in, gaussians_in
 from semgs.rendering.render import Rendering, render
+from semgs.scene.scene_file import SavedScene, load_scene
+from semgs.scene.upright import upright
 
 pytestmark = pytest.mark.long
 

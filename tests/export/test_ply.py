@@ -8,7 +8,7 @@ import pytest
 import torch
 from ply import read_ply
 
-from semgs.data.classes import SCANNET20
+from semgs.data.tables.classes import SCANNET20
 from semgs.export.ply import save_ply, save_semantic_ply
 from semgs.geometry.gaussians import Appearance, Gaussians
 

@@ -7,9 +7,9 @@ import pytest
 import torch
 from saved_scenes import CHAIR, SIZE, WALL, wall
 
-from semgs.data.classes import SCANNET20
+from semgs.data.tables.classes import SCANNET20
 from semgs.export.stills import GAP_PX, Stills, side_by_side
-from semgs.figures.classes import UNKNOWN_GREY
+from semgs.figures.class_images import UNKNOWN_GREY
 from semgs.rendering.temperatures import Temperatures
 
 ALL = ("colour", "classes", "overlay", "depth", "confidence", "alpha", "rgba")

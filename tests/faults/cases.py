@@ -48,7 +48,7 @@ def lay_inputs(folder: Path) -> None:
     from saved_scenes import wall
     from scenes_on_disk import write_labelled
 
-    from semgs.export.scene import save_scene
+    from semgs.scene.scene_file import save_scene
 
     for number, name in enumerate(("one", "two")):
         write_labelled(folder / "scans" / name, number + 1)

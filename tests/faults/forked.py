@@ -15,21 +15,21 @@ from pathlib import Path
 from typing import Any
 
 WARM = {
-    "train": ("semgs.training.loop", "semgs.cli.reconstruct", "torch.utils.tensorboard"),
+    "train": ("semgs.training.loop", "semgs.cli.commands.scenes.reconstruct", "torch.utils.tensorboard"),
     "reconstruct": (
-        "semgs.cli.reconstruction_files", "semgs.reconstruction.reconstruct", "semgs.export.ply", "semgs.export.scene",
-        "semgs.rendering.render", "semgs.weights.load",
+        "semgs.reconstruction.output.files", "semgs.reconstruction.pipeline", "semgs.export.ply", "semgs.scene.scene_file",
+        "semgs.rendering.render", "semgs.model.weights.load",
     ),
     "rooms": ("semgs.rooms.sets.dataset",),
-    "prepare": ("semgs.preparation.prepared_set",),
-    "export": ("semgs.export.scene", "semgs.export.ply", "semgs.export.points", "semgs.export.gltf", "semgs.export.colmap"),
+    "prepare": ("semgs.data.preparation.prepared_set",),
+    "export": ("semgs.scene.scene_file", "semgs.export.ply", "semgs.export.points", "semgs.export.gltf", "semgs.export.colmap"),
 }  # fmt: skip
 """Imported before the first fork, for each command. None computes anything, so children start threads of their own."""
 
 
 def warm(names: Iterable[str]) -> None:
     """Import what some commands and all cases need."""
-    own = ("semgs.cli.main", "semgs.rooms.sets.scenes", "semgs.export.scene", "semgs.training.checkpoints")
+    own = ("semgs.cli.main", "semgs.rooms.sets.room_scenes", "semgs.scene.scene_file", "semgs.training.run.checkpoints")
     for name in names:
         for module in (*own, f"semgs.cli.{name}", *WARM[name]):
             import_module(module)

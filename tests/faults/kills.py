@@ -11,7 +11,7 @@ from pathlib import Path
 from faults.cases import Case, Tree, lay_inputs, tree, wrong
 from faults.forked import CUT, STAGES, Moments, command, run
 from semgs.files.atomic import is_part_of
-from semgs.training.checkpoints import newest_checkpoint
+from semgs.training.run.checkpoints import newest_checkpoint
 
 SIZES = (0, 1, 100, 4096)
 """Bytes after which files are cut, in turns."""

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from semgs.data.classes import SCANNET20
-from semgs.figures.classes import UNKNOWN_GREY, class_picture, legend, overlay, true_class_picture
-from semgs.files.colours import HATCH
+from semgs.data.tables.classes import SCANNET20
+from semgs.figures.class_images import UNKNOWN_GREY, class_picture, legend, overlay, true_class_picture
+from semgs.files.images.colours import HATCH
 from semgs.rendering.rendering import Rendering, confidence_maps, label_maps, likeliest
 
 FLOOR, CHAIR = SCANNET20.index("floor"), SCANNET20.index("chair")

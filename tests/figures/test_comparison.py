@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from semgs.figures.classes import LegendEntry
+from semgs.figures.class_images import LegendEntry
 from semgs.figures.comparison import Block, PictureRow, comparison, mosaic
 
 SIZE = (60, 80)

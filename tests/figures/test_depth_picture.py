@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semgs.figures.depth import WORST_ERROR, depth_bar, depth_error_bar, depth_error_picture, depth_ticks
-from semgs.files.colours import NOTHING, depth_limits, depth_picture
+from semgs.figures.depth_images import WORST_ERROR, depth_bar, depth_error_bar, depth_error_picture, depth_ticks
+from semgs.files.images.colours import NOTHING, depth_limits, depth_picture
 
 
 def test_limits_span_what_has_depth_and_a_few_outliers_do_not_move_them() -> None:

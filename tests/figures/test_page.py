@@ -8,8 +8,8 @@ from html.parser import HTMLParser
 import numpy as np
 from PIL import Image
 
-from semgs.figures.classes import LegendEntry
-from semgs.figures.page import (
+from semgs.figures.class_images import LegendEntry
+from semgs.figures.html_page import (
     Bar,
     Bars,
     Facts,

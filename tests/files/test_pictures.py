@@ -15,7 +15,7 @@ import pytest
 from PIL import Image, ImageOps
 
 from semgs.files.errors import InputError
-from semgs.files.pictures import (
+from semgs.files.images.pictures import (
     PictureHeader,
     decode_rgb,
     png_bytes,

@@ -23,7 +23,7 @@ from fuzz.format import Format
 from fuzz.mutator import mutated
 from fuzz.structures import Draw, edited
 from fuzz.watch import SECRET, TooLong, Watch
-from semgs.cli.errors import line_for
+from semgs.cli.usage_errors import line_for
 from semgs.files.errors import InputError
 
 BLOCK = 500

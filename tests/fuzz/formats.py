@@ -40,7 +40,7 @@ FORMATS = {
     for one in (
         Format(
             "transforms", (transforms, transforms_of_nerfstudio), ("*.json",), read_scene,
-            (f"{LAYOUTS}/transforms_json.py", f"{LAYOUTS}/parts/fields.py", "semgs/data/class_files.py", "semgs/files/strict_json.py"),
+            (f"{LAYOUTS}/transforms_json.py", f"{LAYOUTS}/parts/fields.py", "semgs/data/tables/class_files.py", "semgs/files/strict_json.py"),
         ),
         Format(
             "colmap-text", (colmap("text", "OPENCV"), colmap("text", "SIMPLE_RADIAL")), ("*.txt",), read_scene, (f"{LAYOUTS}/colmap/*.py",)
@@ -64,17 +64,17 @@ FORMATS = {
             read_scene, (f"{LAYOUTS}/phones/*.py",),
         ),
         Format(
-            "archives", (transforms_in_a_zip, prepared), ("*.zip",), read_prepared, ("semgs/files/archives.py", "semgs/data/prepared_record.py"), sealed=True
+            "archives", (transforms_in_a_zip, prepared), ("*.zip",), read_prepared, ("semgs/files/archives.py", "semgs/data/origin/prepared_record.py"), sealed=True
         ),
-        Format("pictures", (pictures,), ("*",), read_pictures, ("semgs/files/pictures.py", "semgs/files/heic.py", "semgs/files/arrays.py")),
-        Format("scenes", (saved_scene,), ("*",), read_saved_scene, ("semgs/export/scene.py", "semgs/files/tensor_files.py")),
+        Format("pictures", (pictures,), ("*",), read_pictures, ("semgs/files/images/pictures.py", "semgs/files/images/heic.py", "semgs/files/arrays.py")),
+        Format("scenes", (saved_scene,), ("*",), read_saved_scene, ("semgs/scene/scene_file.py", "semgs/files/tensor_files.py")),
         Format(
             "weights", (weights, weights, weights, shipped_weights), ("*",), read_weights,
-            ("semgs/weights/file.py", "semgs/weights/load.py", "semgs/weights/header_scores.py", "semgs/weights/temperatures.py"), 2_000,
+            ("semgs/model/weights/weights_file.py", "semgs/model/weights/load.py", "semgs/model/weights/header_scores.py", "semgs/model/weights/header_temperatures.py"), 2_000,
         ),
         Format(
             "training", (training_run,), ("*.json", "*.jsonl", "*.safetensors"), read_training_run,
-            ("semgs/training/checkpoints.py", "semgs/training/run.py", "semgs/training/settings.py", "semgs/training/state.py"),
+            ("semgs/training/run/checkpoints.py", "semgs/training/run/run_folder.py", "semgs/training/training_settings.py", "semgs/training/state.py"),
         ),
         Format(
             "evaluation", (evaluation_run,), ("*.json", "predictions/*"), read_evaluation_run,
@@ -82,11 +82,11 @@ FORMATS = {
         ),
         Format(
             "segmenters", (segmenter,), ("maps/*", "*.json", "features/*", "scene/transforms.json"), read_segmenter,
-            ("semgs/segmenters/files.py",  "semgs/segmenters/fitting.py", "semgs/segmenters/feature_files.py"),
+            ("semgs/segmenters/class_map_files.py",  "semgs/segmenters/fitting.py", "semgs/segmenters/features/feature_files.py"),
         ),
         Format(
             "small-files", (small_files,), ("*",), read_small_files,
-            ("semgs/export/camera_files.py", "semgs/data/class_files.py", "semgs/data/scene_lists.py", "semgs/files/arrays.py"),
+            ("semgs/export/camera_files.py", "semgs/data/tables/class_files.py", "semgs/data/scene_lists.py", "semgs/files/arrays.py"),
         ),
     )
 }  # fmt: skip

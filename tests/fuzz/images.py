@@ -43,8 +43,8 @@ def read_pictures(path: Path, out: Path, changed: Sequence[str]) -> None:
     """Read each changed picture by every reader that it may meet."""
     from semgs.data.maps import read_ids
     from semgs.files import arrays
-    from semgs.files import pictures as readers
     from semgs.files.errors import InputError
+    from semgs.files.images import pictures as readers
 
     refused, read = None, False
     for name in changed:

@@ -17,8 +17,8 @@ ROOT = Path(__file__).resolve().parents[2]
 def saved_scene(folder: Path) -> Path:
     from saved_scenes import wall
 
-    from semgs.export.scene import save_scene
     from semgs.rendering.temperatures import Temperatures
+    from semgs.scene.scene_file import save_scene
 
     save_scene(folder / "scene.safetensors", wall(temperatures=Temperatures(1.2, 0.9), origin=3.0))
     return folder
@@ -29,8 +29,8 @@ def read_saved_scene(path: Path, out: Path, changed: Sequence[str]) -> None:
     from semgs.export.camera_files import write_camera_file
     from semgs.export.colmap import image_names
     from semgs.export.ply import save_ply
-    from semgs.export.scene import load_scene
-    from semgs.files.notebook import html
+    from semgs.files.images.notebook import html
+    from semgs.scene.scene_file import load_scene
 
     scene = load_scene(path)
     save_ply(out / "gaussians.ply", scene.gaussians)
@@ -41,15 +41,15 @@ def read_saved_scene(path: Path, out: Path, changed: Sequence[str]) -> None:
 
 
 def weights(folder: Path) -> Path:
-    """The settings and class table of `small`, with some tensors; and one file of format 1."""
+    """The settings and class table of `small`, with some tensors."""
     from dataclasses import asdict
 
     from safetensors.torch import save_file
 
-    from semgs.data.classes import SCANNET20
+    from semgs.data.tables.classes import SCANNET20
     from semgs.model import networks
-    from semgs.weights.file import CHECKSUM, checksum, read_header
-    from semgs.weights.load import shipped
+    from semgs.model.weights.load import shipped
+    from semgs.model.weights.weights_file import CHECKSUM, checksum, read_header
 
     tensors = {"a": torch.arange(6.0).reshape(2, 3), "b": torch.zeros(4, dtype=torch.bfloat16)}
     said = read_header(shipped("small")).metadata
@@ -64,7 +64,7 @@ def weights(folder: Path) -> Path:
 
 
 def shipped_weights(folder: Path) -> Path:
-    from semgs.weights.load import shipped
+    from semgs.model.weights.load import shipped
 
     (folder / "weights.safetensors").write_bytes(shipped("small").read_bytes())  # type: ignore[union-attr]
     return folder / "weights.safetensors"
@@ -73,10 +73,10 @@ def shipped_weights(folder: Path) -> Path:
 def read_weights(path: Path, out: Path, changed: Sequence[str]) -> None:
     """Everything that a file of weights is asked, and that the network is built for it."""
     from semgs.files.errors import InputError
-    from semgs.weights.file import count_parameters, is_ours, read_header, read_tensors
-    from semgs.weights.header_scores import read_scores
-    from semgs.weights.load import data_terms, find, load, table_of, trained_scenes
-    from semgs.weights.temperatures import read_temperatures
+    from semgs.model.weights.header_scores import read_scores
+    from semgs.model.weights.header_temperatures import read_temperatures
+    from semgs.model.weights.load import data_terms, find, load, table_of, trained_scenes
+    from semgs.model.weights.weights_file import count_parameters, is_ours, read_header, read_tensors
 
     refused: InputError | None = None
     is_ours(path)
@@ -99,11 +99,11 @@ def training_run(folder: Path) -> Path:
     from semgs.files.atomic import write_json
     from semgs.model import networks
     from semgs.objectives.losses import LossWeights
-    from semgs.training.checkpoints import save_checkpoint
-    from semgs.training.run import claim
-    from semgs.training.settings import TrainingSettings
+    from semgs.training.run.checkpoints import save_checkpoint
+    from semgs.training.run.run_folder import claim
     from semgs.training.state import TrainingState
-    from semgs.training.supervision import supervision_of
+    from semgs.training.supervision.supervision import supervision_of
+    from semgs.training.training_settings import TrainingSettings
 
     settings = TrainingSettings(
         model="small", steps=12, size=(16, 24), losses=LossWeights(semantic=0.5), validate_every=6, seed=3
@@ -132,12 +132,12 @@ RUN_DATA: dict = {
 def read_training_run(path: Path, out: Path, changed: Sequence[str]) -> None:
     from torch import nn
 
-    from semgs.training import run
-    from semgs.training.checkpoints import best_checkpoint, newest_checkpoint
-    from semgs.training.log import RunLog
+    from semgs.training.data.data_check.scene_record import data_terms_of, scenes_of
+    from semgs.training.run.checkpoints import best_checkpoint, newest_checkpoint
+    from semgs.training.run.log import RunLog
+    from semgs.training.run.run_folder import run_folder as run
     from semgs.training.state import TrainingState
-    from semgs.training.supervision import supervision_of
-    from semgs.training.survey.record import data_terms_of, scenes_of
+    from semgs.training.supervision.supervision import supervision_of
 
     settings = run.read_settings(path)
     scenes_of(path / run_record())
@@ -157,7 +157,7 @@ def read_training_run(path: Path, out: Path, changed: Sequence[str]) -> None:
 
 
 def run_record() -> str:
-    from semgs.training.survey.record import RECORD
+    from semgs.training.data.data_check.scene_record import RECORD
 
     return RECORD
 
@@ -168,7 +168,7 @@ def evaluation_run(folder: Path) -> Path:
     from known_scenes import label_map, write_scene
 
     from semgs.bench.bench_file import FORMAT, VERSION
-    from semgs.files.pictures import write_png
+    from semgs.files.images.pictures import write_png
 
     scores = sorted((ROOT / "docs/scores").glob("*.json"), key=lambda path: path.stat().st_size)
     shutil.copy(scores[0], folder / "report.json")
@@ -194,9 +194,9 @@ def read_evaluation_run(path: Path, out: Path, changed: Sequence[str]) -> None:
     from semgs.evaluation.frames.protocols import neighbours
     from semgs.evaluation.frames.saved import SavedPredictions, views_in
     from semgs.evaluation.tables.card import card_grids
-    from semgs.evaluation.tables.compare import data_grid, overview_grid
+    from semgs.evaluation.tables.comparison_tables import data_grid, overview_grid
     from semgs.evaluation.tables.evaluation_report import read_report
-    from semgs.evaluation.tables.grid import printed
+    from semgs.evaluation.tables.table_grid import printed
 
     for name in changed:
         if name == "report.json":
@@ -222,8 +222,8 @@ def segmenter(folder: Path) -> Path:
 
     from scenes_on_disk import SIZE, TABLE, labelled_views, write_labelled
 
-    from semgs.data.classes import SCANNET20
-    from semgs.segmenters.files import RECORD
+    from semgs.data.tables.classes import SCANNET20
+    from semgs.segmenters.class_map_files import RECORD
 
     write_labelled(folder / "scene", 3, frames=3)
     maps = folder / "maps/images"
@@ -259,10 +259,10 @@ def segmenter(folder: Path) -> Path:
 
 
 def read_segmenter(path: Path, out: Path, changed: Sequence[str]) -> None:
-    from semgs.segmenters.exported import read_description
-    from semgs.segmenters.feature_files import FeatureFiles
-    from semgs.segmenters.files import MadeBy, MapFiles, save_map, save_table
+    from semgs.segmenters.class_map_files import MadeBy, MapFiles, save_map, save_table
+    from semgs.segmenters.features.feature_files import FeatureFiles
     from semgs.segmenters.fitting import read_fit, save_fit
+    from semgs.segmenters.networks.exported import read_description
 
     for name in changed:
         if name == "network.json":
@@ -315,9 +315,9 @@ def small_files(folder: Path) -> Path:
 
 
 def read_small_files(path: Path, out: Path, changed: Sequence[str]) -> None:
-    from semgs.cli.query import read_embedding
-    from semgs.data.class_files import read_class_file
+    from semgs.cli.commands.scenes.query import read_embedding
     from semgs.data.scene_lists import read_list
+    from semgs.data.tables.class_files import read_class_file
     from semgs.export.camera_files import read_camera_file
 
     for name in changed:

@@ -53,7 +53,7 @@ def prepared(folder: Path) -> Path:
 
     from known_scenes import write_scene
 
-    from semgs.preparation.archive import Preparation, prepare_scene
+    from semgs.data.preparation.archive import Preparation, prepare_scene
 
     prepare_scene(write_scene(folder / "made", 3), folder / "room.zip", Preparation((24, 32)))
     shutil.rmtree(folder / "made")
@@ -61,7 +61,7 @@ def prepared(folder: Path) -> Path:
 
 
 def read_prepared(path: Path, out: Path, changed: Sequence[str]) -> None:
-    from semgs.data.prepared_record import read_record
+    from semgs.data.origin.prepared_record import read_record
 
     read_record(path)
     read_scene(path, out, changed)

@@ -51,15 +51,6 @@ def test_a_view_counts_if_depths_agree_within_two_standard_deviations(ratio, agr
     assert (found[0, 0].max() < 0.85) == agrees
 
 
-def test_a_weight_of_zero_is_no_vote_and_weights_share():
-    cameras = side_by_side(0.0, 0.0, 0.0)
-    depths, spread = torch.full((3, *SIZE), 4.0).double(), torch.full((3, *SIZE), 0.01).double()
-    say = told((0.9, 0.1), (0.4, 0.6), (0.01, 0.99))
-    found = fused(say, depths, spread, cameras, torch.tensor([3.0, 1.0, 0.0]))
-    a, b = (((x + LEAST) ** 3 * (y + LEAST)) ** 0.25 for x, y in ((0.9, 0.4), (0.1, 0.6)))
-    assert found[:2, 0].sub(a / (a + b)).abs().max() < 1e-9
-
-
 def test_fusion_equals_a_loop_over_points_and_views():
     generator = torch.Generator().manual_seed(4)
     poses = torch.eye(4, dtype=torch.float64).repeat(3, 1, 1)

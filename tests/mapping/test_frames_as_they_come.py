@@ -13,7 +13,7 @@ import torch
 from mapping_walls import INTRINSICS, SIZE, WALL, KnowsTheWall, image, pose
 
 import semgs
-from semgs.data.depth_range import DepthRange
+from semgs.data.bounds.depth_range import DepthRange
 from semgs.mapping.mapper import MOST_KEYFRAMES, Mapper
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mapping_walls import INTRINSICS, SIZE, WALL, pose
 
-from semgs.data.covisibility import flat
+from semgs.data.choosing.covisibility import flat
 from semgs.geometry.cameras import Cameras
 from semgs.mapping.keyframes import NEIGHBOURS, Known, judged, near, predicted
 

@@ -26,7 +26,7 @@ from semgs.mapping.merging import (
     parts_of,
     settled,
 )
-from semgs.model.encoding import Encoding
+from semgs.scene.encoding import Encoding
 
 
 def flat(*depths: float) -> torch.Tensor:

@@ -10,7 +10,7 @@ import torch
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.rotations import covariance
 from semgs.mapping.voxels import joined_in_voxels, voxel_keys
-from semgs.model.encoding import Places
+from semgs.scene.encoding import Places
 
 
 def gaussians_at(means: torch.Tensor, opacities: torch.Tensor, scales: tuple[float, float, float]) -> Gaussians:

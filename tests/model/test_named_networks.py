@@ -7,7 +7,7 @@ from dataclasses import replace
 from networks import preset
 
 from semgs.model import networks
-from semgs.model.conventions import Conventions
+from semgs.model.layers.conventions import Conventions
 from semgs.model.settings import MVSplatHeads, PaperHeads
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from networks import network, preset
 
-from semgs.data.classes import SCANNET20
+from semgs.data.tables.classes import SCANNET20
 from semgs.model import networks
 from semgs.model.build import build
 from semgs.model.semgs import PARTS, SemGS
@@ -16,7 +16,6 @@ NETWORKS = {
     "a CNN of its own": lambda: preset("small", shared_layers=False),
     "the backbone": lambda: preset("small", class_backbone=True),
     "the cue": lambda: preset("small", class_backbone=True, depth_cue=True, cost_filter=8),
-    "the pyramid": lambda: preset("small", semantic_pyramid=(16, 24)),
     "colour only": lambda: build(networks.small(), None),
 }
 
@@ -75,8 +74,8 @@ def test_a_network_of_colour_alone_has_neither_semantics_nor_classes():
     ]
 
 
-def test_the_layers_of_the_classes_are_the_heads_last_and_the_pyramids():
-    assert preset("small", semantic_pyramid=(16, 24)).parts()["classes"] == {
+def test_the_layers_of_the_classes_are_the_heads_last_and_the_backbones():
+    assert preset("small", class_backbone=True).parts()["classes"] == {
         "semantic.head.2.weight", "semantic.head.2.bias",
         "semantic.refinement.classifier.weight", "semantic.refinement.classifier.bias",
     }  # fmt: skip

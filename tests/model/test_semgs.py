@@ -10,12 +10,12 @@ from posed import posed_views
 from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras, project
 from semgs.model.build import build
-from semgs.model.depth import Depth
-from semgs.model.encoding import Encoding
-from semgs.model.padded import Padded
+from semgs.model.layers.network_input import Padded
 from semgs.model.settings import NetworkSettings
+from semgs.model.sweep.depth import Depth
 from semgs.model.switches import Switches, switches_of
 from semgs.model.switches import switched as with_switches
+from semgs.scene.encoding import Encoding
 
 SIZE = (32, 48)
 
@@ -276,9 +276,9 @@ def test_a_network_of_colours_alone_does_not_classify():
         preset("mvsplat").classify(posed_views(2, SIZE))
 
 
-@pytest.mark.parametrize("pyramid", [(), (16, 24)], ids=["blocks", "pyramid"])
-def test_convolutions_keep_channels_last_but_in_training_and_the_numbers_do_not_change(pyramid: tuple[int, ...]):
-    model = fill_golden(preset("small", semantic_pyramid=pyramid))
+@pytest.mark.parametrize("backbone", [False, True], ids=["blocks", "backbone"])
+def test_convolutions_keep_channels_last_but_in_training_and_the_numbers_do_not_change(backbone: bool):
+    model = fill_golden(preset("small", class_backbone=backbone))
     views = posed_views(2, (32, 48))
     kernel = model.colour.heads.refinement.project.weight
     assert kernel.is_contiguous(memory_format=torch.channels_last)

@@ -18,10 +18,10 @@ from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance
 from semgs.geometry.rotations import covariance, matrix_from_quaternion
-from semgs.model.camera_attention import token_transforms
-from semgs.model.encoding import Encoding
+from semgs.model.attention.camera_attention import token_transforms
+from semgs.model.attention.swin import Windows
 from semgs.model.semgs import SemGS
-from semgs.model.swin import Windows
+from semgs.scene.encoding import Encoding
 
 SIZE = (32, 48)
 """Of the pictures; `base`, which is slow in float64, gets smaller ones."""

@@ -8,9 +8,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from semgs.model.depth import CoarseDepth
 from semgs.objectives.depth_losses import candidate_cross_entropy, depth_losses, gradient_matching
 from semgs.objectives.loss_weights import DepthLossWeights
+from semgs.scene.coarse_depth import CoarseDepth
 
 BY_INVERSE = torch.tensor([[4, 2, 4 / 3, 1]], dtype=torch.float64)
 """Four candidates from 4 m to 1 m: 1/4, 2/4, 3/4 and 4/4 of inverse depth."""

@@ -7,7 +7,7 @@ import math
 import pytest
 import torch
 
-from semgs.data.classes import IGNORE, ClassTable
+from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras
 from semgs.objectives.losses import (

@@ -8,7 +8,7 @@ import pytest
 import torch
 from torchmetrics.functional.classification import multiclass_confusion_matrix
 
-from semgs.data.classes import IGNORE
+from semgs.data.tables.classes import IGNORE
 from semgs.objectives.metrics import (
     accuracy,
     class_accuracy,

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from planted.mutant import Mutant
 
-CHOICE = "semgs/data/choice.py"
-COVISIBILITY = "semgs/data/covisibility.py"
+CHOICE = "semgs/data/choosing/choice.py"
+COVISIBILITY = "semgs/data/choosing/covisibility.py"
 MAPS = "semgs/data/maps.py"
-SCANNET = "semgs/data/layouts/scannet/scan.py"
+SCANNET = "semgs/data/layouts/scannet/scannet_scan.py"
 SCANNETPP = "semgs/data/layouts/scannetpp/devices.py"
-COLMAP = "semgs/data/layouts/colmap/files.py"
+COLMAP = "semgs/data/layouts/colmap/colmap_files.py"
 POLYCAM = "semgs/data/layouts/phones/polycam.py"
 RECORD3D = "semgs/data/layouts/phones/record3d.py"
-ZOO = "semgs/data/layouts/zoo/scenes.py"
+ZOO = "semgs/data/layouts/zoo/zoo_scenes.py"
 OF_COLMAP = ("tests/data/layouts/colmap/test_colmap_files.py",)
-OF_CHOICE = ("tests/data/test_choice.py",)
-OF_COVISIBILITY = ("tests/data/test_covisibility.py",)
+OF_CHOICE = ("tests/data/choosing/test_choice.py",)
+OF_COVISIBILITY = ("tests/data/choosing/test_covisibility.py",)
 
 
 def of_layout(name: str, *tests: str) -> tuple[str, ...]:
@@ -60,9 +60,9 @@ DATA = (
         of_scannet("a_truncated_recording_gives_the_frames_before_the_cut"),
     ),
     Mutant(
-        "of rows that share an id the first counts", "semgs/data/layouts/scannet/labels.py",
+        "of rows that share an id the first counts", "semgs/data/layouts/scannet/scannet_labels.py",
         "by_id[identity] = _whole(", "by_id[identity] = by_id.get(identity) or _whole(",
-        ("tests/data/test_nyu40.py::test_of_rows_that_share_an_id_the_last_counts",),
+        ("tests/data/tables/test_nyu40.py::test_of_rows_that_share_an_id_the_last_counts",),
     ),
     Mutant(
         "the world of ScanNet++'s transforms.json keeps its axes exchanged", SCANNETPP,
@@ -73,21 +73,21 @@ DATA = (
         "back[:, 2] *= -1", "back[:, 2] *= 1", of_scannetpp("a_matrix_goes_to_the_meshs_world_and_axes"),
     ),
     Mutant(
-        "a fisheye is handed to OpenCV with COLMAP's principal point", "semgs/data/fisheye.py",
+        "a fisheye is handed to OpenCV with COLMAP's principal point", "semgs/data/cameras/fisheye.py",
         "(self.centre[0] - self._half, self.centre[1] - self._half)", "self.centre", of_scannetpp("a_fisheye_is_undone_to_a_tenth_of_a_pixel"),
     ),
     Mutant(
-        "of objects that share a vertex the largest counts", "semgs/data/layouts/scannetpp/mesh.py",
+        "of objects that share a vertex the largest counts", "semgs/data/layouts/scannetpp/scannetpp_mesh.py",
         "groups.append((-int(sizes", "groups.append((int(sizes",
         of_scannetpp("of_objects_that_share_a_vertex_the_smallest_counts_even_if_it_has_no_label"),
     ),
     Mutant(
-        "a mesh that changed is not read again", "semgs/data/layouts/zoo/mesh.py",
+        "a mesh that changed is not read again", "semgs/data/layouts/zoo/zoo_mesh.py",
         "self.scene, self.files, names", "self.scene, names",
         ("tests/data/layouts/zoo/test_zoo.py::test_what_was_seen_of_a_mesh_is_kept_until_one_of_its_files_changes",),
     ),
     Mutant(
-        "what a mesh shows is kept when ScanNet's table changes", "semgs/data/layouts/zoo/mesh.py",
+        "what a mesh shows is kept when ScanNet's table changes", "semgs/data/layouts/zoo/zoo_mesh.py",
         "tuple(self.table.by_name.items()) if self.table else None", "self.table is not None",
         ("tests/data/layouts/zoo/test_zoo.py::test_what_a_mesh_shows_depends_on_the_names_in_scannets_table",),
     ),
@@ -118,7 +118,7 @@ DATA = (
         "(width / 2, row * height)", "((width - 1) / 2, row * height)", of_layout("replica/replica", "a_point_is_where_the_renderer_puts_it"),
     ),
     Mutant(
-        "files are sorted by name, 10 before 2", "semgs/data/layouts/parts/recordings.py",
+        "files are sorted by name, 10 before 2", "semgs/data/layouts/parts/usable_frames.py",
         "for number in sorted(found)}", "for number in sorted(found, key=str)}",
         ("tests/data/layouts/parts/test_recordings.py::test_files_are_in_the_order_of_their_numbers",),
     ),
@@ -166,7 +166,7 @@ DATA = (
         of_layout("ros/ros_bag", "binning_and_regions_of_interest_move_the_camera"),
     ),
     Mutant(
-        "red and blue change places in a bag", "semgs/data/layouts/ros/images.py",
+        "red and blue change places in a bag", "semgs/data/layouts/ros/image_messages.py",
         '"rgb8": (3, cv2.COLOR_RGB2BGR), "bgr8": (3, None)', '"rgb8": (3, None), "bgr8": (3, None)',
         of_layout("ros/ros_bag", "pixels_of_all_encodings_are_what_they_say"),
     ),
@@ -282,7 +282,7 @@ DATA = (
         "a wall in front hides nothing", COVISIBILITY, "HIDDEN = 1.1", "HIDDEN = 100", OF_COVISIBILITY,
     ),
     Mutant(
-        "weights do not say who taught them", "semgs/data/terms.py",
+        "weights do not say who taught them", "semgs/data/origin/licences.py",
         "    if labeller is None:\n        return own\n", "    return own\n",
         ("tests/segmenters/test_relabelling.py::test_a_student_has_the_terms_of_its_teacher_and_rooms_stay_rooms",),
     ),

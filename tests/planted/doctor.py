@@ -110,6 +110,6 @@ DOCTOR = (
     Mutant(
         "corrected cameras are written with OpenCV's axes", "semgs/doctor/fix.py",
         "(rig.poses[index] @ FLIP).tolist()", "rig.poses[index].tolist()",
-        ("tests/cli/test_doctor_command.py::test_inverted_poses_end_with_3_and_are_corrected",),
+        ("tests/cli/scenes/test_doctor_command.py::test_inverted_poses_end_with_3_and_are_corrected",),
     ),
 )  # fmt: skip

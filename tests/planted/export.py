@@ -5,7 +5,7 @@ from __future__ import annotations
 from planted.mutant import Mutant
 
 OF_CAMERA_FILES = ("tests/export/test_camera_files.py",)
-OF_CONFIDENCE = ("tests/export/test_confidence.py",)
+OF_CONFIDENCE = ("tests/scene/test_confidence.py",)
 
 EXPORT = (
     Mutant(
@@ -21,11 +21,11 @@ EXPORT = (
         "rendering.images[0] / rendering.alphas[0].clamp(min=LEAST_ALPHA)", "rendering.images[0]", ("tests/export/test_stills.py",),
     ),
     Mutant(
-        "a Gaussian takes the temperature of pixels", "semgs/export/confidence.py",
+        "a Gaussian takes the temperature of pixels", "semgs/scene/confidence.py",
         "scene.temperatures.gaussians", "scene.temperatures.rendered", OF_CONFIDENCE,
     ),
     Mutant(
-        "a pixel takes the temperature of Gaussians", "semgs/export/scene.py",
+        "a pixel takes the temperature of Gaussians", "semgs/scene/scene_file.py",
         "self.temperatures.rendered", "self.temperatures.gaussians", OF_CONFIDENCE,
     ),
     Mutant(
@@ -53,30 +53,30 @@ EXPORT = (
         "0.5 + DEGREE_0 * harmonics[:, 0]", "0.5 + harmonics[:, 0]", ("tests/export/test_gltf.py",),
     ),
     Mutant(
-        "a scene file's cameras stay about the origin", "semgs/export/scene.py",
-        "in_source.relative_to([-side for side in scene.origin])", "in_source", ("tests/export/test_scene.py",),
+        "a scene file's cameras stay about the origin", "semgs/scene/scene_file.py",
+        "in_source.relative_to([-side for side in scene.origin])", "in_source", ("tests/scene/test_scene_file.py",),
     ),
     Mutant(
-        "exports: lines of the detector are half a pixel off", "semgs/export/own_views.py",
-        "reshape(-1, 2, 2) + OFFSET_PX)", "reshape(-1, 2, 2))", ("tests/export/test_upright.py",),
+        "exports: lines of the detector are half a pixel off", "semgs/scene/own_views.py",
+        "reshape(-1, 2, 2) + OFFSET_PX)", "reshape(-1, 2, 2))", ("tests/scene/test_upright.py",),
     ),
     Mutant(
-        "exports: normals of lines stay in the camera's frame", "semgs/export/own_views.py",
-        "normals @ scene.cameras.world_from_camera[view, :3, :3].T", "normals", ("tests/export/test_upright.py",),
+        "exports: normals of lines stay in the camera's frame", "semgs/scene/own_views.py",
+        "normals @ scene.cameras.world_from_camera[view, :3, :3].T", "normals", ("tests/scene/test_upright.py",),
     ),
     Mutant(
-        "exports: every point has the colour that the first view sees", "semgs/export/own_views.py",
+        "exports: every point has the colour that the first view sees", "semgs/scene/own_views.py",
         "scene.cameras.centres[scene.own_views]", "scene.cameras.centres[:1]",
         ("tests/export/test_points.py",),
     ),
     Mutant(
-        "exports: the matrix back forgets the scene's origin", "semgs/export/upright.py",
+        "exports: the matrix back forgets the scene's origin", "semgs/scene/upright.py",
         "return FramedScene(moved, turned @ _to_origin(scene), axes)", "return FramedScene(moved, turned, axes)",
-        ("tests/export/test_upright.py",),
+        ("tests/scene/test_upright.py",),
     ),
     Mutant(
-        "exports: export.json has the inverse matrix", "semgs/export/record.py",
-        "file.framed.source_from_file", "file.framed.file_from_source", ("tests/cli/test_export_command.py",),
+        "exports: export.json has the inverse matrix", "semgs/export/export_record.py",
+        "file.framed.source_from_file", "file.framed.file_from_source", ("tests/cli/scenes/test_export_command.py",),
     ),
     Mutant(
         "exports: COLMAP gets camera-to-world poses", "semgs/export/colmap.py",

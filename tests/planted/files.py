@@ -13,7 +13,7 @@ FILES = (
         ".decompress(data, self.size + 1)", ".decompress(data)", ("tests/files/test_archives.py",),
     ),
     Mutant(
-        "counts of a PGM have their low byte first", "semgs/files/pictures.py",
+        "counts of a PGM have their low byte first", "semgs/files/images/pictures.py",
         'np.frombuffer(data, ">u2"', 'np.frombuffer(data, "<u2"',
         ("tests/files/test_pictures.py::test_counts_of_a_pgm_are_taken_as_they_are",),
     ),
@@ -22,7 +22,7 @@ FILES = (
         "if len(content) < len(pairs):", "if False:", ("tests/files/test_strict_json.py",),
     ),
     Mutant(
-        "the colours of a class map are one class off", "semgs/files/colours.py",
+        "the colours of a class map are one class off", "semgs/files/images/colours.py",
         "palette[: len(colours)] = colours", "palette[1 : len(colours) + 1] = colours", ("tests/test_in_a_notebook.py",),
     ),
     Mutant(
@@ -46,7 +46,7 @@ FILES = (
         ("tests/files/test_claims.py::test_a_record_of_something_else_is_refused",),
     ),
     Mutant(
-        "the equivalent focal length compares widths", "semgs/files/pictures.py",
+        "the equivalent focal length compares widths", "semgs/files/images/pictures.py",
         "equivalent * math.hypot(*image.size) / _DIAGONAL_35_MM", "equivalent * max(image.size) / 36",
         (f"{OF_SFM}photos.py::test_a_focal_length_of_26_mm_compares_diagonals",),
     ),

@@ -11,7 +11,7 @@ SWEEP = "semgs/geometry/plane_sweep.py"
 OF_CAMERAS = ("tests/geometry/test_cameras.py",)
 OF_HARMONICS = ("tests/geometry/test_harmonics.py",)
 OF_SWEEP = ("tests/geometry/test_sweep_grid.py",)
-OF_COST = ("tests/model/test_cost_volume.py::test_the_cost_equals_a_loop_over_pixels_and_planes",)
+OF_COST = ("tests/model/sweep/test_cost_volume.py::test_the_cost_equals_a_loop_over_pixels_and_planes",)
 OF_CAMERA_PATHS = ("tests/geometry/test_camera_paths.py",)
 
 GEOMETRY = (
@@ -98,13 +98,13 @@ GEOMETRY = (
         "shift[0, 2] = shift[1, 2] = -0.5", "shift[0, 2] = shift[1, 2] = 0.0", OF_COST,
     ),
     Mutant(
-        "one part of a kernel's work is left out", "semgs/geometry/compiled.py",
-        "for part in range(parts)]", "for part in range(parts - 1)]", ("tests/geometry/test_compiled.py",),
+        "one part of a kernel's work is left out", "semgs/runtime/kernels.py",
+        "for part in range(parts)]", "for part in range(parts - 1)]", ("tests/runtime/test_kernels.py",),
     ),
     Mutant(
-        "what a kernel calls is compiled twice, by the clock", "semgs/geometry/compiling.py",
+        "what a kernel calls is compiled twice, by the clock", "semgs/runtime/compile_time.py",
         "            if self.depth == 0:\n                self.seconds +=", "            if True:\n                self.seconds +=",
-        ("tests/reconstruction/test_stages.py",),
+        ("tests/runtime/test_stopwatch.py",),
     ),
     Mutant(
         "an orbit leaves the directions of the camera as they are", "semgs/geometry/camera_paths.py",
@@ -124,7 +124,7 @@ GEOMETRY = (
     ),
     Mutant(
         "an origin is added for subtracted", CAMERAS, "poses[..., :3, 3] -= as_float64(origin)", "poses[..., :3, 3] += as_float64(origin)",
-        ("tests/export/test_scene.py", "tests/reconstruction/test_reconstruct.py"),
+        ("tests/scene/test_scene_file.py", "tests/reconstruction/test_reconstruct.py"),
     ),
     Mutant(
         "views vote that see something nearer", "semgs/geometry/fusion.py",

@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from planted.mutant import Mutant
 
-ATTENTION = "semgs/model/camera_attention.py"
-SWIN = "semgs/model/swin.py"
-COST = "semgs/model/cost_volume.py"
-HEADS = "semgs/model/heads.py"
-PLACING = "semgs/model/placing.py"
-SCENE = "semgs/model/padded.py"
-OVERLAP = "semgs/model/overlap.py"
-NEAREST = "semgs/model/nearest.py"
-CORRELATION = "semgs/model/correlation_kernels.py"
-OF_ATTENTION = ("tests/model/test_camera_attention.py",)
-OF_SWIN = ("tests/model/test_swin.py",)
-OF_COST = ("tests/model/test_cost_volume.py::test_the_cost_equals_a_loop_over_pixels_and_planes",)
-OF_UNSEEN = ("tests/model/test_unseen.py",)
-OF_PROJECTIONS = ("tests/model/test_projections.py",)
-OF_PLACEMENT = ("tests/model/test_placement.py",)
-OF_OVERLAP = ("tests/model/test_overlap.py",)
-OF_NEAREST = ("tests/model/test_nearest.py",)
+ATTENTION = "semgs/model/attention/camera_attention.py"
+SWIN = "semgs/model/attention/swin.py"
+COST = "semgs/model/sweep/cost_volume.py"
+HEADS = "semgs/model/gaussians/heads.py"
+PLACING = "semgs/model/gaussians/placing.py"
+SCENE = "semgs/model/layers/network_input.py"
+OVERLAP = "semgs/scene/overlap.py"
+NEAREST = "semgs/scene/nearest.py"
+CORRELATION = "semgs/model/sweep/correlation_kernels.py"
+OF_ATTENTION = ("tests/model/attention/test_camera_attention.py",)
+OF_SWIN = ("tests/model/attention/test_swin.py",)
+OF_COST = ("tests/model/sweep/test_cost_volume.py::test_the_cost_equals_a_loop_over_pixels_and_planes",)
+OF_UNSEEN = ("tests/model/sweep/test_unseen.py",)
+OF_PROJECTIONS = ("tests/model/sweep/test_projections.py",)
+OF_PLACEMENT = ("tests/model/gaussians/test_placement.py",)
+OF_OVERLAP = ("tests/scene/test_overlap.py",)
+OF_NEAREST = ("tests/scene/test_nearest.py",)
 OF_NETWORK = ("tests/model/test_semgs.py::test_each_pixel_becomes_a_gaussian_on_its_ray",)
-OF_PRECISION = ("tests/model/test_precision.py",)
+OF_PRECISION = ("tests/runtime/test_precision.py",)
 
 MODEL = (
     Mutant(
@@ -44,7 +44,7 @@ MODEL = (
     Mutant(
         "the compiled sweep swaps its bilinear weights", CORRELATION,
         "wx0, wx1, wy0, wy1 = 1 - a, a, 1 - b, b", "wx0, wx1, wy0, wy1 = a, 1 - a, 1 - b, b",
-        ("tests/model/test_cost_volume.py::test_the_fused_kernel_equals_the_plain_form_in_value_and_gradient",),
+        ("tests/model/sweep/test_cost_volume.py::test_the_fused_kernel_equals_the_plain_form_in_value_and_gradient",),
     ),
     Mutant(
         "what is behind a camera counts as seen, compiled", CORRELATION,
@@ -92,7 +92,7 @@ MODEL = (
         OF_PROJECTIONS,
     ),
     Mutant(
-        "autocast rounds cameras to bfloat16", "semgs/model/precision.py",
+        "autocast rounds cameras to bfloat16", "semgs/runtime/precision.py",
         "first.device.type, enabled=False", "first.device.type, enabled=True", OF_PRECISION,
     ),
     Mutant(
@@ -192,11 +192,11 @@ MODEL = (
         "rays, self.conventions) * depths[..., None]", "rays, self.conventions)", OF_OVERLAP,
     ),
     Mutant(
-        "the spread of depth is not that of its logarithm", "semgs/model/depth.py",
-        "self.planes.depths[at].log()[..., None, None]", "self.planes.depths[at][..., None, None]", ("tests/model/test_depth_spread.py",),
+        "the spread of depth is not that of its logarithm", "semgs/model/sweep/depth.py",
+        "self.planes.depths[at].log()[..., None, None]", "self.planes.depths[at][..., None, None]", ("tests/model/sweep/test_depth_spread.py",),
     ),
     Mutant(
-        "smaller pictures keep their camera", SCENE,
+        "smaller pictures keep their camera", "semgs/geometry/cameras.py",
         "return cameras.adjusted(scale,", "return cameras.adjusted(torch.eye(3, dtype=torch.float64),", OF_NETWORK,
     ),
     Mutant(
@@ -211,67 +211,67 @@ MODEL = (
     ),
     Mutant(
         "the refinement reads disparity in 1/m", HEADS,
-        "unit = near if self.conventions.relative_disparity else", "unit = torch.ones_like(near) if True else", ("tests/model/test_near_bounds.py",),
+        "unit = near if self.conventions.relative_disparity else", "unit = torch.ones_like(near) if True else", ("tests/model/gaussians/test_near_bounds.py",),
     ),
     Mutant(
         "corrected disparity may exceed that of the near bound", HEADS,
         ".clamp(1 / far, 1 / near)", ".clamp(min=1 / far)",
-        ("tests/model/test_heads.py::test_a_correction_beyond_near_or_far_ends_there",),
+        ("tests/model/gaussians/test_heads.py::test_a_correction_beyond_near_or_far_ends_there",),
     ),
     Mutant(
         "the near bound is that of the first view alone", SCENE,
-        "depth_range[..., 0].amin(-1)", "depth_range[..., 0, 0]", ("tests/model/test_near_bounds.py",),
+        "depth_range[..., 0].amin(-1)", "depth_range[..., 0, 0]", ("tests/model/gaussians/test_near_bounds.py",),
     ),
     Mutant(
-        "a scene is rendered with the near bound of its first view", "semgs/model/encoding.py",
-        "self.depth_range[..., 0].amin(-1, keepdim=True)", "self.depth_range[..., :1, 0]", ("tests/model/test_encoding.py",),
+        "a scene is rendered with the near bound of its first view", "semgs/scene/encoding.py",
+        "self.depth_range[..., 0].amin(-1, keepdim=True)", "self.depth_range[..., :1, 0]", ("tests/scene/test_encoding.py",),
     ),
     Mutant(
-        "classes from elsewhere keep the temperatures of the network's", "semgs/model/encoding.py",
-        "classes=classes, temperatures=None)", "classes=classes)", ("tests/model/test_with_classes.py",),
+        "classes from elsewhere keep the temperatures of the network's", "semgs/scene/encoding.py",
+        "classes=classes, temperatures=None)", "classes=classes)", ("tests/scene/test_with_classes.py",),
     ),
     Mutant(
         "a network begins whether memory suffices or not", "semgs/model/semgs.py",
-        "return memory_plan(self, views).chunks", "return WHOLE", ("tests/weights/test_load.py",),
+        "return memory_plan(self, views).chunks", "return WHOLE", ("tests/model/weights/test_load.py",),
     ),
     Mutant(
-        "depth teaches the class backbone through its cue", "semgs/model/mobilenet.py",
+        "depth teaches the class backbone through its cue", "semgs/model/classes/mobilenet.py",
         "one.detach()", "one",
-        ("tests/model/test_depth_cue.py::test_depth_sees_the_cues_that_the_class_branch_gives_and_never_teaches_it",),
+        ("tests/model/sweep/test_depth_cue.py::test_depth_sees_the_cues_that_the_class_branch_gives_and_never_teaches_it",),
     ),
     Mutant(
-        "cues join depth a level too late", "semgs/model/unet.py",
+        "cues join depth a level too late", "semgs/model/sweep/unet.py",
         "if isinstance(block, Downsample):", "if isinstance(block, CrossViewAttention):",
-        ("tests/model/test_depth_cue.py",),
+        ("tests/model/sweep/test_depth_cue.py",),
     ),
     Mutant(
-        "views agree by cameras of full-size images", "semgs/model/encoding.py",
+        "views agree by cameras of full-size images", "semgs/scene/encoding.py",
         "torch.tensor([1 / self.stride, 1 / self.stride, 1.0], dtype=torch.float64)", "torch.ones(3, dtype=torch.float64)",
-        ("tests/model/test_fused_classes.py::test_a_gaussian_takes_the_mean_of_the_log_probabilities_of_the_views_that_see_it",),
+        ("tests/scene/test_fused_classes.py::test_a_gaussian_takes_the_mean_of_the_log_probabilities_of_the_views_that_see_it",),
     ),
     Mutant(
         "views agree on classes in training too", "semgs/model/semgs.py",
         "if self.fuses and not self.training:", "if self.fuses:",
-        ("tests/model/test_fused_classes.py::test_the_network_fuses_outside_training_only_and_scene_by_scene",),
+        ("tests/scene/test_fused_classes.py::test_the_network_fuses_outside_training_only_and_scene_by_scene",),
     ),
     Mutant(
-        "the filtered cost is the correction alone", "semgs/model/cost_filter.py",
+        "the filtered cost is the correction alone", "semgs/model/sweep/cost_filter.py",
         "return cost + correction", "return correction",
-        ("tests/model/test_cost_filter.py",),
+        ("tests/model/sweep/test_cost_filter.py",),
     ),
     Mutant(
-        "a sensor's depth is a distance where the network's is one", "semgs/model/encoding.py",
+        "a sensor's depth is a distance where the network's is one", "semgs/scene/encoding.py",
         "(placed / self._z_depths(cameras))", "(placed / _lower_median(self.depths, stride))",
-        ("tests/model/test_with_depths.py::test_moving_all_gaussians_is_moving_each_along_its_ray",),
+        ("tests/scene/test_with_depths.py::test_moving_all_gaussians_is_moving_each_along_its_ray",),
     ),
     Mutant(
-        "moved Gaussians keep their size", "semgs/model/encoding.py",
+        "moved Gaussians keep their size", "semgs/scene/encoding.py",
         "scales=shape.scales * ratios[..., None]", "scales=shape.scales",
-        ("tests/model/test_with_depths.py::test_moving_all_gaussians_is_moving_each_along_its_ray",),
+        ("tests/scene/test_with_depths.py::test_moving_all_gaussians_is_moving_each_along_its_ray",),
     ),
     Mutant(
-        "a Gaussian lies between the two surfaces of its pixels", "semgs/model/encoding.py",
+        "a Gaussian lies between the two surfaces of its pixels", "semgs/scene/encoding.py",
         "nanmedian(-1).values", "nanmean(-1)",
-        ("tests/model/test_with_depths.py::test_a_block_lies_on_one_of_its_surfaces_and_never_between_them",),
+        ("tests/scene/test_with_depths.py::test_a_block_lies_on_one_of_its_surfaces_and_never_between_them",),
     ),
 )  # fmt: skip

@@ -9,12 +9,12 @@ OF_VIEW_SCORES = ("tests/reconstruction/test_scores.py",)
 
 RECONSTRUCTION = (
     Mutant(
-        "compiling counts as the stage in which it happens", "semgs/reconstruction/stages.py",
-        "perf_counter() - start - compiled()", "perf_counter() - start", ("tests/reconstruction/test_stages.py",),
+        "compiling counts as the stage in which it happens", "semgs/runtime/stopwatch.py",
+        "perf_counter() - start - compiled()", "perf_counter() - start", ("tests/runtime/test_stopwatch.py",),
     ),
     Mutant(
-        "percent of confidence are rounded to the nearest", "semgs/reconstruction/renders.py",
-        "np.floor(100 *", "np.rint(100 *", ("tests/reconstruction/test_renders.py",),
+        "percent of confidence are rounded to the nearest", "semgs/reconstruction/output/renders.py",
+        "np.floor(100 *", "np.rint(100 *", ("tests/reconstruction/output/test_renders.py",),
     ),
     Mutant(
         "errors of depth are averaged over views, not pixels", VIEW_SCORES,
@@ -31,9 +31,9 @@ RECONSTRUCTION = (
         ("tests/reconstruction/test_depth_fit.py::test_forty_percent_of_outliers_have_no_vote",),
     ),
     Mutant(
-        "the more a sensor is off, the more it counts", "semgs/reconstruction/sensor.py",
+        "the more a sensor is off, the more it counts", "semgs/reconstruction/sensor_depth.py",
         "weights * variance / (variance + noise)", "weights * noise / (variance + noise)",
-        ("tests/reconstruction/test_sensor.py::test_both_weighs_log_depths_by_their_inverse_variances",),
+        ("tests/reconstruction/test_sensor_depth.py::test_both_weighs_log_depths_by_their_inverse_variances",),
     ),
     Mutant(
         "depth maps that lie to the right are found to the left", "semgs/reconstruction/registration.py",

@@ -19,7 +19,7 @@ OF_JACOBIAN = (
 OF_ASIDE = ("tests/rendering/test_aside.py",)
 OF_CLASS_MAP = ("tests/rendering/test_render.py::test_the_class_map_sums_to_one_at_every_pixel_empty_ones_too",)
 OF_GSPLAT = ("tests/rendering/test_gsplat_backend.py",)
-OF_CONFIDENCE = ("tests/export/test_confidence.py",)
+OF_CONFIDENCE = ("tests/scene/test_confidence.py",)
 OF_KERNELS = ("tests/rendering/test_numba_backend.py::test_numba_equals_the_reference_in_float64",)
 
 RENDERING = (
@@ -149,12 +149,12 @@ RENDERING = (
         ("tests/rendering/test_render.py::test_images_lie_in_0_to_1_unless_a_loss_asks_for_them_as_they_are",),
     ),
     Mutant(
-        "rendered features are not divided by the weights", "semgs/rendering/features.py",
+        "rendered features are not divided by the weights", "semgs/rendering/render_features.py",
         "torch.cat(pictures) / alphas.clamp(min=LEAST_ALPHA)", "torch.cat(pictures)",
         ("tests/rendering/test_feature_rendering.py::test_the_front_counts_by_its_alpha_and_the_back_by_what_is_left",),
     ),
     Mutant(
-        "features are splatted with the shapes of colour", "semgs/rendering/features.py",
+        "features are splatted with the shapes of colour", "semgs/rendering/render_features.py",
         "shape = scene.semantic or scene.colour", "shape = scene.colour",
         ("tests/rendering/test_feature_rendering.py::test_features_equal_the_reference_pass_for_pass",),
     ),

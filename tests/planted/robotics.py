@@ -28,25 +28,25 @@ ROBOTICS = (
     Mutant(
         "rays free what they end in and beyond", "semgs/robotics/rays.py",
         "rays.origins + along * (free / lengths.clip(min=1e-9))[:, None]", "rays.origins + along * 1.2",
-        ("tests/robotics/test_occupancy_grid.py::test_what_no_ray_reached_is_never_free",),
+        ("tests/robotics/test_occupancy.py::test_what_no_ray_reached_is_never_free",),
     ),
     Mutant(
-        "unseen cells are free", "semgs/robotics/grid.py",
+        "unseen cells are free", "semgs/robotics/occupancy.py",
         "[blocked, clear], [OCCUPIED, FREE], UNKNOWN", "[blocked, clear], [OCCUPIED, FREE], FREE",
-        ("tests/robotics/test_occupancy_grid.py::test_what_no_ray_reached_is_never_free",),
+        ("tests/robotics/test_occupancy.py::test_what_no_ray_reached_is_never_free",),
     ),
     Mutant(
         "uncertain depth frees as much as certain depth", "semgs/robotics/rays.py",
         "lengths * np.exp(-SPREADS * rays.spread)", "lengths",
-        ("tests/robotics/test_occupancy_grid.py::test_uncertain_depth_frees_less_and_gaussians_in_no_order_need_depths",),
+        ("tests/robotics/test_occupancy.py::test_uncertain_depth_frees_less_and_gaussians_in_no_order_need_depths",),
     ),
     Mutant(
         "a table with the class of a floor is the floor", "semgs/robotics/floor.py",
         "> MOST_BELOW:", "> 1:",
-        ("tests/robotics/test_occupancy_grid.py::test_the_floor_is_the_fullest_level_of_its_class_and_without_classes_the_lowest_full_one",),
+        ("tests/robotics/test_occupancy.py::test_the_floor_is_the_fullest_level_of_its_class_and_without_classes_the_lowest_full_one",),
     ),
     Mutant(
-        "walls are things", "semgs/robotics/things.py",
+        "walls are things", "semgs/robotics/objects.py",
         'STUFF = ("wall", "floor", "ceiling")', 'STUFF = ("floor", "ceiling")',
         ("tests/robotics/test_objects.py::test_two_chairs_are_two_things_and_walls_are_none",),
     ),

@@ -6,17 +6,17 @@ from planted.mutant import Mutant
 
 ROOMS = (
     Mutant(
-        "shaded rooms are added to traced ones", "semgs/rooms/sets/scenes.py",
+        "shaded rooms are added to traced ones", "semgs/rooms/sets/room_scenes.py",
         'SHADED = "shaded"', 'SHADED = "traced"',
         ("tests/rooms/sets/test_dataset.py::test_shaded_rooms_of_a_release_that_also_traced_go_on_and_traced_ones_do_not",),
     ),
     Mutant(
-        "cameras of the held-out world are used as those in homes", "semgs/rooms/sets/cameras.py",
+        "cameras of the held-out world are used as those in homes", "semgs/rooms/sets/carried_cameras.py",
         'if style != "home":', 'if style == "nowhere":',
         ("tests/rooms/sets/test_cameras_of_rooms.py::test_the_held_out_world_has_the_usual_cameras_and_no_number_is_spent_on_it",),
     ),
     Mutant(
-        "close cameras are anywhere in the room", "semgs/rooms/sets/cameras.py",
+        "close cameras are anywhere in the room", "semgs/rooms/sets/carried_cameras.py",
         "150, subject)[:60]", "150)[:60]",
         ("tests/rooms/sets/test_cameras_of_rooms.py::test_close_cameras_are_within_90_cm_of_their_subject_and_fill_the_frame_with_it",),
     ),

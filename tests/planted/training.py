@@ -6,8 +6,8 @@ from planted.mutant import Mutant
 
 TRAINING = (
     Mutant(
-        "validation scores the mean of scenes for that of pixels", "semgs/training/validation.py",
-        "counts if confusion is None else confusion + counts", "counts", ("tests/training/test_validation.py",),
+        "validation scores the mean of scenes for that of pixels", "semgs/training/supervision/validation.py",
+        "counts if confusion is None else confusion + counts", "counts", ("tests/training/supervision/test_validation.py",),
     ),
     Mutant(
         "gradients of pieces are summed for averaged", "semgs/training/step.py",
@@ -24,73 +24,73 @@ TRAINING = (
         ("tests/training/test_step.py::test_a_step_that_is_not_finite_leaves_the_weights_and_is_counted",),
     ),
     Mutant(
-        "all processes take the same scenes", "semgs/training/execution.py",
+        "all processes take the same scenes", "semgs/training/run/execution.py",
         "step * batch + self.rank * self.accumulate * each", "step * batch", ("tests/training/test_processes.py",),
     ),
     Mutant(
-        "only the processes of one machine share a step", "semgs/training/execution.py",
-        "self.devices * self.nodes, self.accumulate", "self.devices, self.accumulate", ("tests/training/test_execution.py",),
+        "only the processes of one machine share a step", "semgs/training/run/execution.py",
+        "self.devices * self.nodes, self.accumulate", "self.devices, self.accumulate", ("tests/training/run/test_execution.py",),
     ),
     Mutant(
-        "two processes train into one run folder", "semgs/training/run.py",
+        "two processes train into one run folder", "semgs/training/run/run_folder.py",
         "return FileLock(out / LOCK).acquire(timeout=0)", "return nullcontext()",
-        ("tests/training/test_run.py::test_a_run_becomes_longer_once_somebody_trains_it_and_then_not_shorter",),
+        ("tests/training/run/test_run_folder.py::test_a_run_becomes_longer_once_somebody_trains_it_and_then_not_shorter",),
     ),
     Mutant(
-        "validation uses the most input views of the training", "semgs/training/batches.py",
+        "validation uses the most input views of the training", "semgs/training/data/batches.py",
         "fewest = settings.contexts[0]", "fewest = settings.contexts[1]",
-        ("tests/training/test_files.py::test_validation_rooms_have_the_fewest_input_views_of_the_training",),
+        ("tests/training/data/test_files.py::test_validation_rooms_have_the_fewest_input_views_of_the_training",),
     ),
     Mutant(
-        "a mirrored camera keeps its principal point", "semgs/training/augmentation.py",
-        "intrinsics[..., 0, 2] = width - intrinsics[..., 0, 2]", "pass", ("tests/training/test_augmentation.py",),
+        "a mirrored camera keeps its principal point", "semgs/training/data/augmentation.py",
+        "intrinsics[..., 0, 2] = width - intrinsics[..., 0, 2]", "pass", ("tests/training/data/test_augmentation.py",),
     ),
     Mutant(
-        "a mirrored world keeps its poses", "semgs/training/augmentation.py",
+        "a mirrored world keeps its poses", "semgs/training/data/augmentation.py",
         "poses = mirror @ views.cameras.world_from_camera @ mirror", "poses = views.cameras.world_from_camera",
-        ("tests/training/test_augmentation.py",),
+        ("tests/training/data/test_augmentation.py",),
     ),
     Mutant(
-        "a mirrored picture keeps its labels and depths", "semgs/training/augmentation.py",
+        "a mirrored picture keeps its labels and depths", "semgs/training/data/augmentation.py",
         "views.map(lambda maps: maps.flip(-1), cameras=", "views.map(lambda maps: maps, lambda maps: maps.flip(-1), cameras=",
-        ("tests/training/test_augmentation.py",),
+        ("tests/training/data/test_augmentation.py",),
     ),
     Mutant(
-        "white balance changes as much as exposure", "semgs/training/augmentation.py",
-        "rng.uniform(-strength, strength, 3) / 3", "rng.uniform(-strength, strength, 3)", ("tests/training/test_augmentation.py",),
+        "white balance changes as much as exposure", "semgs/training/data/augmentation.py",
+        "rng.uniform(-strength, strength, 3) / 3", "rng.uniform(-strength, strength, 3)", ("tests/training/data/test_augmentation.py",),
     ),
     Mutant(
-        "all views of a sample are exposed alike", "semgs/training/augmentation.py",
+        "all views of a sample are exposed alike", "semgs/training/data/augmentation.py",
         "recoloured(views.select([index]), strength, rng).images for index", "recoloured(views.select([index]), strength, np.random.default_rng(0)).images for index",
-        ("tests/training/test_augmentation.py",),
+        ("tests/training/data/test_augmentation.py",),
     ),
     Mutant(
-        "samples from folders ignore the seed", "semgs/training/samples.py",
+        "samples from folders ignore the seed", "semgs/training/data/samples.py",
         "SeedSequence((self._seed, k, purpose))", "SeedSequence((0, k, purpose))",
-        ("tests/training/test_files.py::test_another_seed_sees_other_scenes_and_frames",),
+        ("tests/training/data/test_files.py::test_another_seed_sees_other_scenes_and_frames",),
     ),
     Mutant(
-        "a rolled camera turns against its image", "semgs/training/augmentation.py",
+        "a rolled camera turns against its image", "semgs/training/data/augmentation.py",
         "views.cameras.world_from_camera @ turn,", "views.cameras.world_from_camera @ turn.mT,",
-        ("tests/training/test_augmentation.py",),
+        ("tests/training/data/test_augmentation.py",),
     ),
     Mutant(
-        "a scene may end one round and begin the next", "semgs/training/turns.py",
-        "range(gap - 1 if before else 0)", "range(0)", ("tests/training/test_single_pictures.py",),
+        "a scene may end one round and begin the next", "semgs/training/data/image_schedule.py",
+        "range(gap - 1 if before else 0)", "range(0)", ("tests/training/data/test_single_pictures.py",),
     ),
     Mutant(
-        "what a teacher does not speak of counts as uncertain", "semgs/training/teacher.py",
+        "what a teacher does not speak of counts as uncertain", "semgs/training/data/teacher.py",
         "(terms * known).sum((-2, -1)) / known.sum((-2, -1)).clamp(min=1)", "terms.mean((-2, -1))",
-        ("tests/training/test_teacher.py",),
+        ("tests/training/data/test_teacher.py",),
     ),
     Mutant(
-        "vignetting takes double from the corners", "semgs/training/photo.py",
-        "np.float32(loss / 2)", "np.float32(loss)", ("tests/training/test_photo.py",),
+        "vignetting takes double from the corners", "semgs/training/data/photo_camera.py",
+        "np.float32(loss / 2)", "np.float32(loss)", ("tests/training/data/test_photo_camera.py",),
     ),
     Mutant(
-        "classes are brought to another table by position", "semgs/training/samples.py",
+        "classes are brought to another table by position", "semgs/training/data/samples.py",
         "table.names.index(name) if name in table.names else IGNORE", "views.classes.names.index(name)",
-        ("tests/training/test_files.py",),
+        ("tests/training/data/test_files.py",),
     ),
     Mutant(
         "the moving average forgets as its weights should stay", "semgs/training/state.py",
@@ -107,30 +107,25 @@ TRAINING = (
         ("tests/training/test_loop.py::test_a_run_that_goes_on_knows_the_best_score_of_before",),
     ),
     Mutant(
-        "damaged checkpoints count among the last three", "semgs/training/checkpoints.py",
-        "(record == own or _intact(record) is not None)", "True", ("tests/training/test_damage.py",),
+        "damaged checkpoints count among the last three", "semgs/training/run/checkpoints.py",
+        "(record == own or _intact(record) is not None)", "True", ("tests/training/run/test_damage.py",),
     ),
     Mutant(
-        "a run whose checkpoints are all damaged begins anew", "semgs/training/checkpoints.py",
-        "    if damaged:\n", "    if False:\n", ("tests/training/test_damage.py",),
+        "a run whose checkpoints are all damaged begins anew", "semgs/training/run/checkpoints.py",
+        "    if damaged:\n", "    if False:\n", ("tests/training/run/test_damage.py",),
     ),
     Mutant(
-        "losses compare clamped images", "semgs/training/objective.py",
+        "losses compare clamped images", "semgs/training/supervision/objective.py",
         "encoding.render(target.cameras, clamp=False)", "encoding.render(target.cameras)",
-        ("tests/training/test_supervision.py::test_a_pixel_that_is_too_bright_is_compared_as_bright_as_it_is",),
+        ("tests/training/supervision/test_supervision.py::test_a_pixel_that_is_too_bright_is_compared_as_bright_as_it_is",),
     ),
     Mutant(
-        "a run that was made longer is made shorter again", "semgs/training/run.py",
-        "if settings.steps > there.steps:", "if settings.steps != there.steps:", ("tests/training/test_run.py",),
+        "a run that was made longer is made shorter again", "semgs/training/run/run_folder.py",
+        "if settings.steps > there.steps:", "if settings.steps != there.steps:", ("tests/training/run/test_run_folder.py",),
     ),
     Mutant(
         "a rate of zero still learns", "semgs/training/state.py",
         "if shares.get(name, 1.0) > 0}", "}",
-        ("tests/training/test_supervision.py::test_a_rate_of_zero_freezes_what_it_is_for_and_nothing_else",),
-    ),
-    Mutant(
-        "a run in a world that is given up continues in homes", "semgs/training/settings.py",
-        '(style := saved.pop("style", "home")) != "home"', '(style := saved.pop("style", "home")) == "other"',
-        ("tests/training/test_whole_runs.py::test_worlds_that_no_training_may_see_are_refused",),
+        ("tests/training/supervision/test_supervision.py::test_a_rate_of_zero_freezes_what_it_is_for_and_nothing_else",),
     ),
 )  # fmt: skip

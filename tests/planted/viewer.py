@@ -10,19 +10,19 @@ OF_VIEWER_CAMERAS = ("tests/viewer/test_viewer_views.py",)
 
 VIEWER = (
     Mutant(
-        "splats are not scaled with the world", "semgs/viewer/splats.py",
+        "splats are not scaled with the world", "semgs/viewer/splat_groups.py",
         "found: Tensor = covariance(shape.quaternions, scale * shape.scales)", "found: Tensor = covariance(shape.quaternions, shape.scales)", OF_SPLATS,
     ),
     Mutant(
-        "colours are seen from the first input view", "semgs/viewer/splats.py",
+        "colours are seen from the first input view", "semgs/viewer/splat_groups.py",
         "scene.cameras.centres[scene.own_views]", "scene.cameras.centres[:1]", OF_SPLATS,
     ),
     Mutant(
-        "classes have the shapes of the colour Gaussians", "semgs/viewer/splats.py",
+        "classes have the shapes of the colour Gaussians", "semgs/viewer/splat_groups.py",
         'if mode in ("classes", "confidence", "things") else gaussians.colour', "if mode == 'none' else gaussians.colour", OF_SPLATS,
     ),
     Mutant(
-        "the most transparent Gaussians are kept", "semgs/viewer/splats.py",
+        "the most transparent Gaussians are kept", "semgs/viewer/splat_groups.py",
         'np.argsort(-opacities, kind="stable")', 'np.argsort(opacities, kind="stable")', OF_SPLATS,
     ),
     Mutant(
@@ -42,21 +42,21 @@ VIEWER = (
         " + torch.tensor(scene.origin, dtype=torch.float64)", "", OF_PICKS,
     ),
     Mutant(
-        "a ray is turned the wrong way", "semgs/viewer/views.py",
+        "a ray is turned the wrong way", "semgs/viewer/viewer_cameras.py",
         "as_float64(direction) @ camera.world_from_camera[:3, :3]", "camera.world_from_camera[:3, :3] @ as_float64(direction)", OF_VIEWER_CAMERAS,
     ),
     Mutant(
-        "the field of view of a viewer's camera is that across", "semgs/viewer/views.py",
+        "the field of view of a viewer's camera is that across", "semgs/viewer/viewer_cameras.py",
         "focal = height / (2 * tan(fov / 2))", "focal = width / (2 * tan(fov / 2))", OF_VIEWER_CAMERAS,
     ),
     Mutant(
-        "Rerun: the plan is upside down", "semgs/viewer/rerun_file.py",
+        "Rerun: the plan is upside down", "semgs/reconstruction/output/rerun_file.py",
         "found.cells[::-1].tobytes()", "found.cells.tobytes()",
-        ("tests/viewer/test_rerun_file.py::test_the_plan_is_what_rerun_makes_of_the_same_plan_from_ros",),
+        ("tests/reconstruction/output/test_rerun_file.py::test_the_plan_is_what_rerun_makes_of_the_same_plan_from_ros",),
     ),
     Mutant(
-        "Rerun: w is the first number of a quaternion", "semgs/viewer/rerun_file.py",
+        "Rerun: w is the first number of a quaternion", "semgs/reconstruction/output/rerun_file.py",
         "quaternions.roll(-1, -1)", "quaternions",
-        ("tests/cli/test_rerun_option.py::test_each_gaussian_appears_once_at_the_frame_that_it_belongs_to",),
+        ("tests/cli/scenes/test_rerun_option.py::test_each_gaussian_appears_once_at_the_frame_that_it_belongs_to",),
     ),
 )  # fmt: skip

@@ -11,15 +11,15 @@ import pytest
 import torch
 from torch import nn
 
-from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
+from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.data.views import Views
-from semgs.files.pictures import write_png
+from semgs.files.images.pictures import write_png
 from semgs.geometry.cameras import Cameras, back_project, pixel_centres
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.rotations import matrix_from_quaternion
-from semgs.model.encoding import Encoding
+from semgs.scene.encoding import Encoding
 
 SIZE = (40, 56)
 INTRINSICS = np.array([[52.0, 0, 27.0], [0, 50.0, 21.5], [0, 0, 1]])

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 import torch
 
-from semgs.data.classes import IGNORE
 from semgs.data.scenes import open_scene
+from semgs.data.tables.classes import IGNORE
 from semgs.files.errors import InputError
-from semgs.files.pictures import write_png
+from semgs.files.images.pictures import write_png
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.model.semgs import SemGS
+from semgs.model.weights.load import load
 from semgs.objectives.losses import cross_entropy
-from semgs.weights.load import load
 
 SIZE = (32, 48)
 TURN = matrix_from_quaternion(torch.tensor([0.8, 0.3, -0.2, 0.4], dtype=torch.float64)).numpy()

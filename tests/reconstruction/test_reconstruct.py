@@ -11,15 +11,15 @@ from reconstruction.conftest import SIZE, TURN, WALL
 from safetensors import safe_open
 
 from semgs import load
-from semgs.cli.reconstruction_files import saved
-from semgs.data.choice import choose, given
+from semgs.data.choosing.choice import choose, given
 from semgs.data.scene import Scene
 from semgs.data.views import Views
-from semgs.export.scene import load_scene, save_scene
 from semgs.objectives.metrics import psnr
-from semgs.reconstruction.reconstruct import Network, reconstruct, strangers
-from semgs.reconstruction.report import Origin, report_numbers
-from semgs.reconstruction.stages import Stages
+from semgs.reconstruction.output.files import saved
+from semgs.reconstruction.output.report import Origin, report_numbers
+from semgs.reconstruction.pipeline import Network, reconstruct, strangers
+from semgs.runtime.stopwatch import Stages
+from semgs.scene.scene_file import load_scene, save_scene
 
 
 def test_a_network_that_knows_the_depth_gives_the_wall_back(wall_scene: Callable[..., Scene], oracle: Network) -> None:

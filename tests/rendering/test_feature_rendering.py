@@ -8,8 +8,8 @@ import torch
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.rendering import reference
-from semgs.rendering.features import LEAST_ALPHA, render_features
 from semgs.rendering.pinhole import Pinhole
+from semgs.rendering.render_features import LEAST_ALPHA, render_features
 from semgs.rendering.splats import Splats
 
 NEAR = 1.0

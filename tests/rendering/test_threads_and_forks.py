@@ -23,7 +23,7 @@ def test_eight_threads_that_render_at_once_get_the_bits_of_one(random_scene):
         assert torch.equal(one.depths, other.depths)
 
 
-@pytest.mark.long  # it forks a process with threads; tests/geometry/test_compiled.py has the small form, in an interpreter of its own
+@pytest.mark.long  # it forks a process with threads; tests/runtime/test_kernels.py has the small form, in an interpreter of its own
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 def test_a_process_forked_after_rendering_neither_renders_nor_encodes_and_says_why(random_scene):
     scene = random_scene(1, 30, 1, (16, 23))

@@ -9,9 +9,9 @@ import torch
 from blocks import room_of_blocks
 
 import semgs
-from semgs.data.classes import SCANNET20
+from semgs.data.tables.classes import SCANNET20
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.robotics.things import objects
+from semgs.robotics.objects import objects
 
 pytest.importorskip("sklearn")
 pytest.importorskip("trimesh")

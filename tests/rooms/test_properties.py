@@ -8,14 +8,14 @@ import torch
 
 pytest.importorskip("embreex")
 
-from semgs.data.classes import SCANNET20
+from semgs.data.tables.classes import SCANNET20
 from semgs.geometry.cameras import back_project, project
 from semgs.rooms.drawing.room import FLAT, build_room
 from semgs.rooms.drawing.shading import look, pixel_directions
 from semgs.rooms.pieces.furniture import LABEL
 from semgs.rooms.pieces.solids import BALL, BOX, CYLINDER, Solids, gather, triangulate
 from semgs.rooms.plans.home import draw_home
-from semgs.rooms.sets.stream import generator, sample
+from semgs.rooms.sets.room_stream import generator, sample
 
 SIZE = (18, 24)
 

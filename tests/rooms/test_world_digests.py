@@ -20,9 +20,9 @@ import pytest
 
 pytest.importorskip("embreex")
 
-from semgs.files.pictures import read_uint8
+from semgs.files.images.pictures import read_uint8
 from semgs.rooms.plans.style import STYLES
-from semgs.rooms.sets.scenes import Recipe, Walk, draw_scene, write_views
+from semgs.rooms.sets.room_scenes import Recipe, Walk, draw_scene, write_views
 
 SEED, SCENES, FRAMES, SIZE = 3, 3, 2, (48, 64)
 DECIMALS = 9

@@ -11,7 +11,7 @@ import pytest
 from bags import jpeg, png
 
 from semgs import ros
-from semgs.data.lens import Lens
+from semgs.data.cameras.lens import Lens
 from semgs.mapping.stream import FrameReader
 
 FRAME = "camera_optical"

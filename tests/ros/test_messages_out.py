@@ -17,13 +17,13 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from wall_and_chair import CHAIR, wall_and_chair
 
 from semgs import ros
-from semgs.data.classes import SCANNET20
+from semgs.data.tables.classes import SCANNET20
 from semgs.export.map_files import map_image
 from semgs.files.bags import message_store
 from semgs.robotics.boxes import Box
-from semgs.robotics.grid import FREE, OCCUPIED, UNKNOWN, Occupancy
 from semgs.robotics.level import level_from_world
-from semgs.robotics.things import Objects, Thing
+from semgs.robotics.objects import Objects, Thing
+from semgs.robotics.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
 
 HEADER = SimpleNamespace(stamp=SimpleNamespace(sec=7, nanosec=500), frame_id="base_link")
 CELLS = np.array([[FREE, OCCUPIED, UNKNOWN, FREE], [OCCUPIED, OCCUPIED, FREE, UNKNOWN]], np.int8)

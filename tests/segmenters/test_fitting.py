@@ -11,15 +11,15 @@ import pytest
 import torch
 from scenes_on_disk import SIZE, TABLE, write_labelled
 
-from semgs.data.classes import IGNORE, SCANNET20
 from semgs.data.scenes import open_scene
+from semgs.data.tables.classes import IGNORE, SCANNET20
 from semgs.files.errors import InputError
 from semgs.geometry.fusion import LEAST
 from semgs.segmenters.fitting import Fit, correspondence, counts, fit, fitted_votes, pixels, read_fit, save_fit
 from semgs.segmenters.labelling import Votes, weighed
-from semgs.segmenters.maps import one_hot
 from semgs.segmenters.names import Correspondence
 from semgs.segmenters.opening import sources
+from semgs.segmenters.photo_maps import one_hot
 from semgs.segmenters.tables import table_of
 
 TWO = table_of("two", ("a", "b"))

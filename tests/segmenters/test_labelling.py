@@ -11,20 +11,20 @@ import pytest
 import torch
 from scenes_on_disk import SIZE, write_labelled
 
-from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.frames import Frame
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
+from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.geometry.fusion import LEAST
-from semgs.model.encoding import Encoding
-from semgs.reconstruction.encode import encode
-from semgs.segmenters.files import MadeBy
+from semgs.model.encode import encode
+from semgs.model.weights.load import load
+from semgs.scene.encoding import Encoding
+from semgs.segmenters.class_map_files import MadeBy
+from semgs.segmenters.class_source import Translated
 from semgs.segmenters.labelling import Labelling, combined
 from semgs.segmenters.names import Correspondence
 from semgs.segmenters.opening import Opened
-from semgs.segmenters.source import Translated
 from semgs.segmenters.tables import table_of
-from semgs.weights.load import load
 
 LIGHT_DARK = table_of("light-dark", ("light", "dark"))
 

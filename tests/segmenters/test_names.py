@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from semgs.data.classes import SCANNET20
+from semgs.data.tables.classes import SCANNET20
 from semgs.segmenters.names import IGNORED, SAME, is_ignored, meaning_of, scannet20_of
 
 

@@ -12,19 +12,19 @@ import pytest
 import torch
 from scenes_on_disk import SIZE, write_labelled
 
-from semgs.data.classes import SCANNET20, ClassTable
-from semgs.data.labeller import Labeller
+from semgs.data.origin.labeller import Labeller
+from semgs.data.origin.licences import ROOMS, Terms, labeller_of, terms_of, terms_of_photos
+from semgs.data.preparation.archive import Preparation, prepare_scene
+from semgs.data.preparation.prepared_set import PreparedSet, Reading, sources
 from semgs.data.scenes import open_scene
-from semgs.data.terms import ROOMS, Terms, labeller_of, terms_of, terms_of_photos
-from semgs.preparation.archive import Preparation, prepare_scene
-from semgs.preparation.prepared_set import PreparedSet, Reading, sources
-from semgs.segmenters.files import MadeBy
+from semgs.data.tables.classes import SCANNET20, ClassTable
+from semgs.segmenters.class_map_files import MadeBy
 from semgs.segmenters.opening import Opened
 from semgs.segmenters.relabelling import Relabelling, _reduced, likeliest_labels, relabelled, relabelling
 from semgs.segmenters.tables import table_of
-from semgs.training.batches import surveyed
-from semgs.training.settings import TrainingSettings
-from semgs.training.survey.record import RECORD, data_terms_of, scenes_of
+from semgs.training.data.batches import surveyed
+from semgs.training.data.data_check.scene_record import RECORD, data_terms_of, scenes_of
+from semgs.training.training_settings import TrainingSettings
 
 THINGS = table_of("things", ["cup", "mug", "tin", "jar"])
 
@@ -133,7 +133,7 @@ def test_a_student_has_the_terms_of_its_teacher_and_rooms_stay_rooms(tmp_path: P
 
 def write_maps(folder: Path, number: Callable[[int], int] = lambda column: column // 8) -> None:
     """Class numbers of a scene's three frames."""
-    from semgs.files.pictures import write_png
+    from semgs.files.images.pictures import write_png
 
     (folder / "images").mkdir(parents=True)
     for frame in range(3):

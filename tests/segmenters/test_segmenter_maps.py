@@ -7,9 +7,9 @@ import pytest
 import torch
 from PIL import Image
 
+from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
-from semgs.data.lens import Lens
-from semgs.segmenters.maps import normalised, one_hot, resized_map, to_view
+from semgs.segmenters.photo_maps import normalised, one_hot, resized_map, to_view
 
 POSE = np.array([[0, -1, 0, 0.3], [1, 0, 0, 0.1], [0, 0, 1, -0.2], [0, 0, 0, 1]], dtype=np.float64)
 SIZE = (90, 121)

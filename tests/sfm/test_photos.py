@@ -13,7 +13,7 @@ from PIL import Image
 
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
-from semgs.files.pictures import read_optics, read_rgb, read_upright
+from semgs.files.images.pictures import read_optics, read_rgb, read_upright
 from semgs.sfm.clips import LEAST_MOTION, copy_frames, motion, moving
 from semgs.sfm.photos import MOST_PHOTOS, PhotoSet, copy_photos, has_only_photos, pictures_in, with_focal
 

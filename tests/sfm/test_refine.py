@@ -17,7 +17,7 @@ from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.rotations import matrix_from_quaternion
-from semgs.rooms.sets.demo import demo_scene
+from semgs.rooms.sets.demo_room import demo_scene
 from semgs.sfm import refine as module
 from semgs.sfm.matches import Matches
 from semgs.sfm.refine import Sightings, adjusted, epipolar_px, refine, sightings

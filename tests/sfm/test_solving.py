@@ -15,10 +15,10 @@ from pycolmap_photos import FOCAL, PLANES, Taken, poses_of, take
 
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
-from semgs.files.pictures import write_png
+from semgs.files.images.pictures import write_png
 from semgs.sfm import solving as module
-from semgs.sfm.library import pycolmap
 from semgs.sfm.photos import Photo
+from semgs.sfm.pycolmap_library import pycolmap
 from semgs.sfm.scale import KnownDistance, in_metres, scaled
 from semgs.sfm.scene_folder import Known, write_scene
 from semgs.sfm.solving import Solution, best, expected_seconds, posed_photos

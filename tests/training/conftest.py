@@ -8,17 +8,17 @@ import pytest
 import torch
 from torch import nn
 
-from semgs.data.classes import IGNORE, SCANNET20
+from semgs.data.tables.classes import IGNORE, SCANNET20
 from semgs.data.views import Batch, Views
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.plane_sweep import depth_candidates, expected_depth
-from semgs.model.depth import CoarseDepth
-from semgs.model.encoding import Encoding
-from semgs.model.padded import widened
+from semgs.model.layers.network_input import widened
 from semgs.objectives.losses import LossWeights
 from semgs.rendering.rendering import Rendering
-from semgs.training.settings import TrainingSettings
+from semgs.scene.coarse_depth import CoarseDepth
+from semgs.scene.encoding import Encoding
+from semgs.training.training_settings import TrainingSettings
 
 SIZE = (16, 24)
 
@@ -139,7 +139,7 @@ def sweeping() -> Callable[[], TinySweep]:
 def _tiny_renderer(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Lets the stand-in take the place of splatting, except in tests that ask for `real_rendering`."""
     if "real_rendering" not in request.fixturenames:
-        monkeypatch.setattr("semgs.model.encoding.render", shown_as_they_lie)
+        monkeypatch.setattr("semgs.scene.encoding.render", shown_as_they_lie)
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from networks import network
 from semgs.objectives.losses import LossWeights
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
-from semgs.training.supervision import supervision_of
+from semgs.training.supervision.supervision import supervision_of
 
 TINY = {
     "channels": 16, "cnn_widths": (8, 8, 16), "candidates": 8, "cost_width": 16, "upsampled_channels": 16, "harmonics": 4,

@@ -10,7 +10,7 @@ from posed import posed_views
 from torch import nn
 
 from semgs.training.engine import launched
-from semgs.training.execution import Execution
+from semgs.training.run.execution import Execution
 
 
 class Probe(nn.Module):

@@ -18,14 +18,14 @@ from PIL import Image
 from rich.console import Console
 
 from semgs.files.errors import InputError
-from semgs.training.batches import Portion
-from semgs.training.checkpoints import best_checkpoint, newest_checkpoint, save_checkpoint
-from semgs.training.events import Events
+from semgs.training.data.batches import Portion
 from semgs.training.loop import Feed, fit, resume
-from semgs.training.session import Session
+from semgs.training.run.checkpoints import best_checkpoint, newest_checkpoint, save_checkpoint
+from semgs.training.run.events import Events
+from semgs.training.run.session import Session
 from semgs.training.state import TrainingState
-from semgs.training.supervision import supervision_of
-from semgs.training.validation import validation_of_views
+from semgs.training.supervision.supervision import supervision_of
+from semgs.training.supervision.validation import validation_of_views
 
 
 class Killed(BaseException):
@@ -182,7 +182,7 @@ def test_the_last_three_checkpoints_stay_and_leftovers_of_a_kill_go(session, net
 def test_the_checkpoint_of_the_best_validation_stays_until_a_better_one(session, tmp_path, monkeypatch):
     scores = iter([0.2, 0.5, 0.4, 0.3])
     monkeypatch.setattr(
-        "semgs.training.supervision.Rendered.validate",
+        "semgs.training.supervision.supervision.Rendered.validate",
         lambda *given: validation_of_views(20.0, next(scores), 0.5, None),
     )
     session(tmp_path / "run", save_minutes=0.0, every=3)
@@ -195,7 +195,7 @@ def test_the_checkpoint_of_the_best_validation_stays_until_a_better_one(session,
 def test_a_run_that_goes_on_knows_the_best_score_of_before(session, tmp_path, monkeypatch):
     scores = iter([0.2, 0.5, 0.4, 0.3])  # of steps 3, 6, 9 and 12
     monkeypatch.setattr(
-        "semgs.training.supervision.Rendered.validate",
+        "semgs.training.supervision.supervision.Rendered.validate",
         lambda *given: validation_of_views(20.0, next(scores), 0.5, None),
     )
     with pytest.raises(Killed):
@@ -213,7 +213,7 @@ def test_a_checkpoint_that_cannot_be_written_leaves_the_last_good_one(network, s
     def full_disk(path: Path, data: bytes, durable: bool = False) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("semgs.training.checkpoints.write_bytes", full_disk)
+    monkeypatch.setattr("semgs.training.run.checkpoints.write_bytes", full_disk)
     state.step = 5
     with pytest.raises(OSError, match="No space left"):
         save_checkpoint(tmp_path, state)

@@ -8,11 +8,11 @@ import pytest
 import torch
 
 from semgs.objectives.loss_weights import LossWeights
-from semgs.training.differences import differences
 from semgs.training.presets import PRESETS, base, base_text, paper, small
-from semgs.training.settings import Augmentation, Switches
+from semgs.training.run.differences import differences
 from semgs.training.state import TrainingState
-from semgs.training.supervision import supervision_of
+from semgs.training.supervision.supervision import supervision_of
+from semgs.training.training_settings import Augmentation, Switches
 
 
 def test_paper_is_the_papers_training():

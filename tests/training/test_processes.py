@@ -16,10 +16,10 @@ from torch.nn.parallel import DistributedDataParallel
 
 from semgs.data.views import Batch
 from semgs.geometry.cameras import Cameras
-from semgs.training.execution import Share
+from semgs.training.run.execution import Share
 from semgs.training.state import TrainingState
 from semgs.training.step import descend
-from semgs.training.supervision import Depth, supervision_of
+from semgs.training.supervision.supervision import Depth, supervision_of
 
 
 def parts(batch: Batch, count: int) -> list[Batch]:

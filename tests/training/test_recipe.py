@@ -10,7 +10,7 @@ import pytest
 from semgs.model.build import build
 from semgs.model.networks import base, small
 from semgs.model.switches import Switches, switched
-from semgs.training.recipe import STAGES, Start, folder, settings_of
+from semgs.training.recipe_stages import STAGES, Start, folder, settings_of
 
 OUT = Path("out")
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from semgs.training.objective import render_targets
-from semgs.training.settings import TrainingSettings
 from semgs.training.state import TrainingState
 from semgs.training.step import learning_rate, training_step
-from semgs.training.supervision import supervision_of
+from semgs.training.supervision.objective import render_targets
+from semgs.training.supervision.supervision import supervision_of
+from semgs.training.training_settings import TrainingSettings
 
 
 def begin(network, settings) -> TrainingState:

@@ -12,14 +12,14 @@ from networks import preset
 from posed import posed_views
 
 from semgs.data.views import Batch, stack
+from semgs.model.weights.load import load
 from semgs.training import presets
-from semgs.training.execution import Execution
 from semgs.training.loop import train
-from semgs.training.run import export_weights
+from semgs.training.run.execution import Execution
+from semgs.training.run.run_folder import export_weights
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
-from semgs.training.supervision import supervision_of
-from semgs.weights.load import load
+from semgs.training.supervision.supervision import supervision_of
 
 pytestmark = [pytest.mark.gpu, pytest.mark.usefixtures("real_rendering", "gsplat")]
 

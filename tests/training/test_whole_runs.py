@@ -17,22 +17,22 @@ import torch
 from rich.console import Console
 from scenes_on_disk import write_labelled, write_table
 
-from semgs.data.class_files import read_class_file
-from semgs.data.classes import SCANNET20
-from semgs.data.terms import ROOMS
+from semgs.data.origin.licences import ROOMS
+from semgs.data.tables.class_files import read_class_file
+from semgs.data.tables.classes import SCANNET20
 from semgs.data.views import Batch
 from semgs.files.errors import InputError
+from semgs.model.weights.load import data_terms, load
+from semgs.model.weights.weights_file import read_header, save
 from semgs.objectives.loss_weights import LossWeights
-from semgs.rooms.sets.stream import RoomSamples, sample
-from semgs.training import batches
-from semgs.training.batches import surveyed, training_batches, validation_batches
-from semgs.training.checkpoints import newest_checkpoint
-from semgs.training.execution import Execution
+from semgs.rooms.sets.room_stream import RoomSamples, sample
+from semgs.training.data import batches
+from semgs.training.data.batches import surveyed, training_batches, validation_batches
 from semgs.training.loop import train
-from semgs.training.run import hold_assets
-from semgs.training.settings import VALIDATION_SEED, Augmentation, TrainingSettings
-from semgs.weights.file import read_header, save
-from semgs.weights.load import data_terms, load
+from semgs.training.run.checkpoints import newest_checkpoint
+from semgs.training.run.execution import Execution
+from semgs.training.run.run_folder import hold_assets
+from semgs.training.training_settings import VALIDATION_SEED, Augmentation, TrainingSettings
 
 SETTINGS = TrainingSettings(
     model="small",
@@ -98,7 +98,7 @@ def with_shared_cnn(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, with_shared_cnn: Path, supervision: str, held: bool
 ):
-    monkeypatch.setattr("semgs.model.encoding.render", None)
+    monkeypatch.setattr("semgs.scene.encoding.render", None)
     own = write_labelled(tmp_path / "own", 1, labels=(0, 4, 5))
     settings = replace(
         SETTINGS, supervision=supervision, init=str(with_shared_cnn), data=(str(own),), validation=str(own), depth_weight=0.0,
@@ -128,7 +128,7 @@ def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alo
 def test_supervision_by_depth_renders_nothing_and_ends_with_the_same_bits_in_one_session_or_two(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, with_shared_cnn: Path, held: bool
 ):
-    monkeypatch.setattr("semgs.model.encoding.render", None)
+    monkeypatch.setattr("semgs.scene.encoding.render", None)
     own = write_labelled(tmp_path / "own", 1)
     settings = replace(
         SETTINGS, supervision="depth", init=str(with_shared_cnn), data=(str(own),), validation=str(own), hold_shared=held
@@ -306,12 +306,6 @@ def test_training_and_validation_rooms_take_different_assets(tmp_path, monkeypat
     assert splits == {settings.seed: "training", VALIDATION_SEED: "validation"}
 
 
-@pytest.mark.parametrize("style", ["other", "plain"])
-def test_worlds_that_no_training_may_see_are_refused(style):
-    with pytest.raises(ValueError, match=f"style is {style}; this version of semgs trains in rooms of style home only"):
-        TrainingSettings.from_json({"model": "small", "steps": 1, "style": style})
-
-
 def test_assets_that_are_not_there_end_a_training_before_it_makes_its_folder(tmp_path):
     settings = TrainingSettings(model="small", steps=1, assets=(str(tmp_path / "none"),))
     with pytest.raises(InputError, match="no such folder"):
@@ -329,9 +323,3 @@ def test_a_run_goes_on_with_the_assets_that_it_began_with(tmp_path):
     (tmp_path / "assets" / "lock.json").write_text("grown")
     with pytest.raises(InputError, match="those that the run started with"):
         hold_assets(run, [str(tmp_path / "assets")])
-
-
-@pytest.mark.parametrize(("saved", "meant"), [(None, ()), ("a", ("a",)), (["a", "b"], ("a", "b"))])
-def test_assets_of_settings_are_read_as_older_versions_kept_them_too(saved, meant):
-    settings = TrainingSettings(model="small", steps=1)
-    assert TrainingSettings.from_json(settings.as_json() | {"assets": saved}).assets == meant

@@ -12,8 +12,8 @@ import pytest
 from viser_canvas import Canvas, canvas_of
 from wall_and_chair import CHAIR, GREEN, RED, WALL, wall_and_chair
 
-from semgs.data.classes import SCANNET20
-from semgs.viewer.page import scene_page
+from semgs.data.tables.classes import SCANNET20
+from semgs.viewer.viewer_page import scene_page
 from semgs.viewer.window import Window, viewing
 
 if TYPE_CHECKING:

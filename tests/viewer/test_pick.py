@@ -5,7 +5,7 @@ import pytest
 import torch
 from wall_and_chair import WALL, wall_and_chair
 
-from semgs.data.classes import SCANNET20
+from semgs.data.tables.classes import SCANNET20
 from semgs.geometry.cameras import Cameras, project
 from semgs.rendering.render import render
 from semgs.rendering.rendering import UNSEEN, label_maps

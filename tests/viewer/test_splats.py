@@ -5,9 +5,9 @@ import pytest
 import torch
 from wall_and_chair import CHAIR, GREEN, RED, WALL, wall_and_chair
 
-from semgs.data.classes import SCANNET20
-from semgs.figures.classes import UNKNOWN_GREY
-from semgs.viewer.splats import SceneSplats
+from semgs.data.tables.classes import SCANNET20
+from semgs.figures.class_images import UNKNOWN_GREY
+from semgs.viewer.splat_groups import SceneSplats
 
 
 def test_a_group_for_each_class_that_occurs_the_most_frequent_first():

@@ -11,7 +11,7 @@ import torch
 import zstandard
 from wall_and_chair import wall_and_chair
 
-from semgs.viewer.page import MOST_GAUSSIANS, scene_page
+from semgs.viewer.viewer_page import MOST_GAUSSIANS, scene_page
 
 
 def messages(page: str) -> list[dict]:

@@ -9,9 +9,9 @@ import pytest
 import torch
 from wall_and_chair import wall_and_chair
 
-from semgs.files.pictures import write_png
+from semgs.files.images.pictures import write_png
 from semgs.geometry.cameras import project
-from semgs.viewer.views import camera_seen_from, input_views, photos_in, pixel_of
+from semgs.viewer.viewer_cameras import camera_seen_from, input_views, photos_in, pixel_of
 
 
 def test_an_input_view_is_where_its_camera_is():

@@ -11,9 +11,9 @@ from typing import Annotated
 
 import tyro
 
-from semgs.cli.errors import UsageError, what_the_user_gave
 from semgs.cli.main import carry_out, guarded
 from semgs.cli.progress import show_progress
+from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from tools.furniture.environment import default_folder, prepare
 from tools.furniture.generation import claim, generate
 

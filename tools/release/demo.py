@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 
 from semgs.files.atomic import write_bytes
-from semgs.files.colours import depth_limits, depth_picture
 from semgs.files.errors import InputError
-from semgs.files.pictures import png_bytes, read_rgb, read_uint16
+from semgs.files.images.colours import depth_limits, depth_picture
+from semgs.files.images.pictures import png_bytes, read_rgb, read_uint16
 from tools.release.pages import DOCS
 
 TILE = (180, 240)

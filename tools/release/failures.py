@@ -15,23 +15,23 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from PIL import Image
 
-from semgs.data.classes import SCANNET20, ClassTable
 from semgs.data.scenes import open_scenes
+from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.protocols import neighbours
-from semgs.evaluation.page.figure import Compared, FigurePart, comparison_legend
+from semgs.evaluation.page.paper_figure import Compared, FigurePart, comparison_legend
 from semgs.evaluation.run import network_candidate
 from semgs.evaluation.scoring.frame_scores import FrameScores, score
 from semgs.evaluation.scoring.summary import summary, total_confusion
-from semgs.figures.classes import class_picture, true_class_picture
+from semgs.figures.class_images import class_picture, true_class_picture
 from semgs.figures.comparison import Block, PictureRow, comparison
-from semgs.figures.views import as_bytes
+from semgs.figures.view_images import as_bytes
 from semgs.files.atomic import write_bytes
-from semgs.files.colours import depth_limits, depth_picture
 from semgs.files.errors import InputError, input_error
+from semgs.files.images.colours import depth_limits, depth_picture
+from semgs.model.weights.index import SHOWN
 from semgs.rooms.sets.dataset import Recipe, write_dataset
-from semgs.training.settings import VALIDATION_SEED
-from semgs.weights.index import SHOWN
+from semgs.training.training_settings import VALIDATION_SEED
 from tools.release.pages import CARD, DOCS, write_between
 
 BEGIN, END = "<!-- failures -->", "<!-- end of failures -->"

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from semgs.data.terms import Terms, terms_text
+from semgs.data.origin.licences import Terms, terms_text
 from semgs.evaluation.tables.card import figures
 from semgs.evaluation.tables.evaluation_report import SavedReport, read_report
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
-from semgs.weights.file import restate
-from semgs.weights.header_scores import KEY, Score, read_scores, scores_text
-from semgs.weights.index import shipped_folder, write_index
-from semgs.weights.load import DATA_TERMS
+from semgs.model.weights.header_scores import KEY, Score, read_scores, scores_text
+from semgs.model.weights.index import shipped_folder, write_index
+from semgs.model.weights.load import DATA_TERMS
+from semgs.model.weights.weights_file import restate
 from tools.release.pages import SCORES
 
 

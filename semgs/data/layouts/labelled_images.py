@@ -4,7 +4,7 @@
     labels/NAME.png       for each image, the class number of each pixel, 8 bits
     classes.json          what the numbers mean
 
-`classes.json` is a class file (`semgs.data.class_files`): a table of its own, or the one of ScanNet's 20 classes that each number is.
+`classes.json` is a class file (`semgs.data.tables.class_files`): a table of its own, or the one of ScanNet's 20 classes that each number is.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.class_files import read_class_file
+from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
-from semgs.data.layouts.parts.recordings import PICTURES
-from semgs.data.lens import Lens
+from semgs.data.layouts.parts.usable_frames import PICTURES
 from semgs.data.maps import ClassMap
 from semgs.data.scene import Scene
+from semgs.data.tables.class_files import read_class_file
 from semgs.files.errors import InputError
-from semgs.files.pictures import read_header
+from semgs.files.images.pictures import read_header
 
 LAYOUT = "labelled images"
 LOOKED_FOR = (

@@ -14,19 +14,19 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.class_files import read_class_file
-from semgs.data.classes import IGNORE, ClassTable, class_table
+from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.fields import Fields, parsed
-from semgs.data.layouts.parts.poses import checked_poses
+from semgs.data.layouts.parts.pose_files import checked_poses
 from semgs.data.layouts.parts.sentences import lacking, on_white
 from semgs.data.layouts.parts.sparse_points import points_in_view, read_points
-from semgs.data.lens import Lens
 from semgs.data.maps import ClassMap, DepthMap
 from semgs.data.scene import Scene
+from semgs.data.tables.class_files import read_class_file
+from semgs.data.tables.classes import IGNORE, ClassTable, class_table
 from semgs.files.archives import Archive, Member, members
 from semgs.files.errors import InputError, input_error
-from semgs.files.pictures import is_turned, read_header
+from semgs.files.images.pictures import is_turned, read_header
 from semgs.files.stored import Stored
 
 FILE_NAMES = ("transforms.json", "transforms_train.json")

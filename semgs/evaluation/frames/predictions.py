@@ -25,11 +25,11 @@ from torch import Tensor
 
 from semgs.data.views import Views
 from semgs.evaluation.frames.frame_plan import Task
-from semgs.figures.views import as_bytes
+from semgs.figures.depth_images import millimetres
+from semgs.figures.view_images import as_bytes
 from semgs.files.atomic import write_bytes
-from semgs.files.pictures import write_png
+from semgs.files.images.pictures import write_png
 from semgs.geometry.cameras import Cameras
-from semgs.reconstruction.renders import millimetres
 
 
 @dataclass(frozen=True, eq=False)

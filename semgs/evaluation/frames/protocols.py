@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from semgs.data.choice import around
+from semgs.data.choosing.choice import around
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 

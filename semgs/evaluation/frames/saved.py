@@ -13,16 +13,16 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from semgs.data.classes import ClassTable
 from semgs.data.maps import read_labels
+from semgs.data.tables.classes import ClassTable
 from semgs.evaluation.frames.frame_plan import FramePlan, Task
 from semgs.evaluation.frames.predictions import Inputs, Prediction
+from semgs.figures.depth_images import MILLIMETRES
 from semgs.files.arrays import read_array
 from semgs.files.errors import InputError
-from semgs.files.pictures import read_header, read_rgb, read_uint16
+from semgs.files.images.pictures import read_header, read_rgb, read_uint16
 from semgs.files.strict_json import read_json
 from semgs.files.text import listed
-from semgs.reconstruction.renders import MILLIMETRES
 
 KINDS = {"labels": (".png",), "colour": (".colour.png",), "depth": (".depth.png", ".depth.npy")}
 """What can be predicted, and the file endings, in the order in which they are tried."""

@@ -7,26 +7,26 @@ from typing import Any
 
 import numpy as np
 
-from semgs.data.classes import ClassTable
+from semgs.data.tables.classes import ClassTable
 from semgs.data.views import INDOOR_DEPTH_RANGE
 from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.predictions import Prediction
 from semgs.evaluation.frames.reading import read_frame
 from semgs.evaluation.scoring.baselines import NAMES
-from semgs.evaluation.scoring.evaluate import SHOWN, Rows
 from semgs.evaluation.scoring.frame_scores import FrameScores
+from semgs.evaluation.scoring.method_scores import SHOWN, Rows
 from semgs.evaluation.scoring.summary import METRICS, extremes, summary, total_confusion
 from semgs.evaluation.tables.card import risk_curve
-from semgs.evaluation.tables.compare import BRIEF, MARKED, ROWS, overview_grid
+from semgs.evaluation.tables.comparison_tables import BRIEF, MARKED, ROWS, overview_grid
 from semgs.evaluation.tables.evaluation_report import Evaluation, SavedReport, SavedResult, data_name
-from semgs.figures import page
-from semgs.figures.classes import LegendEntry
-from semgs.figures.depth import WORST_ERROR, depth_error_bar, depth_error_picture
-from semgs.figures.numbers import percent
+from semgs.figures import html_page as page
+from semgs.figures.class_images import LegendEntry
+from semgs.figures.depth_images import WORST_ERROR, depth_error_bar, depth_error_picture
+from semgs.figures.number_texts import percent
 from semgs.figures.plotting import can_plot
-from semgs.figures.risk_coverage import risk_coverage_picture
-from semgs.figures.views import class_map, depth_map, photo, please_note, true_class_map
-from semgs.files.colours import depth_limits
+from semgs.figures.risk_coverage_plot import risk_coverage_picture
+from semgs.figures.view_images import class_map, depth_map, photo, please_note, true_class_map
+from semgs.files.images.colours import depth_limits
 from semgs.files.text import listed
 from semgs.objectives.measures import TITLES, shown_number
 

@@ -9,9 +9,9 @@ from statistics import mean
 
 from semgs.evaluation.scoring.intervals import paired_differences
 from semgs.evaluation.tables.evaluation_report import SavedReport
-from semgs.evaluation.tables.grid import Cell, Grid
+from semgs.evaluation.tables.table_grid import Cell, Grid
 from semgs.objectives.measures import TITLES
-from semgs.training.settings import TrainingSettings
+from semgs.training.training_settings import TrainingSettings
 
 METRICS = ("miou", "miou_per_image", "accuracy", "class_accuracy")
 """The columns of the paper's table; mIoU in both kinds."""

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from semgs.evaluation.scoring.summary import CONFIDENCE_METRICS
-from semgs.evaluation.tables.compare import MARKED, ROWS
+from semgs.evaluation.tables.comparison_tables import MARKED, ROWS
 from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
-from semgs.evaluation.tables.grid import Cell, Grid
-from semgs.evaluation.tables.texts import with_interval
-from semgs.figures.risk_coverage import RiskCurve
+from semgs.evaluation.tables.metric_texts import with_interval
+from semgs.evaluation.tables.table_grid import Cell, Grid
+from semgs.figures.risk_coverage_plot import RiskCurve
+from semgs.model.weights.header_scores import Figure
 from semgs.objectives.measures import TITLES, shown_number
-from semgs.weights.header_scores import Figure
 
 METRICS = ("miou", "miou_per_image", "accuracy", "psnr", "depth_abs_rel")
 """The columns."""

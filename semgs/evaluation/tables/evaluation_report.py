@@ -8,12 +8,12 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from semgs.data.classes import ClassTable
+from semgs.data.tables.classes import ClassTable
 from semgs.evaluation.frames.frame_plan import FramePlan, frame_list
 from semgs.evaluation.scoring.baselines import NAMES
-from semgs.evaluation.scoring.evaluate import Rows
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.intervals import intervals, units
+from semgs.evaluation.scoring.method_scores import Rows
 from semgs.evaluation.scoring.records import finite, frame_of, number, record, seconds
 from semgs.evaluation.scoring.risk_coverage import risk_coverage
 from semgs.evaluation.scoring.summary import (

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from semgs.data.scene import Scene
 from semgs.evaluation.frames.frame_plan import FramePlan
-from semgs.evaluation.scoring.evaluate import Rows
 from semgs.evaluation.scoring.intervals import FEWEST_SCENES, units
+from semgs.evaluation.scoring.method_scores import Rows
 from semgs.evaluation.scoring.summary import summary
 from semgs.evaluation.tables.evaluation_report import below
 from semgs.files.text import listed
@@ -30,7 +30,7 @@ def notes(plan: FramePlan, scenes: Sequence[Scene], rows: Sequence[Rows], worker
     return [
         *_left_out(plan, scenes),
         *_without_truth(plan),
-        *_without_prediction(plan, rows),
+        *_without_prediction(rows),
         *_stretched(plan),
         *_below_copy(rows),
         *_intervals(rows),
@@ -63,7 +63,7 @@ def _without_truth(plan: FramePlan) -> list[str]:
     return found
 
 
-def _without_prediction(plan: FramePlan, rows: Sequence[Rows]) -> list[str]:
+def _without_prediction(rows: Sequence[Rows]) -> list[str]:
     """Kinds of truth for which the method predicts nothing."""
     found = []
     frames = [frame for one in rows for frame in one.method]

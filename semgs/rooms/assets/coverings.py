@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from semgs.data.classes import IGNORE
+from semgs.data.tables.classes import IGNORE
+from semgs.rooms.assets.asset_images import Pyramid
+from semgs.rooms.assets.asset_library import Library
 from semgs.rooms.assets.catalogue import ImageEntry
-from semgs.rooms.assets.images import Pyramid
-from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.used import UsedAssets
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces import texture_kernels as t

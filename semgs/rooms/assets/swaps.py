@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from semgs.data.classes import IGNORE
+from semgs.data.tables.classes import IGNORE
+from semgs.rooms.assets.asset_library import Library, Panel
 from semgs.rooms.assets.catalogue import MeshEntry
 from semgs.rooms.assets.coverings import Coverings
-from semgs.rooms.assets.library import Library, Panel
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.furniture import LABEL

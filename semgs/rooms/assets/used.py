@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from semgs.rooms.assets.images import Pack, Pyramid, pack
+from semgs.rooms.assets.asset_images import Pack, Pyramid, pack
 
 
 class UsedAssets:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from semgs.geometry.jit import njit
+from semgs.runtime.jit import njit
 
 TILE = 4
 TAPS = 4

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from semgs.data.raycast import Raycaster
-from semgs.rooms.assets.images import Pack
-from semgs.rooms.assets.library import Library
+from semgs.rooms.assets.asset_images import Pack
+from semgs.rooms.assets.asset_library import Library
 from semgs.rooms.drawing import shading_kernels as kernels
 from semgs.rooms.drawing.lighting import draw_lights
 from semgs.rooms.pieces import shell_kernels

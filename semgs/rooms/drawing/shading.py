@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float32, Float64, Int, UInt8
 
-from semgs.data.classes import IGNORE
+from semgs.data.tables.classes import IGNORE
 from semgs.rooms.drawing import light_kernels
 from semgs.rooms.drawing import shading_kernels as kernels
 from semgs.rooms.drawing.room import Room

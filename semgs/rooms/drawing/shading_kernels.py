@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from semgs.geometry.jit import njit
 from semgs.rooms.drawing.light_kernels import stratum
 from semgs.rooms.pieces.picture_kernels import picture
 from semgs.rooms.pieces.texture_kernels import EMISSION, GLOSS, KIND, PICTURE, texture
+from semgs.runtime.jit import njit
 
 LIGHT_WIDTH = 16
 LAMP, WINDOW, SUN = range(3)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semgs.data.classes import IGNORE, SCANNET20
+from semgs.data.tables.classes import IGNORE, SCANNET20
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces.materials import Material, Range
 from semgs.rooms.pieces.solids import BOX, CUSHION, CYLINDER, Part, Piece, block, post

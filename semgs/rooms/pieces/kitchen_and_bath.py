@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from semgs.data.classes import IGNORE
+from semgs.data.tables.classes import IGNORE
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces.fittings import basin, tap
 from semgs.rooms.pieces.furniture import LABEL, Front, fronts

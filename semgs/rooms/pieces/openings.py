@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from semgs.data.classes import IGNORE
+from semgs.data.tables.classes import IGNORE
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces.furniture import LABEL
 from semgs.rooms.pieces.materials import Material

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from semgs.geometry.jit import njit
 from semgs.rooms.pieces.texture_kernels import ASPECT, AXIS, AZIMUTH, COLOUR_A, MAPPING, PICTURE_NUMBER, SCALE
+from semgs.runtime.jit import njit
 
 TILED, STRETCHED, UNWRAPPED, PANORAMA, VIEW = range(5)
 """How an image is mapped: tiled on each face; stretched over a face; by the shell's texture coordinates; as a distant panorama
@@ -24,7 +24,7 @@ def picture(pixels, table, material, local, facing, size, direction, uv, foot, s
 
     Args:
         pixels: [n 3] and
-        table: [p 4], the room's images (`semgs.rooms.assets.images.Pack`).
+        table: [p 4], the room's images (`semgs.rooms.assets.asset_images.Pack`).
         material: [24].
         local: the point in its part's frame [m] [3].
         facing: absolute values of the normal in that frame [3].

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from semgs.geometry.jit import njit
+from semgs.runtime.jit import njit
 
 
 @njit()

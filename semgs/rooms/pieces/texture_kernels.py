@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from semgs.geometry.jit import njit
+from semgs.runtime.jit import njit
 
 WIDTH = 24
 KIND = 0

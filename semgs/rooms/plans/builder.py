@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from semgs.data.classes import IGNORE
+from semgs.data.tables.classes import IGNORE
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces.furniture import LABEL
 from semgs.rooms.pieces.solids import Part, Piece, block, gather, moved

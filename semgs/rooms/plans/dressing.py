@@ -7,9 +7,10 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float64
 
-from semgs.data.classes import IGNORE
+from semgs.data.tables.classes import IGNORE
 from semgs.rooms.pieces import materials as m
-from semgs.rooms.pieces import openings, things
+from semgs.rooms.pieces import openings
+from semgs.rooms.pieces import small_things as things
 from semgs.rooms.pieces.solids import Piece, block, moved, post
 from semgs.rooms.plans.builder import Builder, snug
 from semgs.rooms.plans.floor_plan import Lamp

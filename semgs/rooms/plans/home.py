@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from semgs.rooms.pieces import cloth, fittings, furniture, kitchen_and_bath, openings, things
+from semgs.rooms.pieces import cloth, fittings, furniture, kitchen_and_bath, openings
+from semgs.rooms.pieces import small_things as things
 from semgs.rooms.pieces.furniture import Maker
 from semgs.rooms.pieces.solids import Piece, moved
 from semgs.rooms.plans import dressing
@@ -58,7 +59,7 @@ SHARES = {
     "hallway": 0.02, "mixed": 0.07,
 }  # fmt: skip
 """How frequent each kind of room is: by how much time people spend in it and photograph it. Cameras come close to small things
-instead (`semgs.rooms.sets.cameras`)."""
+instead (`semgs.rooms.sets.carried_cameras`)."""
 
 PAIRS = (("living", "dining"), ("living", "kitchen"), ("dining", "kitchen"), ("bedroom", "study"), ("bedroom", "bathroom"), ("living", "bedroom"))  # fmt: skip
 TWO_ROOMS = 0.16

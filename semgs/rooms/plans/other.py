@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from semgs.data.classes import IGNORE
-from semgs.rooms.pieces import fittings, furniture, openings, things
+from semgs.data.tables.classes import IGNORE
+from semgs.rooms.pieces import fittings, furniture, openings
 from semgs.rooms.pieces import materials as m
+from semgs.rooms.pieces import small_things as things
 from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.furniture import LABEL, Maker
 from semgs.rooms.pieces.materials import Material

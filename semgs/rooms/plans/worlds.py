@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from semgs.rooms.assets.asset_library import Library
 from semgs.rooms.assets.coverings import ALL, HUNG, Coverings
-from semgs.rooms.assets.library import Library
 from semgs.rooms.assets.swaps import Swaps
 from semgs.rooms.assets.used import UsedAssets
 from semgs.rooms.plans.floor_plan import FloorPlan

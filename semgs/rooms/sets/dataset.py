@@ -9,15 +9,15 @@ from contextlib import AbstractContextManager, closing
 from functools import partial
 from pathlib import Path
 
-from semgs.data.classes import SCANNET20
-from semgs.data.terms import ATTRIBUTION
-from semgs.data.workers import outcomes
+from semgs.data.origin.licences import ATTRIBUTION
+from semgs.data.tables.classes import SCANNET20
 from semgs.files.atomic import remove_parts, write_bytes, write_json
 from semgs.files.claims import is_begun
 from semgs.files.folders import alone, check_writable
 from semgs.files.strict_json import read_json
 from semgs.rooms.assets.lock import attribution
-from semgs.rooms.sets.scenes import ROOM, SHADED, Recipe, write_scene
+from semgs.rooms.sets.room_scenes import ROOM, SHADED, Recipe, write_scene
+from semgs.runtime.workers import outcomes
 
 SETTINGS, INDEX = "settings.json", "index.json"
 

@@ -19,8 +19,8 @@ from semgs.data.scenes import open_scene
 from semgs.data.views import Views
 from semgs.files.errors import InputError
 from semgs.rooms.sets.dataset import scene_name
-from semgs.rooms.sets.scenes import ROOM, Recipe, write_scene
-from semgs.rooms.sets.stream import RoomSamples
+from semgs.rooms.sets.room_scenes import ROOM, Recipe, write_scene
+from semgs.rooms.sets.room_stream import RoomSamples
 
 FRAMES = 12
 """Frames of a scene."""

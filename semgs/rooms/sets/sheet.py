@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image, ImageDraw
 
-from semgs.data.classes import IGNORE, SCANNET20
-from semgs.rooms.assets.library import Library
+from semgs.data.tables.classes import IGNORE, SCANNET20
+from semgs.rooms.assets.asset_library import Library
 from semgs.rooms.plans.style import Style
-from semgs.rooms.sets.stream import sample
+from semgs.rooms.sets.room_stream import sample
 
 FRAMES = 48
 COLUMNS = 6

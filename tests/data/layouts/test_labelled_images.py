@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from image_sets import CLASSES, random_numbers, write_image_set
 
-from semgs.data.classes import SCANNET20
+from semgs.data.origin.licences import terms_of
 from semgs.data.scenes import open_scene, open_scenes
-from semgs.data.terms import terms_of
+from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError
 
 SIZES = {"b": (32, 48), "a": (48, 32), "c": (32, 40)}

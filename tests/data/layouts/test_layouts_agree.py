@@ -21,8 +21,8 @@ from scannetpp_writer import PHONE, PHONE_SIZE, phone_rays, transforms, write_ds
 from semgs.data.scenes import open_scene
 from semgs.data.views import Views
 from semgs.geometry.gaussians import Gaussians
+from semgs.model.weights.load import load
 from semgs.rendering.render import render
-from semgs.weights.load import load
 
 K = np.array([[PHONE["fl_x"], 0, PHONE["cx"]], [0, PHONE["fl_y"], PHONE["cy"]], [0, 0, 1]])
 """Of all of them; the corner of the first pixel is at (0, 0)."""

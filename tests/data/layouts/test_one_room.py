@@ -17,9 +17,9 @@ from test_frame_files import write_frames
 from test_tum import write_tum
 
 from semgs import load
+from semgs.data.preparation.archive import Preparation, prepare_scene
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
-from semgs.preparation.archive import Preparation, prepare_scene
 
 ROOM = miniature().first(3)
 FOCAL, CENTRE = 32.0, (31.5, 23.5)

@@ -11,11 +11,11 @@ import cv2
 import numpy as np
 from miniatures import miniature, text, write_picture
 
-from semgs.data.classes import SCANNET20
+from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
-from semgs.data.lens import Lens
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
+from semgs.data.tables.classes import SCANNET20
 
 ROOT = Path(__file__).resolve().parents[3]
 

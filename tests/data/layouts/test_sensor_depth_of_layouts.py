@@ -14,13 +14,13 @@ from test_frame_files import write_frames
 from test_one_room import LAYOUTS, ROOM
 from test_rgbd import MANNERS, STATES_NO_UNIT
 
-from semgs.data.choice import given
+from semgs.data.choosing.choice import given
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.geometry.cameras import project
 from semgs.model.semgs import SemGS
-from semgs.reconstruction.reconstruct import reconstruct
-from semgs.weights.load import load
+from semgs.model.weights.load import load
+from semgs.reconstruction.pipeline import reconstruct
 
 
 def manner(name: str) -> Callable[[Path], Scene]:

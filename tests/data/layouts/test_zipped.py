@@ -11,7 +11,7 @@ import torch
 
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError
-from semgs.rooms.sets.demo import demo_scene
+from semgs.rooms.sets.demo_room import demo_scene
 
 
 def packed(path: Path, below: str = "", method: int = zipfile.ZIP_STORED) -> Path:

@@ -16,7 +16,7 @@ from semgs.evaluation.frames.predictions import Prediction, write_prediction
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.saved import SavedPredictions, views_in
 from semgs.files.errors import InputError
-from semgs.files.pictures import write_png
+from semgs.files.images.pictures import write_png
 
 MakeScene = Callable[..., Scene]
 

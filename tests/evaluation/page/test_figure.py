@@ -8,8 +8,8 @@ import torch
 from semgs.data.scenes import open_scene
 from semgs.evaluation.frames.frame_plan import FramePlan, make_plan
 from semgs.evaluation.frames.protocols import neighbours
-from semgs.evaluation.page.figure import chosen_tasks, torn
-from semgs.rooms.sets.demo import demo_scene
+from semgs.evaluation.page.paper_figure import chosen_tasks, torn
+from semgs.rooms.sets.demo_room import demo_scene
 
 
 @pytest.fixture(scope="module")

@@ -8,14 +8,14 @@ import pytest
 import torch
 from posed import posed_views
 
-from semgs.data.classes import IGNORE
 from semgs.data.scene import Scene
+from semgs.data.tables.classes import IGNORE
 from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import inputs_of, read_frame, read_views
-from semgs.evaluation.scoring.confidence import statements, temperature_effect
+from semgs.evaluation.scoring.confidence_calibration import statements, temperature_effect
+from semgs.model.weights.load import load
 from semgs.rendering.render import render
-from semgs.weights.load import load
 
 MakeScene = Callable[..., Scene]
 

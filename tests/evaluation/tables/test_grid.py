@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from semgs.evaluation.tables.grid import Cell, Grid, printed
+from semgs.evaluation.tables.table_grid import Cell, Grid, printed
 
 GRID = Grid(
     title="Two targets_of 50 %",

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from semgs.evaluation.tables.ablation import ROWS
-from semgs.evaluation.tables.compare import PAPER
-from semgs.evaluation.tables.published import PUBLISHED
+from semgs.evaluation.tables.comparison_tables import PAPER
+from semgs.evaluation.tables.published_results import PUBLISHED
 
 
 def printed(paper: str, label: str) -> list[list[float]]:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from semgs.files.errors import InputError
-from semgs.rooms.assets.images import decode, fill_gaps, pack, pyramid
+from semgs.rooms.assets.asset_images import decode, fill_gaps, pack, pyramid
 from semgs.rooms.pieces.picture_kernels import LINEAR
 
 

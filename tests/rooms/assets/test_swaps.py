@@ -9,10 +9,10 @@ import torch
 
 pytest.importorskip("embreex")
 
-from semgs.data.classes import IGNORE
+from semgs.data.tables.classes import IGNORE
+from semgs.rooms.assets.asset_library import Library, open_library
 from semgs.rooms.assets.catalogue import read_catalogue
 from semgs.rooms.assets.coverings import Coverings
-from semgs.rooms.assets.library import Library, open_library
 from semgs.rooms.assets.swaps import RULES, Rule, Swaps, fit
 from semgs.rooms.assets.used import UsedAssets
 from semgs.rooms.drawing.room import build_room
@@ -23,7 +23,7 @@ from semgs.rooms.pieces.furniture import LABEL
 from semgs.rooms.pieces.picture_kernels import PANORAMA, VIEW
 from semgs.rooms.pieces.solids import SHELL, Piece, block
 from semgs.rooms.pieces.texture_kernels import KIND, MAPPING, PICTURE
-from semgs.rooms.sets.stream import generator, sample
+from semgs.rooms.sets.room_stream import generator, sample
 
 
 @pytest.fixture(scope="module")

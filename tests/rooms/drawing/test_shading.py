@@ -6,7 +6,7 @@ pytest.importorskip("embreex")
 from semgs.rooms.drawing.room import build_room
 from semgs.rooms.drawing.shading import centres, look, photograph, pixel_directions
 from semgs.rooms.pieces import materials, texture_kernels
-from semgs.rooms.sets.stream import generator
+from semgs.rooms.sets.room_stream import generator
 
 INTRINSICS = np.array([[41.0, 0, 30.5], [0, 46.0, 25.2], [0, 0, 1]])
 

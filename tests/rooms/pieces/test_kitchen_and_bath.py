@@ -7,7 +7,7 @@ pytest.importorskip("embreex")
 
 from standing import Standing
 
-from semgs.data.classes import IGNORE
+from semgs.data.tables.classes import IGNORE
 from semgs.rooms.pieces import kitchen_and_bath
 from semgs.rooms.pieces.furniture import LABEL
 from semgs.rooms.pieces.solids import gather

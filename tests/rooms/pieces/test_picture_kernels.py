@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from semgs.rooms.assets.images import pack, pyramid
+from semgs.rooms.assets.asset_images import pack, pyramid
 from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.picture_kernels import LINEAR, PANORAMA, STRETCHED, TILED, VIEW, lookup, picture
 

@@ -5,8 +5,9 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from semgs.data.classes import IGNORE
-from semgs.rooms.pieces import cloth, fittings, furniture, things
+from semgs.data.tables.classes import IGNORE
+from semgs.rooms.pieces import cloth, fittings, furniture
+from semgs.rooms.pieces import small_things as things
 from semgs.rooms.pieces.furniture import LABEL
 from semgs.rooms.plans import home
 from semgs.rooms.plans.builder import Builder, snug

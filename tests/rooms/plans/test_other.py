@@ -9,7 +9,7 @@ pytest.importorskip("embreex")
 from semgs.rooms.plans.footprints import overlap
 from semgs.rooms.plans.home import draw_home
 from semgs.rooms.plans.other import draw_other
-from semgs.rooms.sets.stream import sample
+from semgs.rooms.sets.room_stream import sample
 
 
 @pytest.fixture(scope="module")

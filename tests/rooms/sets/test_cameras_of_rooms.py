@@ -9,9 +9,9 @@ from semgs.rooms.drawing.room import build_room
 from semgs.rooms.drawing.shading import look, pixel_directions
 from semgs.rooms.pieces.furniture import LABEL
 from semgs.rooms.pieces.solids import block, gather
-from semgs.rooms.sets import cameras
-from semgs.rooms.sets.cameras import USUAL, Habit, draw_habit, draw_intrinsics, draw_path, overlap
-from semgs.rooms.sets.stream import fitted, generator
+from semgs.rooms.sets import carried_cameras as cameras
+from semgs.rooms.sets.carried_cameras import USUAL, Habit, draw_habit, draw_intrinsics, draw_path, overlap
+from semgs.rooms.sets.room_stream import fitted, generator
 
 SIZE = (30, 40)
 PIXELS = np.stack(np.meshgrid(np.arange(40) + 0.5, np.arange(30) + 0.5), -1).reshape(-1, 2)

@@ -5,8 +5,8 @@ pytest.importorskip("embreex")
 
 from semgs.rooms.sets import pool
 from semgs.rooms.sets.pool import PooledSamples
-from semgs.rooms.sets.scenes import Recipe, draw_scene
-from semgs.rooms.sets.stream import RoomSamples
+from semgs.rooms.sets.room_scenes import Recipe, draw_scene
+from semgs.rooms.sets.room_stream import RoomSamples
 
 SIZE = (24, 32)
 

@@ -10,8 +10,8 @@ pytest.importorskip("embreex")
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import back_project, project
-from semgs.rooms.sets.demo import demo_scene
-from semgs.rooms.sets.scenes import Recipe, draw_scene, write_scene
+from semgs.rooms.sets.demo_room import demo_scene
+from semgs.rooms.sets.room_scenes import Recipe, draw_scene, write_scene
 
 RECIPE = Recipe(7, (48, 64), frames=4)
 

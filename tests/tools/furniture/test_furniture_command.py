@@ -117,14 +117,6 @@ def test_a_folder_that_may_not_be_written_ends_with_2_and_one_line(
     assert capsys.readouterr().err == f"semgs: error: {tmp_path / 'out'}: Permission denied\n"
 
 
-def test_the_command_that_it_was_names_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert semgs.main(["rooms", "bake", str(tmp_path / "out"), "--pieces", "100"]) == 2
-    assert capsys.readouterr().err == (
-        "semgs: error: semgs rooms bake is now python -m tools.furniture, in a clone of the repository, with the same options\n"
-    )
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_the_program_needs_nothing_of_ours() -> None:
     """It is started in an environment that has no semgs, and its head imports nothing but the standard library."""
     path = Path(environment.__file__).with_name("program.py")

@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("embreex")
 
 from semgs.files.errors import InputError
+from semgs.rooms.assets.asset_library import Library, open_library
 from semgs.rooms.assets.catalogue import read_catalogue
-from semgs.rooms.assets.library import Library, open_library
 from semgs.rooms.assets.lock import lock_digest, lock_of, verify
 from tools.furniture.generation import Generated, generate
 from tools.furniture.kinds import make_job

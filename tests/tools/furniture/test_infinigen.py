@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("embreex")
 
 from semgs.files.errors import InputError
-from semgs.rooms.assets.library import Library
+from semgs.rooms.assets.asset_library import Library
 from tools.furniture import environment
 from tools.furniture.generation import generate, record_of
 from tools.furniture.kinds import make_job

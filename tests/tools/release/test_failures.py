@@ -12,16 +12,16 @@ import pytest
 import torch
 from PIL import Image
 
-from semgs.data.classes import SCANNET20
 from semgs.data.scene import Scene
+from semgs.data.tables.classes import SCANNET20
 from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import read_frame
-from semgs.evaluation.page.figure import FigurePart
+from semgs.evaluation.page.paper_figure import FigurePart
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.weights.header_scores import read_scores
-from semgs.weights.index import SHOWN, read_index
+from semgs.model.weights.header_scores import read_scores
+from semgs.model.weights.index import SHOWN, read_index
 from tools.release.failures import (
     BEGIN,
     END,

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from semgs.files.pictures import write_png
+from semgs.files.images.pictures import write_png
 from tools.release.__main__ import main
 from tools.release.demo import drawn
 

@@ -10,8 +10,8 @@ import pytest
 
 from semgs.evaluation.tables.evaluation_report import read_report
 from semgs.files.errors import InputError
-from semgs.weights.header_scores import Figure, read_scores
-from semgs.weights.index import read_index, shipped_folder
+from semgs.model.weights.header_scores import Figure, read_scores
+from semgs.model.weights.index import read_index, shipped_folder
 from tools.release.card import BEGIN, END, reduced, tables
 from tools.release.pages import CARD, SCORES, between
 from tools.release.ship import known_scores, scores_of

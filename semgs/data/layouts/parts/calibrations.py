@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from semgs.data.asked import Asked
+from semgs.data.cameras.lens import HALF, Lens
 from semgs.data.layouts.parts.fields import Fields, parsed
-from semgs.data.layouts.parts.numbers import pairs, rows
-from semgs.data.lens import HALF, Lens
+from semgs.data.layouts.parts.text_numbers import pairs, rows
+from semgs.data.scene_details import Asked
 from semgs.files.errors import InputError, input_error
 from semgs.files.stored import Stored
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
-from semgs.data.lens import Lens
 from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.layouts.parts.numbers import rows
+from semgs.data.layouts.parts.text_numbers import rows
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored
 

@@ -8,8 +8,8 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool, Float32, Num, UInt8, UInt16
 
-from semgs.data.classes import IGNORE
 from semgs.data.raycast import Raycaster
+from semgs.data.tables.classes import IGNORE
 
 MILLIMETRES = 1000
 FARTHEST = 65.535

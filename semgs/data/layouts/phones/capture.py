@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from semgs.data.layouts.parts.recordings import sequence_name
+from semgs.data.layouts.parts.usable_frames import sequence_name
 from semgs.files.archives import Member, members
 from semgs.files.stored import Stored
 

@@ -16,15 +16,15 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.asked import Asked
 from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration
 from semgs.data.layouts.parts.fields import Fields, parsed
-from semgs.data.layouts.parts.recordings import PICTURES, Shot, ShotList
 from semgs.data.layouts.parts.sentences import lacking
 from semgs.data.layouts.parts.trajectories import FoundPose
+from semgs.data.layouts.parts.usable_frames import PICTURES, Shot, ShotList
 from semgs.data.layouts.phones.capture import find_capture
 from semgs.data.maps import DepthMap, DepthThroughLens, MapSource
 from semgs.data.scene import Scene
+from semgs.data.scene_details import Asked
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored
 

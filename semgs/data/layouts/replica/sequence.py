@@ -2,11 +2,11 @@
 
 Line k of `traj_w_c.txt` is the pose of the images with number k: a row-major 4x4 matrix, camera to world, OpenCV axes [m]. Depth is 16-bit
 PNG in millimetres. Class maps contain Replica's ids (0: none), which are mapped to ScanNet's 20 classes by
-`semgs.data.layouts.replica.classes`. If there is an `info_semantic.json` near, its names are used.
+`semgs.data.layouts.replica.replica_classes`. If there is an `info_semantic.json` near, its names are used.
 
 The renderer's horizontal field of view was 90 degrees, so fx = fy = W / 2. Its principal point, ((W - 1) / 2, (H - 1) / 2) from the centre of
 the first pixel, is (W / 2, H / 2) here: 320 and 240 for 640x480. The code of S-Ray and GSNeRF has 229.5 for cy, 10 rows above:
-the reading "row-229.5" of `semgs.data.readings`. https://github.com/Harry-Zhi/semantic_nerf
+the reading "row-229.5" of `semgs.data.paper_variants`. https://github.com/Harry-Zhi/semantic_nerf
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from semgs.data.asked import Asked
-from semgs.data.classes import SCANNET20
+from semgs.data.cameras.lens import HALF, Lens
 from semgs.data.layouts.parts.calibrations import asked_calibration
 from semgs.data.layouts.parts.fields import parsed
-from semgs.data.layouts.parts.recordings import Shot, ShotList, first_file, numbered, sequence_name
 from semgs.data.layouts.parts.sentences import lacking
 from semgs.data.layouts.parts.trajectories import read_trajectory
-from semgs.data.layouts.replica.classes import IDS, NYU40
-from semgs.data.layouts.scannet.labels import labels_of_ids
-from semgs.data.lens import HALF, Lens
+from semgs.data.layouts.parts.usable_frames import Shot, ShotList, first_file, numbered, sequence_name
+from semgs.data.layouts.replica.replica_classes import IDS, NYU40
+from semgs.data.layouts.scannet.scannet_labels import labels_of_ids
 from semgs.data.maps import DepthMap, IdMap
-from semgs.data.readings import READINGS, ROW_229
+from semgs.data.paper_variants import READINGS, ROW_229
 from semgs.data.scene import Scene
+from semgs.data.scene_details import Asked
+from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError, input_error
 from semgs.files.stored import Stored
 

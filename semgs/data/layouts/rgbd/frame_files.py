@@ -15,13 +15,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from semgs.data.asked import Asked
+from semgs.data.cameras.lens import Lens
 from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
-from semgs.data.layouts.parts.recordings import PICTURES, Shot, ShotList, first_file, numbered, sequence_name
 from semgs.data.layouts.parts.trajectories import read_pose
-from semgs.data.lens import Lens
+from semgs.data.layouts.parts.usable_frames import PICTURES, Shot, ShotList, first_file, numbered, sequence_name
 from semgs.data.maps import DepthMap, DepthThroughLens, MapSource
 from semgs.data.scene import Scene
+from semgs.data.scene_details import Asked
 from semgs.files.errors import InputError
 
 LAYOUT = "frame files"

@@ -16,15 +16,15 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.asked import Asked
+from semgs.data.cameras.lens import HALF
 from semgs.data.layouts.parts.association import associated
 from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
-from semgs.data.layouts.parts.numbers import lines
-from semgs.data.layouts.parts.recordings import Shot, ShotList, sequence_name
+from semgs.data.layouts.parts.text_numbers import lines
 from semgs.data.layouts.parts.trajectories import read_trajectory
-from semgs.data.lens import HALF
+from semgs.data.layouts.parts.usable_frames import Shot, ShotList, sequence_name
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
+from semgs.data.scene_details import Asked
 from semgs.files.errors import InputError
 
 LAYOUT = "TUM RGB-D"

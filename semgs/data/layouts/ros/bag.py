@@ -15,7 +15,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from semgs.data.layouts.ros.images import as_file, ending_of
+from semgs.data.layouts.ros.image_messages import as_file, ending_of
 from semgs.files.bags import bag_reader
 from semgs.files.errors import InputError, readable
 from semgs.files.text import listed

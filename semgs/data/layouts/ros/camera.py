@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from semgs.data.asked import Asked
+from semgs.data.cameras.lens import HALF, Lens
 from semgs.data.layouts.parts.calibrations import asked_calibration
 from semgs.data.layouts.ros.bag import COMPRESSED, IMAGE, Bag, frame_of
-from semgs.data.layouts.ros.images import GREYS, encoding_of, is_depth
-from semgs.data.lens import HALF, Lens
+from semgs.data.layouts.ros.image_messages import GREYS, encoding_of, is_depth
+from semgs.data.scene_details import Asked
 from semgs.files.errors import InputError, input_error
 
 INFO = "sensor_msgs/msg/CameraInfo"

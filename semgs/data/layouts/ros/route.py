@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from semgs.data.asked import Asked
 from semgs.data.layouts.ros.bag import Bag, stamp_of
 from semgs.data.layouts.ros.motions import Motion, above, motion
+from semgs.data.scene_details import Asked
 from semgs.files.errors import InputError
 
 ODOMETRY = "nav_msgs/msg/Odometry"

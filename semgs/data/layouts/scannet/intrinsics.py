@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from semgs.data.cameras.lens import HALF, Lens
 from semgs.data.layouts.parts.calibrations import Calibration, calibration_of, read_calibration
-from semgs.data.layouts.parts.numbers import pairs
-from semgs.data.layouts.parts.recordings import first_file
-from semgs.data.lens import HALF, Lens
+from semgs.data.layouts.parts.text_numbers import pairs
+from semgs.data.layouts.parts.usable_frames import first_file
 from semgs.files.errors import InputError, input_error
 
 SIZES = {"color": (968, 1296), "depth": (480, 640)}

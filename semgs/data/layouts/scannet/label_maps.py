@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.layouts.parts.recordings import numbered
-from semgs.data.layouts.scannet.labels import FILE_NAME, find_table, labels_of_ids, read_table
+from semgs.data.layouts.parts.usable_frames import numbered
+from semgs.data.layouts.scannet.scannet_labels import FILE_NAME, find_table, labels_of_ids, read_table
 from semgs.data.maps import IdMap, MapSource, read_ids
-from semgs.data.nyu40 import NAMES
+from semgs.data.tables.nyu40 import NAMES
 from semgs.files.archives import members
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored

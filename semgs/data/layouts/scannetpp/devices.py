@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.fisheye import FisheyeLens
-from semgs.data.layouts.colmap.files import PARAMETERS, ColmapCamera, read_cameras, read_images
+from semgs.data.cameras.fisheye import FisheyeLens
+from semgs.data.cameras.lens import AbstractLens
+from semgs.data.layouts.colmap.colmap_files import PARAMETERS, ColmapCamera, read_cameras, read_images
 from semgs.data.layouts.parts.fields import Fields, parsed
-from semgs.data.layouts.parts.poses import checked_poses
-from semgs.data.lens import AbstractLens
+from semgs.data.layouts.parts.pose_files import checked_poses
 from semgs.files.errors import input_error
 
 LISTS = "train_test_lists.json"

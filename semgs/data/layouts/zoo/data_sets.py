@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from semgs.data.lens import HALF
+from semgs.data.cameras.lens import HALF
 from semgs.files.errors import InputError
 
 LAYOUT = "scenezoo"

@@ -12,10 +12,10 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 from PIL import Image
 
-from semgs.data.layouts.zoo.library import scenezoo_errors
-from semgs.data.lens import Lens, carried_over
+from semgs.data.cameras.lens import Lens, carried_over
+from semgs.data.layouts.zoo.scenezoo_library import scenezoo_errors
 from semgs.data.maps import Pixels, fitted
-from semgs.data.nyu40 import NAMES, scannet20_labels
+from semgs.data.tables.nyu40 import NAMES, scannet20_labels
 from semgs.files.errors import InputError
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from semgs.data.layouts.colmap.files import PARAMETERS, read_cameras, read_images, read_points
+from semgs.data.layouts.colmap.colmap_files import PARAMETERS, read_cameras, read_images, read_points
 from semgs.files.errors import InputError
 
 CAMERA = struct.pack("<QIiQQ4d", 1, 7, 1, 64, 48, 60.0, 59.0, 31.0, 25.0)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from semgs.data.layouts.parts.numbers import lines, rows
-from semgs.data.layouts.parts.recordings import numbered, sequence_name
+from semgs.data.layouts.parts.text_numbers import lines, rows
 from semgs.data.layouts.parts.trajectories import poses_from_quaternions, read_pose, read_trajectory
+from semgs.data.layouts.parts.usable_frames import numbered, sequence_name
 from semgs.files.errors import InputError
 
 

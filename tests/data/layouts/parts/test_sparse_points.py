@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.sparse_points import points_in_view, read_points
-from semgs.data.lens import Lens
 from semgs.files.errors import InputError
 
 HEAD = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nproperty uint8 red\nend_header\n"

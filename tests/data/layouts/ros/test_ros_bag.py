@@ -37,7 +37,7 @@ from miniatures import back_projected, check_projection, check_read, miniature
 
 from semgs.data.layouts.ros.bag import BagFile
 from semgs.data.layouts.ros.camera import lens_of
-from semgs.data.layouts.ros.images import as_file, ending_of
+from semgs.data.layouts.ros.image_messages import as_file, ending_of
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError

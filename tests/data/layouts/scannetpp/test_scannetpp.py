@@ -38,16 +38,16 @@ from scannetpp_writer import (
     write_scan,
 )
 
-from semgs.data.classes import SCANNET20
-from semgs.data.fisheye import FisheyeLens
+from semgs.data.cameras.fisheye import FisheyeLens
 from semgs.data.layouts.parts import mesh_maps
 from semgs.data.layouts.parts.triangles import LabelledTriangles
-from semgs.data.layouts.scannetpp import scan as scannetpp
+from semgs.data.layouts.scannetpp import scannetpp_scan as scannetpp
 from semgs.data.layouts.scannetpp.devices import in_mesh_world
-from semgs.data.layouts.scannetpp.labels import BY_SCANNET, BY_US, NYU40_OF, labels_of
-from semgs.data.layouts.scannetpp.mesh import object_names, vertex_labels
-from semgs.data.nyu40 import NAMES as NYU40_NAMES
+from semgs.data.layouts.scannetpp.scannetpp_labels import BY_SCANNET, BY_US, NYU40_OF, labels_of
+from semgs.data.layouts.scannetpp.scannetpp_mesh import object_names, vertex_labels
 from semgs.data.scenes import open_scene, open_scenes
+from semgs.data.tables.classes import SCANNET20
+from semgs.data.tables.nyu40 import NAMES as NYU40_NAMES
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import project
 
@@ -338,7 +338,7 @@ def test_the_top_100_are_a_hundred_and_each_name_has_one_class():
 
 
 def test_scannets_own_table_comes_first(tmp_path):
-    from semgs.data.layouts.scannet.labels import LabelTable
+    from semgs.data.layouts.scannet.scannet_labels import LabelTable
 
     table = LabelTable(tmp_path, {}, {"rack": 3, "swivel stool": 5})
     known, missed = labels_of({"rack": 2, "Swivel  Stool": 1, "crate": 4, "gizmo": 9}, table)

@@ -30,16 +30,16 @@ from zoo_writer import (
 )
 
 from semgs.cli.main import main
+from semgs.data.cameras.lens import Lens
 from semgs.data.layouts.parts.mesh_maps import seen_from
-from semgs.data.layouts.scannet.labels import FILE_NAME, read_table
+from semgs.data.layouts.scannet.scannet_labels import FILE_NAME, read_table
 from semgs.data.layouts.zoo.data_sets import DataSet, Source
-from semgs.data.layouts.zoo.mesh import SceneMesh, label_of, mesh_files
-from semgs.data.layouts.zoo.scenes import zoo_scene
 from semgs.data.layouts.zoo.shots import ShotDepth
-from semgs.data.lens import Lens
+from semgs.data.layouts.zoo.zoo_mesh import SceneMesh, label_of, mesh_files
+from semgs.data.layouts.zoo.zoo_scenes import zoo_scene
+from semgs.data.origin.licences import terms_of
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
-from semgs.data.terms import terms_of
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import Cameras
 
@@ -337,7 +337,8 @@ def test_a_name_of_another_form_is_refused(name: str):
 def test_other_details_are_refused_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     made = photographs(tmp_path)
     monkeypatch.setattr(
-        "semgs.data.layouts.zoo.scenes.scenezoo_library", lambda: SimpleNamespace(get_dataset=opening(Stand(made, K)))
+        "semgs.data.layouts.zoo.zoo_scenes.scenezoo_library",
+        lambda: SimpleNamespace(get_dataset=opening(Stand(made, K))),
     )
     assert len(open_scene(tmp_path, scenezoo="arkitscenes:office:vga_wide")) == len(made.poses)
     with pytest.raises(InputError, match="leave it out"):

@@ -1,0 +1,88 @@
+"""`semgs bench`: measures time and memory on this machine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from semgs.bench.rows import BenchRow, chosen_rows, every_row
+from semgs.cli.progress import show_progress, show_stage
+from semgs.cli.usage_errors import UsageError
+from semgs.files.atomic import check_file
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Measure time and memory on this machine.
+
+    Each row of the table is one measurement, and its name describes it:
+    - total_small_n2_float32: two 240x320 views to Gaussians, and one target rendered with colour, classes and depth
+    - cnn_base_n2, transformer_colour_base_n2, ...: the parts of that
+    - render_n2, render_n2_colour, render_n2_backward: a generated scene of 153,600 Gaussians
+    - train_small_n2, command_small_n2, command_help: a training step, and the program itself
+
+    All rows use two threads, at 240x320. Batch size and CUDA are at the end of the name (_b8_cuda). Each time is the best of
+    five, taken in turns after two warm-up runs; anything over 20 s is measured once. Do not use the machine meanwhile.
+    docs/benchmarks.md has results from other machines.
+
+    Examples
+    - semgs bench --quick
+    - semgs bench --json before.json
+    - semgs bench --only total_small_n2_float32 cost_volume_small_n2
+    - semgs compare before.json after.json
+    """
+
+    json: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    """Write the numbers to this file."""
+    only: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
+    """Only measure these."""
+    quick: bool = False
+    """Only the quick measurements, in under a minute."""
+
+    def run(self) -> None:
+        """Measure, write the file, and print the table.
+
+        Raises:
+            InputError: the output file cannot be written.
+            UsageError: there is no row of a given name.
+        """
+        rows = self._rows()
+        if self.json is not None:
+            check_file(self.json)
+        with show_stage("Starting"):
+            import torch
+
+            from semgs.bench.bench_file import numbers
+            from semgs.bench.run_bench import run_bench, steps
+            from semgs.cli.commands.networks.bench_tables import bench_table
+            from semgs.evaluation.tables.environment import hardware, versions
+            from semgs.files.atomic import write_json
+
+        machine = {**hardware("cuda" if torch.cuda.is_available() else "cpu"), "versions": versions()}
+        count = 0
+        with show_progress(f"Measuring {len(rows)} rows", steps(rows)) as shown:
+
+            def done() -> None:
+                nonlocal count
+                count += 1
+                shown(count)
+
+            bench = run_bench(rows, machine, done=done)
+        if self.json is not None:
+            write_json(self.json, numbers(bench))
+        print(bench_table(bench))
+
+    def _rows(self) -> tuple[BenchRow, ...]:
+        """The rows to measure."""
+        try:
+            return chosen_rows(self.only, self.quick)
+        except KeyError as error:
+            name = str(error.args[0])
+            names = [row.name for row in every_row()]
+            near = get_close_matches(name, names, n=3)
+            hint = f"did you mean {' or '.join(near)}?" if near else f"such as {', '.join(names[:3])}"
+            raise UsageError(f"--only {name}: there is no such row; {hint}") from None

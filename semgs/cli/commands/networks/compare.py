@@ -1,0 +1,96 @@
+"""`semgs compare`: prints a table of evaluation reports, or of two files of the bench."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from semgs.bench.bench_file import is_bench, read_bench
+from semgs.cli.usage_errors import UsageError, what_the_user_gave
+from semgs.files.errors import InputError
+
+
+@dataclass(frozen=True)
+class Compare:
+    """Compare reports of semgs evaluate, or two files of semgs bench, in one table.
+
+    All reports must have the same frames, size and truth; if not, the error lists the differences. For two files of the bench, the table
+    shows what both measured, and the ratio.
+
+    Examples
+    - semgs compare eval/small/report.json
+    - semgs compare eval/*/report.json --format latex
+    - semgs compare eval/scannet/report.json --published scannet
+    - semgs compare eval/before/report.json eval/after/report.json --layout difference
+    - semgs compare before.json after.json
+    """
+
+    reports: Annotated[
+        tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="REPORT.json ...", help_behavior_hint="")
+    ]
+    """Reports, or the folders that contain them. Differences are relative to the first."""
+    layout: Literal["paper", "difference", "data", "card"] = "paper"
+    """paper: the columns of the paper's tables. difference: each report minus the first, with paired 95 % bootstrap intervals. data:
+    reports of different data, one below the other. card: as data, with intervals and a table of classes, for a model card."""
+    published: Annotated[Literal["scannet", "scannetpp", "ablation"] | None, tyro.conf.arg(help_behavior_hint="")] = (
+        None
+    )
+    """With --layout paper: add the numbers that the paper published, with a note on what is unknown about them."""
+    format: Literal["text", "markdown", "latex"] = "text"
+    """For a terminal, a page or a paper (LaTeX with booktabs)."""
+
+    def run(self) -> None:
+        """Print the table.
+
+        Raises:
+            InputError: a report cannot be read, or has other frames.
+            UsageError: the options do not fit the reports.
+        """
+        if not self.reports:
+            raise UsageError("no report given; expected report.json of one or more evaluations")
+        for path in self.reports:
+            if not path.exists():
+                raise InputError(path, "the report.json of an evaluation", "nothing there")
+        if self.published and self.layout != "paper":
+            raise UsageError("--published needs --layout paper")
+        if self.layout == "difference" and len(self.reports) < 2:
+            raise UsageError("--layout difference needs two or more reports")
+        if is_bench(self.reports[0]):
+            print(self._benches())
+            return
+        from semgs.evaluation.tables.card import card_grids
+        from semgs.evaluation.tables.comparison_tables import check_comparable, data_grid, difference_grids, paper_grid
+        from semgs.evaluation.tables.evaluation_report import read_report
+        from semgs.evaluation.tables.published_results import PUBLISHED
+        from semgs.evaluation.tables.table_grid import printed
+
+        reports = [read_report(path) for path in self.reports]
+        if self.layout not in ("data", "card"):
+            check_comparable(reports)
+        with what_the_user_gave():
+            if self.layout == "difference":
+                grids = difference_grids(reports)
+            elif self.layout == "data":
+                grids = [data_grid(reports)]
+            elif self.layout == "card":
+                grids = card_grids(reports)
+            else:
+                grids = [paper_grid(reports, PUBLISHED[self.published] if self.published else None)]
+        print("\n\n".join(printed(grid, self.format) for grid in grids))
+
+    def _benches(self) -> str:
+        """The table of two files of the bench."""
+        if len(self.reports) != 2:
+            raise UsageError(f"{len(self.reports)} files of semgs bench given; expected two to compare")
+        if self.layout != "paper" or self.published:
+            raise UsageError("--layout and --published are for reports of semgs evaluate")
+        from semgs.cli.commands.networks.bench_tables import comparison_table
+
+        benches = [read_bench(path) for path in self.reports]
+        names = [path.stem for path in self.reports]
+        if names[0] == names[1]:
+            names = [str(path) for path in self.reports]
+        return comparison_table(benches[0], benches[1], names, self.format)

@@ -1,0 +1,247 @@
+"""`semgs evaluate`: scores weights or predictions on scenes, and writes a folder with scores, maps and a report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from semgs.cli.device import chosen_device
+from semgs.cli.options.scene_options import SceneOptions
+from semgs.cli.options.segmenter_options import SegmenterOptions
+from semgs.cli.options.types import AutoSize, Count, Device, Protocol, SeveralViews, Weights, Workers
+from semgs.cli.progress import show_progress, show_stage
+from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
+from semgs.files.errors import InputError
+from semgs.files.folders import check_folder
+from semgs.files.paths import existing_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from semgs.data.scene import Scene
+    from semgs.data.tables.classes import ClassTable
+    from semgs.evaluation.frames.frame_plan import FramePlan
+    from semgs.evaluation.run import Candidate
+    from semgs.segmenters.labelling import Labelling
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Score weights, or saved predictions, on a fixed list of frames, next to simple baselines.
+
+    --data is a scene, or a folder of scenes. The protocol sets the target views and their input views:
+    - neighbours: every inner frame is a target; its inputs are the nearest frames, alternately before and after
+    - peers: the test frames and inputs of S-Ray; with --gsnerf-distance, the inputs that GSNeRF's code chooses
+    - pinned FILE: the frames in frames.json or report.json of an earlier evaluation
+
+    The output folder contains
+    - report.html: start here: tables, confusion matrices, scores per class, best and worst frames
+    - report.json: all numbers, with 95 % intervals; semgs compare makes tables from several
+    - frames.json: the frames by name, for --protocol pinned
+    - predictions/: the rendered maps, in the format of --predictions; truth/: the true labels at the same size
+
+    Every table has simple baselines: the nearest input view copied with its true labels (an oracle), the input views warped with
+    true depth, and the most frequent class.
+    docs/evaluate.md defines every number. The folder appears only once it is complete.
+
+    With --single, each labelled image is classified by itself, without cameras and rendering, so --data may also be labelled images
+    (images/, labels/ and classes.json; see docs/train.md). The folder then contains report.json and predictions/.
+
+    Examples
+    - semgs evaluate small --data scenes --out eval/small
+    - semgs evaluate runs/mine/weights.safetensors --data scenes --views 2 --out eval/mine
+    - semgs evaluate small --data scannet --scenes scannet-sray-test --protocol peers --views 2 3 4 --out eval/peers
+    - semgs evaluate small --segmenter segformer.onnx --data scenes --out eval/segformer
+    - semgs evaluate --predictions theirs --data scenes --protocol pinned eval/small/frames.json --out eval/theirs
+    - semgs evaluate small --single --data photos --out eval/photos
+    """
+
+    data: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """A scene or a folder of scenes."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
+    weights: Annotated[tyro.conf.Positional[Weights], tyro.conf.arg(metavar="[WEIGHTS]", help_behavior_hint="")] = ""
+    """"small" for the included weights, a weights file, or hf://OWNER/NAME on the hub."""
+    scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
+    """Only the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line; see docs/data.md."""
+    predictions: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = None
+    """Score another method's label maps instead of WEIGHTS: DIR/N2/SCENE/STEM.png, class number per pixel, 255 = no prediction."""
+    protocol: Protocol = ("neighbours",)
+    """neighbours, peers, or pinned FILE."""
+    views: Annotated[SeveralViews, tyro.conf.arg(help_behavior_hint="")] = ()
+    """Numbers of input views. By default 2, 3 and 4, or those in the pinned file or the predictions."""
+    size: AutoSize = None
+    """Height x width for the comparison. By default 240x320, 320x240 for portrait scenes, or that of the pinned file."""
+    depth_range: Annotated[tuple[float, float] | None, tyro.conf.arg(metavar="NEAR FAR", help_behavior_hint="")] = None
+    """Depth bounds for the network, in the scenes' unit. By default they come from the scene; 0.5 10 if it is metric. Other papers use
+    0.1 10 for ScanNet and 0.1 6 for Replica."""
+    gsnerf_distance: bool = False
+    """With --protocol peers: rank input frames as GSNeRF's code does, by world-to-camera translations."""
+    nearest: Annotated[Count | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
+    """Render each target view with the Gaussians of only this many input views, those nearest to it. By default, with all."""
+    single: bool = False
+    """Score the classes of each image by itself."""
+    allow_seen: bool = False
+    """Also score rooms that the weights were trained in, and say so; by default they are refused."""
+    name: Annotated[str, tyro.conf.arg(help_behavior_hint="")] = ""
+    """Name in the tables; by default that of the network or of the predictions folder."""
+    workers: Workers = 0
+    """Worker processes, one thread each; 0 for none, using all threads."""
+    device: Device = "auto"
+    """Where to compute; auto uses a CUDA GPU if there is one."""
+    overwrite: bool = False
+    """Replace an output folder from an earlier run, once the new result is complete."""
+    segmenting: Annotated[SegmenterOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SegmenterOptions)
+    reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
+
+    def run(self) -> None:
+        """Evaluate, write the folder, and print the table.
+
+        Raises:
+            InputError: data, weights, predictions or the output folder cannot be used.
+            UsageError: an option is invalid.
+        """
+        self._check()
+        if self.single:
+            self._run_single()
+            return
+        with show_stage("Starting"):
+            # Importing torch takes seconds; typing errors are reported before.
+            from semgs.evaluation.run import Job, evaluate_into, labelled_scenes
+
+            data = labelled_scenes(self.data, self.reading.as_peers, self.reading.asked, self.scenes)
+        plan = self._plan(data.scenes)
+        with show_stage("Loading"):
+            labelling = self.segmenting.labelling()
+            candidate = self._candidate(plan, data.classes, chosen_device(self.device), labelling)
+            job = Job(data, plan, candidate, self._remarks(plan, labelling), self.workers)
+        with what_fits(), show_progress(f"Evaluating {candidate.subject.name}", len(plan.tasks)) as done:
+            summary = evaluate_into(self.out, job, overwrite=self.overwrite, done=done)
+        print(summary)
+
+    def _run_single(self) -> None:
+        """Score single images, write the folder, and print the tables."""
+        with show_stage("Starting"):
+            from semgs.evaluation.run import labelled_scenes, network_subject
+            from semgs.evaluation.single_images import evaluate_single_images
+
+            data = labelled_scenes(
+                self.data, self.reading.as_peers, self.reading.asked, self.scenes, needs_cameras=False
+            )
+            if data.classes is None:
+                raise InputError(self.data, "labelled images", "none with labels")
+        with show_stage("Loading"), what_the_user_gave():
+            remarks = self._seen(data.scenes)
+            network, subject = network_subject(self.weights, data.classes, self.name)
+            network.to(chosen_device(self.device))
+        images = sum(frame.labels is not None for scene in data.scenes for frame in scene.frames)
+        with what_fits(), show_progress(f"Evaluating {subject.name}", images) as done:
+            tables = evaluate_single_images(
+                self.out, network, subject, data.scenes, self.size, overwrite=self.overwrite, done=done
+            )
+        print("\n\n".join((tables, *remarks)))
+
+    def _check(self) -> None:
+        """Check what can be checked without importing torch."""
+        if bool(self.weights) == (self.predictions is not None):
+            raise UsageError("expected either WEIGHTS or --predictions DIR; see semgs evaluate --help")
+        if self.single:
+            self._check_single()
+        existing_folder(self.data)
+        if self.predictions is not None and not self.predictions.is_dir():
+            found = "a file" if self.predictions.exists() else "nothing there"
+            raise InputError(self.predictions, "a folder of predictions", found)
+        check_folder(self.out, self.overwrite)
+        if self.nearest is not None and self.predictions is not None:
+            raise UsageError("--nearest is for WEIGHTS; --predictions are rendered already")
+        if self.gsnerf_distance and self.protocol[0] != "peers":
+            raise UsageError("--gsnerf-distance needs --protocol peers")
+        self.reading.check()
+        self.segmenting.check()
+        if self.segmenting.segmenter is not None and (self.predictions is not None or self.workers):
+            raise UsageError(f"--segmenter cannot go with {'--predictions' if self.predictions else '--workers'}")
+        if self.depth_range is not None and not 0 < self.depth_range[0] < self.depth_range[1] < float("inf"):
+            near, far = self.depth_range
+            raise UsageError(f"--depth-range is {near:g} {far:g}; expected near and far, 0 < near < far")
+
+    def _check_single(self) -> None:
+        """Refuse options that say how views become other views, which --single does not do."""
+        refused = {
+            "--predictions": self.predictions is not None,
+            "--protocol": self.protocol != ("neighbours",),
+            "--views": bool(self.views),
+            "--depth-range": self.depth_range is not None,
+            "--nearest": self.nearest is not None,
+            "--workers": bool(self.workers),
+            "--segmenter": self.segmenting.segmenter is not None,
+        }
+        if given := [option for option, is_given in refused.items() if is_given]:
+            raise UsageError(f"--single classifies each image by itself, so it cannot go with {', '.join(given)}")
+
+    def _plan(self, scenes: tuple[Scene, ...]) -> FramePlan:
+        """The targets and their input views."""
+        from semgs.evaluation.frames.frame_plan import with_depth_range
+        from semgs.evaluation.frames.saved import views_in
+        from semgs.evaluation.run import plan_of
+
+        held = views_in(self.predictions) if self.predictions is not None else ()
+        plan = plan_of(self.protocol, scenes, self.views or held, self.size, self.gsnerf_distance)
+        return with_depth_range(plan, self.depth_range)
+
+    def _candidate(
+        self,
+        plan: FramePlan,
+        classes: ClassTable | None,
+        device: str,
+        labelling: Callable[[Scene], Labelling] | None,
+    ) -> Candidate:
+        """The method to evaluate, and its description for the report."""
+        from semgs.evaluation.run import network_candidate, saved_candidate
+
+        if self.predictions is not None:
+            return saved_candidate(self.predictions, plan, device, self.name)
+        with what_the_user_gave():
+            if labelling is not None:
+                self._check_table(labelling(plan.scenes[0]).source.classes, classes)
+            return network_candidate(
+                self.weights, classes, device, self._name(labelling is not None), labelling, self.nearest
+            )
+
+    def _name(self, segmented: bool) -> str:
+        """The name in tables; "" for that of the network."""
+        choices = ["segmenter"] * segmented + ([] if self.nearest is None else [f"nearest {self.nearest}"])
+        return self.name or (" + ".join([Path(self.weights).stem, *choices]) if choices else "")
+
+    def _check_table(self, theirs: ClassTable, classes: ClassTable | None) -> None:
+        """Check that a segmenter answers in the classes of the labels."""
+        if classes is not None and theirs != classes:
+            assert self.segmenting.segmenter is not None
+            raise InputError(
+                self.segmenting.segmenter, f"answers in the classes of the labels, {classes.name}", theirs.name
+            )
+
+    def _remarks(self, plan: FramePlan, labelling: Callable[[Scene], Labelling] | None) -> tuple[str, ...]:
+        """Remarks for the report: who gives the classes, and whether the weights were trained on rooms that are scored here.
+
+        Such rooms are refused without --allow-seen.
+        """
+        said: tuple[str, ...] = ()
+        if labelling is not None:
+            first = labelling(plan.scenes[0])
+            said = (f"The classes are from {first.description}.", *first.notes)
+        return (*said, *self._seen(plan.scenes)) if self.weights else said
+
+    def _seen(self, scenes: Sequence[Scene]) -> tuple[str, ...]:
+        """A remark if the weights were trained on rooms that are scored here; such rooms are refused without --allow-seen."""
+        from semgs.data.scene_lists import check_unseen, seen_before
+        from semgs.model.weights.load import trained_scenes
+
+        trained, tested = trained_scenes(self.weights), [scene.name for scene in scenes]
+        if not self.allow_seen:
+            check_unseen(self.weights, trained, tested, "evaluate on other rooms (--scenes), or use --allow-seen")
+            return ()
+        seen = sorted(seen_before(trained, tested))
+        return (f"The weights were trained on rooms that are scored here: {', '.join(seen)}.",) if seen else ()

@@ -1,0 +1,116 @@
+"""`semgs segmenters fit`: learns on labelled scenes what a segmenter's classes mean."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from semgs.cli.options.scene_options import SceneOptions
+from semgs.cli.options.types import AutoSize, Weights
+from semgs.cli.progress import show_progress, show_stage
+from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
+from semgs.files.atomic import check_file
+from semgs.files.errors import InputError
+from semgs.files.paths import existing_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from semgs.data.scene import Scene
+    from semgs.data.views import Views
+    from semgs.segmenters.class_source import Source
+    from semgs.segmenters.labelling import Votes
+    from semgs.segmenters.names import Correspondence
+
+FRAMES = 4
+"""Frames of each scene, spread evenly."""
+
+
+@dataclass(frozen=True)
+class FitSegmenter:
+    """Learn on labelled scenes what a segmenter's classes mean in theirs: how often each of its classes is each of ours.
+
+    Use the result with --correspondence FILE of semgs reconstruct and semgs evaluate, instead of matching class names. With --weights, this
+    also fits how much the segmenter and the network should each vote, class by class, for --with-own-classes.
+
+    Examples
+    - semgs rooms data/rooms --scenes 100 --frames 4
+    - semgs segmenters fit segformer.onnx --data data/rooms --weights small --out segformer.fit.json
+    """
+
+    segmenter: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="SEGMENTER")]
+    """The segmenter, as for semgs reconstruct."""
+    data: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """A labelled scene, or a folder of scenes."""
+    out: Annotated[Path, tyro.conf.arg(metavar="FILE")]
+    """Output file (JSON)."""
+    weights: Annotated[Weights, tyro.conf.arg(help_behavior_hint="")] = ""
+    """Also fit the votes of these weights: "small", a weights file, or hf://OWNER/NAME."""
+    size: AutoSize = None
+    """Height x width; by default at most 76,800 pixels."""
+    reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
+
+    def run(self) -> None:
+        """Fit, write the file, and print what was found.
+
+        Raises:
+            InputError: the segmenter, scenes or weights cannot be used.
+            UsageError: an option is invalid.
+        """
+        existing_folder(self.data)
+        self.reading.check()
+        if self.out.exists():
+            raise InputError(self.out, "a new file", "one that exists", advice="choose another name")
+        check_file(self.out)
+        with show_stage("Starting"):
+            from semgs.evaluation.run import labelled_scenes
+            from semgs.segmenters.fitting import Fit, fit, save_fit
+            from semgs.segmenters.opening import sources
+
+            data = labelled_scenes(self.data, self.reading.as_peers, self.reading.asked)
+            scenes = [scene for scene in data.scenes if scene.classes is not None]
+            if not scenes:
+                raise InputError(self.data, "labelled scenes", "none with labels")
+            opened = sources(self.segmenter, "own")
+        with show_progress("Segmenting", len(scenes)) as done:
+            found = fit(opened, scenes, self._read, done)
+        votes = self._votes(opened, found, scenes) if self.weights else None
+        theirs = opened(scenes[0]).classes.names
+        save_fit(self.out, Fit(opened(scenes[0]).title, theirs, found, votes))
+        for name, row in zip(theirs, found.table, strict=True):
+            best = sorted(range(len(row)), key=lambda label: -row[label])[:3]
+            meaning = ", ".join(
+                f"{found.classes.names[label]} {row[label]:.2f}" for label in best if row[label] >= 0.05
+            )
+            print(f"{name:<20} {meaning or 'never seen'}")
+        print(f"\nWrote {self.out}.")
+
+    def _read(self, scene: Scene) -> tuple[Sequence[int], Views]:
+        """Some frames of a scene."""
+        step = max(1, len(scene) // FRAMES)
+        positions = list(range(0, len(scene), step))[:FRAMES]
+        return positions, scene.read(positions, self.size)
+
+    def _votes(self, opened: Callable[[Scene], Source], found: Correspondence, scenes: Sequence[Scene]) -> Votes:
+        """Fit the votes."""
+        from semgs.model.encode import encode
+        from semgs.model.weights.load import load
+        from semgs.segmenters.class_source import Translated, distributions
+        from semgs.segmenters.fitting import fitted_votes, pixels
+
+        with what_the_user_gave():
+            model = load(self.weights, classes=found.classes).eval()
+        if model.classes is None:
+            raise UsageError(f"--weights {self.weights}: expected weights with classes")
+        samples = []
+        with what_fits(), show_progress("Fitting votes", len(scenes)) as done:
+            for number, scene in enumerate(scenes, 1):
+                positions, views = self._read(scene)
+                said = distributions(Translated(opened(scene), found), scene, positions, views.size)
+                own = encode(model, views).encoding.class_maps()
+                samples.append(pixels(views, said, own))
+                done(number)
+        return fitted_votes(samples, len(found.classes))

@@ -1,0 +1,1 @@
+"""Commands that read, make or show scenes."""

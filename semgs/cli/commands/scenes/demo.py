@@ -1,0 +1,54 @@
+"""`semgs demo`: reconstructs the included room with the included weights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from semgs.cli.commands.scenes.reconstruct import Reconstruct
+from semgs.cli.options.types import Device, Views
+from semgs.files.strict_json import parse_json
+
+
+@dataclass(frozen=True)
+class Demo:
+    """Reconstruct the included sample room with the included weights.
+
+    This is `semgs reconstruct` on a scene of ours, so you can see the output before you use your own photos. Nothing is downloaded.
+    """
+
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("demo")
+    """Output folder: new, empty, or from an earlier demo, which is replaced."""
+    views: Views = 2
+    """Number of input views."""
+    device: Device = "auto"
+    """Where to compute; auto uses a CUDA GPU if there is one."""
+    html: bool = False
+    """Also write scene.html, which shows the scene in 3D. Needs viser."""
+    overwrite: bool = False
+    """Replace DIR even if it contains another scene from semgs."""
+
+    def run(self) -> None:
+        """Reconstruct the included room.
+
+        Raises:
+            InputError: the output folder cannot be used.
+        """
+        from semgs.rooms.sets.demo_room import demo_scene
+
+        scene = demo_scene()
+        overwrite = self.overwrite or _scene_in(self.out) == scene.name
+        Reconstruct(
+            scene=scene, out=self.out, views=self.views, device=self.device, html=self.html, overwrite=overwrite
+        ).run()
+
+
+def _scene_in(folder: Path) -> str | None:
+    """The name of the scene in an output folder of `semgs reconstruct`; None if the folder is none."""
+    try:
+        return parse_json((folder / "report.json").read_bytes())["scene"]["name"]
+    except (OSError, ValueError, TypeError, KeyError):
+        return None

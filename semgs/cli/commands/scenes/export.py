@@ -1,0 +1,324 @@
+"""`semgs export`: a reconstructed scene for other programs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from semgs.cli.arguments import nearest
+from semgs.cli.options.types import Probability, at_least, one_word
+from semgs.cli.progress import show_stage
+from semgs.cli.usage_errors import UsageError
+from semgs.files.errors import InputError
+from semgs.files.folders import check_folder, own_folder
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool
+    from torch import Tensor
+
+    from semgs.export.export_record import ExportedFile
+    from semgs.robotics.objects import Objects
+    from semgs.scene.scene_file import SavedScene
+    from semgs.scene.upright import Axes, FramedScene, UpDirection
+
+Format = Literal["ply", "points", "mcap", "gltf", "colmap", "objects", "occupancy"]
+
+UP_OF: dict[Format, Axes] = {
+    "ply": "-y", "points": "z", "mcap": "z", "gltf": "y", "colmap": "-y", "objects": "z", "occupancy": "z",
+}  # fmt: skip
+"""The direction that is up in the files of each format, as their programs have it."""
+
+NAMES_OF_COUNTS = {"points": "points", "colmap": "points", "objects": "things", "map": "cells", "voxels": "voxels"}
+"""What the files contain, by the beginnings of their names; others contain Gaussians."""
+
+Metres = Annotated[float, one_word("METRES", at_least(0.0, more=True))]
+
+
+@dataclass(frozen=True)
+class Export:
+    """Write a reconstructed scene for other programs, the right way up.
+
+    SCENE is an output folder of semgs reconstruct, or its scene.safetensors. OUT will contain
+    - gaussians.ply (--as ply): 3D Gaussians for splat viewers such as SuperSplat; with --colour classes semantics.ply, coloured by class
+    - points.ply (--as points): points with colour, class and confidence, for CloudCompare, Open3D and trimesh
+    - points.mcap (--as mcap): the same as a PointCloud2, for RViz and Foxglove; needs pip install '.[ros]'
+    - gaussians.glb (--as gltf): 3D Gaussians with classes and confidence, for programs that know KHR_gaussian_splatting; others show points
+    - colmap/ (--as colmap): sparse/0 and images, to train 3D Gaussians with gsplat, nerfstudio or the first 3DGS code
+    - objects.json (--as objects): things with class, upright box and distance; the other files then have the number of the thing that each
+    Gaussian belongs to, and gltf has the boxes; needs pip install '.[objects]'
+    - map.pgm, map.yaml and voxels.npz (--as occupancy): free floor and obstacles for ROS's map_server, and voxels with classes
+    - export.json: for each file, the matrix from its coordinates to those of the scene's poses; and the class table
+
+    docs/export.md says how to open each, docs/robots.md how to use things and maps.
+
+    Examples
+    - semgs export out/office --out office
+    - semgs export out/office --as ply points --out office --min-opacity 0.1
+    - semgs export out/office --as points --classes chair table --min-confidence 0.5 --out chairs
+    - semgs export out/office --as colmap --frame scene --out training
+    - semgs export out/office --as objects occupancy --frame scene --out map
+    """
+
+    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+    """Folder from semgs reconstruct, or a scene file."""
+    out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
+    """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
+    formats: Annotated[tuple[Format, ...], tyro.conf.arg(name="as")] = ("ply",)
+    """What to write; several are possible."""
+    frame: Literal["upright", "scene"] = "upright"
+    """upright turns the scene so that up is -Y in ply and colmap, +Y in gltf, and +Z in all others, and puts its middle at the origin. scene keeps the
+    coordinates of the scene's poses; if they are far from their origin, all is relative to the origin in scene.safetensors. A robot's map
+    needs scene, and poses with +Z up."""
+    up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
+    """The direction that is up in the scene's coordinates. auto finds it from floors and walls."""
+    colour: tuple[Literal["photo", "classes"], ...] = ("photo",)
+    """Colours of --as ply; with both, two files."""
+    min_opacity: Probability = 0.0
+    """Leave out Gaussians that are more transparent than this."""
+    min_confidence: Probability = 0.0
+    """Leave out Gaussians whose likeliest class is less likely than this. For scenes without classes, it is the confidence of the depth."""
+    classes: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
+    """Write only Gaussians whose likeliest class is one of these. By default, all. Maps always use all Gaussians."""
+    resolution: Metres = 0.05
+    """Side of the cells of --as occupancy, in metres."""
+    step_height: Metres = 0.1
+    """What is lower above the floor is no obstacle for the robot, in metres."""
+    robot_height: Metres = 1.5
+    """What is higher above the floor is no obstacle for the robot, in metres."""
+    overwrite: bool = False
+    """Replace OUT from an earlier run, once the new one is complete."""
+
+    def run(self) -> None:
+        """Export, and print what was written.
+
+        Raises:
+            InputError: the scene cannot be used, or OUT cannot be written.
+            UsageError: an option is invalid, or nothing would be written.
+            ImportError: a format needs a library that is not installed.
+        """
+        if not self.formats:
+            raise UsageError("--as is empty; expected ply, points, mcap, gltf, colmap, objects or occupancy")
+        if not self.colour:
+            raise UsageError("--colour is empty; expected photo or classes")
+        if "ply" not in self.formats and self.colour != ("photo",):
+            raise UsageError("--colour is for --as ply; points have both colours and classes")
+        if self.frame == "scene" and self.up != "auto":
+            raise UsageError("--up is for --frame upright; --frame scene turns nothing")
+        if self.step_height >= self.robot_height:
+            raise UsageError(
+                f"--step-height is {self.step_height:g} and --robot-height {self.robot_height:g}; expected a smaller step"
+            )
+        check_folder(self.out, self.overwrite)
+        with show_stage("Reading the scene"):
+            from semgs.export.export_record import write_record
+            from semgs.files.bags import check_bag_library
+            from semgs.robotics.object_libraries import check_object_libraries
+            from semgs.scene.scene_file import load_scene
+            from semgs.scene.upright import up_of
+
+            if "mcap" in self.formats:
+                check_bag_library()
+            if "objects" in self.formats:
+                check_object_libraries()
+            scene = load_scene(self.scene)
+            keep = self._selected(scene)
+            for_robots = bool({"objects", "occupancy"} & set(self.formats))
+            found_up = up_of(scene, self.up) if self.frame == "upright" or for_robots else None
+            up = found_up if self.frame == "upright" else None
+            if for_robots:
+                self._check_for_robots(scene, found_up)
+        notes = [] if found_up is None or found_up.certain else [found_up.warning]
+        things = None
+        if "objects" in self.formats and found_up is not None:
+            with show_stage("Finding things"):
+                things = self._things(scene, found_up)
+        with own_folder(self.out, self.overwrite) as folder, show_stage("Writing"):
+            files = []
+            for name in dict.fromkeys(self.formats):
+                framed = self._framed(scene, name, up)
+                if name == "ply":
+                    files += self._write_ply(folder, framed, keep, things)
+                elif name == "gltf":
+                    files.append(self._write_gltf(folder, scene, framed, keep, things))
+                elif name == "colmap":
+                    files.append(self._write_colmap(folder, framed, keep, notes))
+                elif name == "objects" and things is not None:
+                    files.append(self._write_objects(folder, scene, framed, things))
+                elif name == "occupancy":
+                    files += self._write_occupancy(folder, framed)
+                else:
+                    files.append(self._write_points(folder, name, framed, keep, things))
+            write_record(folder, files, up)
+        self._print(files, notes)
+
+    def _selected(self, scene: SavedScene) -> Bool[Tensor, " g"]:
+        """The Gaussians to write."""
+        from semgs.scene.selection import selected
+
+        if self.classes and scene.classes is None:
+            raise InputError(self.scene, "a scene with classes for --classes", "one with colour and depth only")
+        if "classes" in self.colour and scene.classes is None:
+            raise InputError(self.scene, "a scene with classes for --colour classes", "one with colour and depth only")
+        unknown = [name for name in self.classes if scene.classes and name not in scene.classes.names]
+        if unknown and scene.classes:
+            known = scene.classes.names
+            raise UsageError(
+                f"--classes: there is no class {unknown[0]!r}{nearest(unknown[0], known)}; expected some of {', '.join(known)}"
+            )
+        keep = selected(scene, min_opacity=self.min_opacity, min_confidence=self.min_confidence, classes=self.classes)
+        if not keep.any():
+            raise UsageError("no Gaussian is left; relax --min-opacity, --min-confidence or --classes")
+        return keep
+
+    def _framed(self, scene: SavedScene, name: Format, up: UpDirection | None) -> FramedScene:
+        """The scene in the frame of a format's files."""
+        from semgs.scene.upright import in_own_frame, upright
+
+        return in_own_frame(scene) if up is None else upright(scene, UP_OF[name], up)
+
+    def _check_for_robots(self, scene: SavedScene, up: UpDirection | None) -> None:
+        """Check that a scene has what things and maps need."""
+        from semgs.export.scene_objects import Z_IS_UP, check_metric
+
+        try:
+            check_metric(scene)
+        except ValueError as error:
+            raise InputError(
+                self.scene, "a scene in metres for --as objects and occupancy", "one whose unit is unknown",
+                advice="reconstruct it again with --scale-from",
+            ) from error  # fmt: skip
+        if "objects" in self.formats and scene.classes is None:
+            raise InputError(self.scene, "a scene with classes for --as objects", "one with colour and depth only")
+        if "occupancy" in self.formats and self.frame == "scene" and up is not None and up.direction[2] < Z_IS_UP:
+            direction = ", ".join(f"{side:.2f}" for side in up.direction.tolist())
+            raise UsageError(
+                f"a map in --frame scene needs poses with z up; here up is ({direction}); leave out --frame to turn the scene upright"
+            )
+
+    def _things(self, scene: SavedScene, up: UpDirection) -> Objects:
+        """The things of the scene that the options ask for, with the numbers that they have among all."""
+        from semgs.export.scene_objects import things_of
+
+        return things_of(scene, up).only(classes=self.classes, min_confidence=self.min_confidence)
+
+    def _write_objects(self, folder: Path, scene: SavedScene, framed: FramedScene, things: Objects) -> ExportedFile:
+        """Write objects.json."""
+        from semgs.export.export_record import ExportedFile
+        from semgs.export.scene_objects import file_from_scene, placed, save_objects
+
+        save_objects(folder / "objects.json", placed(things, file_from_scene(framed, scene)), framed)
+        return ExportedFile("objects.json", framed, len(things.things))
+
+    def _write_occupancy(self, folder: Path, framed: FramedScene) -> list[ExportedFile]:
+        """Write map.pgm, map.yaml and voxels.npz."""
+        from semgs.export.export_record import ExportedFile
+        from semgs.export.map_files import IMAGE, VOXELS, save_map, save_voxels
+        from semgs.export.scene_objects import occupancy_of
+        from semgs.robotics.floor import NoFloorError
+        from semgs.scene.upright import up_of
+
+        try:
+            found = occupancy_of(
+                framed.scene,
+                up_of(framed.scene, "z"),
+                resolution=self.resolution,
+                step=self.step_height,
+                height=self.robot_height,
+            )
+        except NoFloorError as error:
+            raise InputError(self.scene, "a scene that shows the floor", str(error)) from error
+        except ValueError as error:  # the grid is too large, or the scene has neither grid nor depth
+            raise UsageError(str(error)) from error
+        save_map(folder, found)
+        save_voxels(folder, found, framed.scene.classes)
+        return [ExportedFile(IMAGE, framed, found.cells.size), ExportedFile(VOXELS, framed, found.voxels.size)]
+
+    def _write_ply(
+        self, folder: Path, framed: FramedScene, keep: Bool[Tensor, " g"], things: Objects | None
+    ) -> list[ExportedFile]:
+        """Write gaussians.ply, semantics.ply or both."""
+        from semgs.export.export_record import ExportedFile
+        from semgs.export.ply import save_ply, save_semantic_ply
+        from semgs.scene.selection import part_of
+
+        part, names = part_of(framed.scene, keep), []
+        if "photo" in self.colour:
+            save_ply(
+                folder / "gaussians.ply", part.gaussians, None if things is None else things.instances[keep.numpy()]
+            )
+            names.append("gaussians.ply")
+        if "classes" in self.colour and part.classes is not None:
+            save_semantic_ply(folder / "semantics.ply", part.gaussians, part.classes)
+            names.append("semantics.ply")
+        return [ExportedFile(name, framed, len(part.gaussians)) for name in names]
+
+    def _write_gltf(
+        self, folder: Path, scene: SavedScene, framed: FramedScene, keep: Bool[Tensor, " g"], things: Objects | None
+    ) -> ExportedFile:
+        """Write gaussians.glb."""
+        from semgs.export.export_record import ExportedFile
+        from semgs.export.gltf import save_gltf
+        from semgs.export.scene_objects import file_from_scene, placed
+
+        boxes = () if things is None else placed(things, file_from_scene(framed, scene))
+        save_gltf(folder / "gaussians.glb", framed.scene, keep, boxes, None if things is None else things.instances)
+        return ExportedFile("gaussians.glb", framed, int(keep.sum()))
+
+    def _write_points(
+        self, folder: Path, name: Format, framed: FramedScene, keep: Bool[Tensor, " g"], things: Objects | None
+    ) -> ExportedFile:
+        """Write points.ply or points.mcap."""
+        from semgs.export.export_record import ExportedFile
+        from semgs.export.points import points_of, save_bag, save_points
+
+        points = points_of(framed.scene, None if things is None else things.instances).only(keep)
+        if name == "mcap":
+            save_bag(folder / "points.mcap", points)
+            return ExportedFile("points.mcap", framed, len(points))
+        save_points(folder / "points.ply", points)
+        return ExportedFile("points.ply", framed, len(points))
+
+    def _write_colmap(
+        self, folder: Path, framed: FramedScene, keep: Bool[Tensor, " g"], notes: list[str]
+    ) -> ExportedFile:
+        """Write the folder colmap."""
+        from semgs.export.colmap import copy_photos, photos_of, save_model, tracks_of
+        from semgs.export.export_record import ExportedFile
+        from semgs.export.points import points_of
+
+        tracks = tracks_of(framed.scene)
+        keep = keep & tracks.matched
+        if not keep.any():
+            notes.append("no point is seen by two input views, so points3D.bin is empty")
+        model, images = folder / "colmap" / "sparse" / "0", folder / "colmap" / "images"
+        model.mkdir(parents=True)
+        save_model(model, framed.scene, points_of(framed.scene).only(keep), tracks.only(keep))
+        source = self.scene if self.scene.is_dir() else self.scene.parent
+        photos = photos_of(source, framed.scene)
+        if photos is None:
+            notes.append(
+                f"{source} has no photos of the input views, so colmap/images is missing; export from a folder of semgs reconstruct"
+            )
+        else:
+            images.mkdir()
+            copy_photos(images, framed.scene, photos)
+        return ExportedFile("colmap", framed, int(keep.sum()))
+
+    def _print(self, files: list[ExportedFile], notes: list[str]) -> None:
+        """Print the files and the notes."""
+        from semgs.export.export_record import FILE_NAME
+
+        rows = []
+        for file in files:
+            what = NAMES_OF_COUNTS.get(file.name.split(".")[0], "Gaussians")
+            up = "in the scene's coordinates" if file.framed.axes is None else f"up is {file.framed.axes.upper()}"
+            rows.append((str(self.out / file.name), f"{file.count:,} {what}, {up}"))
+        rows.append((str(self.out / FILE_NAME), "the matrices back to the scene's coordinates"))
+        width = max(len(path) for path, _ in rows)
+        for path, text in rows:
+            print(f"{path:<{width}}  {text}")
+        for note in notes:
+            print(f"note: {note}")

@@ -1,0 +1,66 @@
+"""`semgs poses`: estimates the cameras of photos or of a clip, and writes them as a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from semgs.cli.options.posing_options import PosingOptions
+from semgs.cli.progress import show_stage
+from semgs.cli.usage_errors import what_the_user_gave
+from semgs.files.errors import InputError
+from semgs.files.folders import check_folder, own_folder
+from semgs.files.paths import existing_folder
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Estimate the cameras of photos, or of a clip, and write them as a scene.
+
+    PHOTOS is a folder of JPEG, PNG or HEIC images, or a video. Photos have to overlap, and the camera has to move sideways between them.
+    Cameras are estimated by COLMAP's structure from motion (extra sfm). OUT gets upright copies of the photos in images/, and the cameras;
+    every semgs command reads it as a scene, for example semgs doctor OUT. Bad input ends with a one-line error and exit code 2.
+
+    Examples
+    - semgs poses photos scans/kitchen
+    - semgs poses clip.mp4 scans/kitchen --clip-frames 40
+    - semgs poses photos scans/kitchen --scale-from IMG_1.jpg IMG_4.jpg 1.25
+    - semgs poses photos scans/kitchen --as colmap
+    """
+
+    photos: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PHOTOS")]
+    """A folder of photos, or a video."""
+    out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
+    """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
+    form: Annotated[Literal["transforms", "colmap"], tyro.conf.arg(name="as")] = "transforms"
+    """transforms.json with sparse_pc.ply, as nerfstudio has them, or a COLMAP model in sparse/0. A COLMAP model does not say that its unit is metres."""
+    overwrite: bool = False
+    """Replace an OUT from an earlier run, once the new one is complete."""
+    posing: Annotated[PosingOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=PosingOptions)
+
+    def run(self) -> None:
+        """Estimate the cameras, write the folder, and print what was found.
+
+        Raises:
+            InputError: the photos or the output folder cannot be used, or the cameras cannot be estimated.
+            UsageError: an option is invalid.
+        """
+        existing_folder(self.photos)
+        check_folder(self.out, self.overwrite)
+        with show_stage("Starting"):
+            from semgs.sfm.photos import has_only_photos
+            from semgs.sfm.scene_folder import write_scene
+
+        if not has_only_photos(self.photos):
+            raise InputError(self.photos, "a folder of photos without cameras, or a video", "something else")
+        known = self.posing.known()
+        with own_folder(self.out, self.overwrite) as folder, what_the_user_gave():
+            solution = write_scene(self.photos, folder, known, colmap=self.form == "colmap")
+        for note in solution.notes:
+            print(note)
+        print(
+            f"{self.out}: a scene of {len(solution.photos)} frames, {len(solution.points):,} points, unit: {solution.unit}"
+        )

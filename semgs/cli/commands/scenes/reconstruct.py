@@ -1,0 +1,328 @@
+"""`semgs reconstruct`: turns posed photos into a folder with the scene, its renders and a report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from semgs.cli.device import chosen_device
+from semgs.cli.options.feature_options import FeatureOptions
+from semgs.cli.options.posing_options import PosingOptions
+from semgs.cli.options.scene_options import SceneOptions
+from semgs.cli.options.segmenter_options import SegmenterOptions
+from semgs.cli.options.types import AutoSize, Device, Probability, Views, WeightsOrRandom
+from semgs.cli.progress import say_compiling, show_stage
+from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
+from semgs.files.atomic import check_file
+from semgs.files.folders import check_folder, own_folder
+from semgs.files.paths import existing_folder
+from semgs.reconstruction.output.rerun_library import rerun_library
+from semgs.runtime.stopwatch import Stages
+from semgs.viewer.server import check_viewer_library
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from semgs.cli.commands.scenes.photo_scene import PhotoScene
+    from semgs.data.choosing.choice import Choice
+    from semgs.data.scene import Scene
+    from semgs.model.semgs import SemGS
+    from semgs.reconstruction.output.report import Origin
+    from semgs.reconstruction.pipeline import Reconstruction
+    from semgs.segmenters.labelling import Labelling
+
+
+SEGMENTER = "segmenter"
+"""Folder in the output for the maps of a segmentation network."""
+
+MOST_VIEWS = 4
+"""The models were trained with at most this many input views."""
+
+
+@dataclass(frozen=True)
+class Reconstruct:
+    """Turn photos of a room into a labelled 3D scene of Gaussians, in one forward pass.
+
+    SCENE is a folder with a transforms.json (nerfstudio's or instant-ngp's), a COLMAP model, a Polycam or Record3D capture, a ROS bag, a
+    scene of ScanNet, ScanNet++, Replica, TUM RGB-D or 7-Scenes, RGB-D frames with poses in text, or an archive from semgs prepare. The
+    layout is detected automatically. If it is a folder of photos without poses, or a video, the cameras are estimated first (extra sfm) and
+    kept in cameras/, which is a scene too. Name frames by file name, or by position among the usable frames in file order, from 0.
+
+    The output folder contains
+    - report.html: start here: photos, renders, class maps, depth, scores, and which frames were used and why
+    - report.json: all numbers of the report
+    - gaussians.ply: plain 3DGS, for every Gaussian splat viewer; semantics.ply: the same coloured by class. Both are turned upright and
+    centred; export.json has the matrix back, and semgs export writes other formats and frames
+    - scene.html, with --html: the scene in 3D, one page for your browser that needs no network
+    - scene.safetensors: everything, for semgs.load_scene in Python; with --features also features.safetensors, for semgs query
+    - renders/: for every view image, classes (coloured), labels (class number per pixel, 255 = unseen, 254 = unknown), confidence
+    (percent), depth (16-bit millimetres, or float TIFF where the scene's unit is unknown), depth_spread (its uncertainty, millimetres per
+    metre), alpha, and the photo beside them
+
+    The folder appears only once it is complete. Bad input ends with a one-line error and exit code 2.
+
+    Examples
+    - semgs reconstruct scans/office --out out/office
+    - semgs reconstruct scans/office --out out/office --views 3 --overwrite
+    - semgs reconstruct scans/office --out out/office --context 3 7 --size 480x640
+    - semgs reconstruct recording --out out/robot --camera /camera/color --world map
+    - semgs reconstruct scans/office --out out/office --weights re10k.ckpt
+    - semgs reconstruct scans/office --out out/office --segmenter segformer.onnx
+    - semgs reconstruct scans/office --out out/office --features clip
+    - semgs reconstruct recording --out out/robot --depth sensor
+    - semgs reconstruct scans/office --out out/office --refine-poses
+    - semgs reconstruct photos --out out/kitchen --scale-from IMG_1.jpg IMG_4.jpg 1.25
+    - semgs reconstruct clip.mp4 --out out/kitchen
+    - semgs reconstruct recording --out out/flat --all
+    - semgs reconstruct recording --out out/flat --all --rerun flat.rrd
+    """
+
+    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+    """The scene: a folder, or a single file."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
+    views: Views = 2
+    """Number of input views, 2 or more. They are chosen by overlap and baseline; other frames that they cover are held out for
+    comparison. Fewer are used if no other frame shares 30 % of what it sees. Trained with 2 to 4; more is allowed but may blur."""
+    all: bool = False
+    """Use the whole recording: keyframes are chosen along the walk, encoded in windows of --views frames, and merged into one scene;
+    see docs/recordings.md."""
+    context: Annotated[tuple[int | str, ...], tyro.conf.arg(metavar="FRAME [FRAME ...]", help_behavior_hint="")] = ()
+    """Use these frames as input views, by position or name, instead of choosing them automatically."""
+    size: AutoSize = None
+    """Resize the images to height x width, such as 240x320; other aspect ratios are centre-cropped. By default, images are reduced
+    to at most 76,800 pixels, with the same aspect ratio and sides that are multiples of 16."""
+    weights: Annotated[WeightsOrRandom, tyro.conf.arg(help_behavior_hint="(default: small)")] = None
+    """"small" for the included weights, a weights file, hf://OWNER/NAME[@REVISION] to download from the Hugging Face hub, or "random".
+    A file says which network it is for; MVSplat's checkpoints give colour and depth only."""
+    model: Annotated[Literal["small", "base", "base_text", "mvsplat"] | None, tyro.conf.arg(help_behavior_hint="")] = (
+        None
+    )
+    """Network for --weights random, or base to fill it from MVSplat's checkpoint. Otherwise the weights decide. small runs on a laptop,
+    base has the paper's sizes, mvsplat has colour and depth only."""
+    depth: Literal["network", "sensor", "both"] = "network"
+    """Where the Gaussians' depth comes from: the network, the frames' depth maps, or both, weighted by their uncertainty. At least half of
+    the pixels of each input frame must be measured; the rest takes the network's depth, fitted to the measured one."""
+    refine_poses: bool = False
+    """First correct slightly wrong cameras of the input and held-out frames, by up to a few degrees, so that they fit matches between the
+    images. Cameras that fit already stay as they are; the report says what moved. See docs/poses.md."""
+    min_confidence: Probability = 0.0
+    """Pixels whose likeliest class is less likely than this are unknown in class maps: light grey, 254 in label files. Unseen pixels are
+    hatched and 255. Scores do not change."""
+    device: Device = "auto"
+    """Where to compute; auto uses a CUDA GPU if there is one."""
+    html: bool = False
+    """Also write scene.html, which shows the scene in 3D; semgs view --html has options for it. Needs viser."""
+    rerun: Annotated[Path | None, tyro.conf.arg(metavar="FILE.rrd", help_behavior_hint="")] = None
+    """Also write a recording for Rerun: photos, cameras, class maps, Gaussians, boxes of things and free floor, on a timeline of frames. Needs
+    rerun-sdk."""
+    overwrite: bool = False
+    """Replace a DIR from an earlier run, once the new result is complete."""
+    segmenting: Annotated[SegmenterOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SegmenterOptions)
+    featuring: Annotated[FeatureOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=FeatureOptions)
+    posing: Annotated[PosingOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=PosingOptions)
+    reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
+
+    def run(self) -> None:
+        """Reconstruct, write the folder, and print a summary.
+
+        Raises:
+            InputError: the scene, the weights or the output folder cannot be used.
+            UsageError: an option is invalid, or there is too little memory.
+        """
+        self._check()
+        with show_stage("Starting"):
+            # Importing torch takes seconds; typing errors are reported before.
+            from semgs.cli.commands.scenes.photo_scene import photo_scene
+
+        device = chosen_device(self.device)
+        with photo_scene(self.scene, self.out, self.posing) as photos:
+            self._reconstruct(device, photos)
+
+    def _reconstruct(self, device: str, photos: PhotoScene | None) -> None:
+        """Reconstruct the scene, or that of photos whose cameras were estimated."""
+        from semgs.data.scenes import open_asked
+
+        asked = self.reading.as_peers, self.reading.asked
+        scene = open_asked(self.scene, *asked, needs_labels=False) if photos is None else photos.scene(*asked)
+        stages = Stages(show_stage, say_compiling)
+        notes = self._notes()
+        choice = None
+        if not self.all:
+            scene, choice, found = self._chosen(scene, stages)
+            notes = [*found, *notes]
+        with stages("load", "Loading the network"):
+            model, origin = self._model(device)
+
+        from semgs.reconstruction.output.files import summary, write_results
+
+        with own_folder(self.out, self.overwrite) as folder:
+            labelling = self._labelling(scene, folder, stages)
+            with what_fits(), what_the_user_gave():
+                result = self._result(scene, choice, model, labelling, stages, notes)
+            result = write_results(folder, result, origin, stages, self.html)
+            if photos is not None:
+                photos.move_to(folder)
+        if self.rerun is not None:
+            result = self._with_rerun_file(self.rerun, result, stages)
+        print(summary(result, stages.seconds, self.out, self.html))
+        if self.rerun is not None:
+            print(f"For Rerun: rerun {self.rerun}")
+        if photos is not None:
+            print(f"The photos with their estimated cameras are a scene in {photos.scene_path}.")
+
+    def _with_rerun_file(self, path: Path, result: Reconstruction, stages: Stages) -> Reconstruction:
+        """The reconstruction with notes about what its recording for Rerun lacks, after writing it."""
+        from semgs.reconstruction.output.files import saved
+        from semgs.reconstruction.output.rerun_file import save_rerun
+
+        with stages("rerun", f"Writing {path}"):
+            notes = save_rerun(path, result, saved(result))
+        return replace(result, notes=(*result.notes, *notes))
+
+    def _chosen(self, scene: Scene, stages: Stages) -> tuple[Scene, Choice, list[str]]:
+        """The scene with its cameras refined if requested, the chosen frames, and notes about their cameras."""
+        with stages("choose", f"Choosing among {len(scene)} frames"):
+            choice = self._choice(scene)
+        chosen = (*choice.context, *choice.targets)
+        notes: list[str] = []
+        if self.refine_poses:
+            with stages("refine", f"Refining {len(chosen)} cameras"):
+                from semgs.sfm.refine import refine
+
+                refinement = refine(scene, chosen)
+                notes += refinement.notes(scene)
+                scene = refinement.applied(scene)
+        with stages("check", "Checking the cameras"):
+            from semgs.doctor.quick import warnings_of
+
+            notes += warnings_of(scene, chosen)
+        return scene, choice, notes
+
+    def _result(
+        self,
+        scene: Scene,
+        choice: Choice | None,
+        model: SemGS,
+        labelling: Labelling | None,
+        stages: Stages,
+        notes: Sequence[str],
+    ) -> Reconstruction:
+        """The reconstruction from the chosen frames; of all frames if there is no choice."""
+        if choice is None:
+            from semgs.reconstruction.recording import reconstruct_recording
+
+            return reconstruct_recording(
+                scene,
+                model,
+                self.size,
+                depth=self.depth,
+                labelling=labelling,
+                views=self.views,
+                min_confidence=self.min_confidence,
+                stages=stages,
+                notes=notes,
+            )
+        from semgs.reconstruction.pipeline import reconstruct
+
+        return reconstruct(
+            scene,
+            choice,
+            model,
+            self.size,
+            depth=self.depth,
+            labelling=labelling,
+            featuring=self.featuring.featuring(scene),
+            stages=stages,
+            min_confidence=self.min_confidence,
+            notes=notes,
+        )
+
+    def _check(self) -> None:
+        """Check what can be checked without importing torch."""
+        existing_folder(self.scene)
+        check_folder(self.out, self.overwrite)
+        self.reading.check()
+        self.segmenting.check()
+        self.featuring.check()
+        if self.html:
+            check_viewer_library()
+        if self.rerun is not None:
+            self._check_rerun_file(self.rerun)
+        if self.all:
+            self._check_recording()
+        if len(self.context) == 1:
+            raise UsageError("--context has one frame; expected two or more that overlap")
+
+    def _check_rerun_file(self, path: Path) -> None:
+        """Check that a recording for Rerun can be written."""
+        if path.suffix != ".rrd":
+            raise UsageError(f"--rerun is {path}; expected a file that ends in .rrd")
+        rerun_library()
+        if (
+            path.absolute().parent != self.out.absolute()
+        ):  # a file in the output folder is written once that is complete
+            check_file(path)
+
+    def _check_recording(self) -> None:
+        """Check the options that cannot be used together with --all."""
+        if self.context:
+            raise UsageError("--context names the frames to use and --all uses all of them; leave one out")
+        if self.featuring.features is not None:
+            raise UsageError("--features is for a reconstruction of 2 to 4 views, not for --all")
+        if self.refine_poses:
+            raise UsageError("--refine-poses is for a reconstruction of 2 to 4 views, not for --all")
+        if self.views > MOST_VIEWS:
+            raise UsageError(
+                f"--views is {self.views}; expected 2 to {MOST_VIEWS} with --all, the views of each window"
+            )
+
+    def _notes(self) -> list[str]:
+        """Notes for the report that follow from the options."""
+        notes = []
+        if self.weights == "random":
+            notes.append("The weights are random: the network is untrained, so its output is noise.")
+        if max(self.views, len(self.context)) > MOST_VIEWS:
+            notes.append(f"The model was trained with 2 to {MOST_VIEWS} views; more may blur what several views see.")
+        return notes
+
+    def _choice(self, scene: Scene) -> Choice:
+        """Input frames and held-out frames."""
+        from semgs.data.choosing.choice import choose, given
+
+        if self.context:
+            with what_the_user_gave():
+                return given(scene, self.context)
+        if self.views > len(scene):
+            raise UsageError(f"--views is {self.views}; expected 2 to {len(scene)}, the usable frames of {scene.path}")
+        return choose(scene, self.views)
+
+    def _model(self, device: str) -> tuple[SemGS, Origin]:
+        """The network on its device, and its origin for the report."""
+        from semgs._version import __version__
+        from semgs.model.weights.load import load
+        from semgs.reconstruction.output.report import Origin
+
+        with what_the_user_gave():
+            model = load(*self._named())
+        parameters = sum(parameter.numel() for parameter in model.parameters())
+        return model.eval().to(device), Origin(f"semgs {__version__}", model.origin, parameters, device)
+
+    def _labelling(self, scene: Scene, folder: Path, stages: Stages) -> Labelling | None:
+        """What gives the Gaussians their classes; None for the network's own."""
+        if self.segmenting.segmenter is None:
+            return None
+        with stages("load", f"Loading {self.segmenting.segmenter}"):
+            found = self.segmenting.labelling(folder / SEGMENTER, self.out / SEGMENTER)
+            return found and found(scene)
+
+    def _named(self) -> tuple[str, str | None]:
+        """The network, and its weights unless they are the included ones, as `load` takes them."""
+        if self.weights is None:
+            return self.model or "small", None
+        if self.weights == "random":
+            return self.model or "small", "random"
+        return (self.weights, None) if self.model in (None, self.weights) else (self.model or "small", self.weights)

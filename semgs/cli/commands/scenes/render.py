@@ -1,0 +1,189 @@
+"""`semgs render`: images and videos of a reconstructed scene along a camera path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from semgs.cli.options.types import Count, Probability, Size
+from semgs.cli.progress import show_progress, show_stage
+from semgs.cli.usage_errors import UsageError, what_the_user_gave
+from semgs.files.atomic import check_file
+from semgs.files.errors import InputError
+from semgs.files.folders import check_folder, own_folder
+
+if TYPE_CHECKING:
+    from semgs.export.stills import Stills
+    from semgs.geometry.cameras import Cameras
+    from semgs.scene.scene_file import SavedScene
+
+VIDEO = ".mp4"
+CAMERAS = "transforms.json"
+SWING = 24.0
+
+
+@dataclass(frozen=True)
+class Render:
+    """Render images or a video of a reconstructed scene along a camera path.
+
+    SCENE is an output folder of semgs reconstruct, or its scene.safetensors. If OUT ends with .mp4, it is a video, with the images side by side.
+    Otherwise it is a folder with
+    - 0000_colour.png, 0000_classes.png ...: an image for each camera and each --show
+    - transforms.json: the cameras, which --path reads again
+
+    Examples
+    - semgs render out/office --out office.mp4
+    - semgs render out/office --out office.mp4 --path inputs --show colour overlay depth --size 480x640
+    - semgs render out/office --out stills --frames 8 --show colour rgba
+    - semgs render out/office --out path.mp4 --path camera_path.json
+    """
+
+    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+    """Folder from semgs reconstruct, or a scene file."""
+    out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
+    """Output: a video (.mp4) or a folder, new or, with --overwrite, one from an earlier run."""
+    path: Annotated[str, tyro.conf.arg(metavar="orbit|inputs|FILE")] = "orbit"
+    """orbit swings around what the first input view looks at; inputs goes from the first input view to the last and back; FILE is a camera path of
+    nerfstudio or a transforms.json, in the coordinates of the scene's poses."""
+    show: Annotated[
+        tuple[Literal["colour", "classes", "overlay", "depth", "confidence", "alpha", "rgba"], ...],
+        tyro.conf.arg(help_behavior_hint="(default: colour classes; without classes, colour depth)"),
+    ] = ()
+    """What to show. overlay is colour tinted by class, confidence the probability of the likeliest class, alpha the opacity, and rgba colour with
+    transparency, for images only."""
+    frames: Annotated[
+        Count | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: 120; a FILE has its own)")
+    ] = None
+    """Number of images along the path."""
+    degrees: float = SWING
+    """Angle of the orbit: half of it to each side, or 360 for a full circle. The further from the input views, the more holes there are."""
+    size: Annotated[Size | None, tyro.conf.arg(metavar="HxW", help_behavior_hint="")] = None
+    """Height x width of the images, in pixels; by default that of the reconstruction. The height of the view stays; more or less is seen to both sides."""
+    fps: Count = 30
+    """Images per second of a video."""
+    up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
+    """The direction that is up in the scene's coordinates, for the orbit."""
+    min_confidence: Probability = 0.0
+    """Pixels whose likeliest class is less likely than this are unknown: grey in the class map."""
+    overwrite: bool = False
+    """Replace OUT from an earlier run, once the new one is complete."""
+
+    def run(self) -> None:
+        """Render, and print what was written.
+
+        Raises:
+            InputError: the scene or the camera file cannot be used, or OUT cannot be written.
+            UsageError: an option is invalid.
+            ImportError: OUT is a video, and PyAV is not installed.
+        """
+        video = self.out.suffix.lower() == VIDEO
+        if not 0 < self.degrees <= 360:
+            raise UsageError(f"--degrees is {self.degrees:g}; expected more than 0, at most 360")
+        if video and "rgba" in self.show:
+            raise UsageError("--show rgba is for images; a video has no transparency")
+        if self.frames is not None and self.path not in ("orbit", "inputs"):
+            raise UsageError(f"--frames is for orbit and inputs; {self.path} has its own cameras")
+        if video:
+            if self.out.exists() and not self.overwrite:
+                raise InputError(self.out, "a new file", "one that exists", advice="use --overwrite to replace it")
+            check_file(self.out)
+        else:
+            check_folder(self.out, self.overwrite)
+        with show_stage("Reading the scene"):
+            from semgs.export.video import check_video_library
+            from semgs.scene.scene_file import load_scene
+
+            if video:
+                check_video_library()
+            scene = load_scene(self.scene)
+            stills = self._stills(scene)
+            cameras, note = self._cameras(scene)
+            if video:
+                self._check_width(cameras, len(stills.shows))
+        count = cameras.batch[0]
+        if video:
+            self._write_video(stills, cameras)
+            seconds = count / self.fps
+            print(f"{self.out}: {count} images, {seconds:.1f} s at {self.fps} images per second")
+        else:
+            self._write_folder(stills, cameras)
+            print(f"{self.out}: {count} images each of {', '.join(stills.shows)}")
+        if note:
+            print(f"note: {note}")
+
+    def _stills(self, scene: SavedScene) -> Stills:
+        """What renders the images."""
+        from semgs.export.stills import OF_CLASSES, Stills
+
+        shows = self.show or (("colour", "depth") if scene.classes is None else ("colour", "classes"))
+        missing = [show for show in shows if show in OF_CLASSES]
+        if scene.classes is None and missing:
+            raise InputError(
+                self.scene, f"a scene with classes for --show {missing[0]}", "one with colour and depth only"
+            )
+        with what_the_user_gave():
+            return Stills(scene, shows, self.min_confidence)
+
+    def _cameras(self, scene: SavedScene) -> tuple[Cameras, str]:
+        """The cameras of the path, and a note; "" for none."""
+        from semgs.export.camera_files import read_camera_file
+        from semgs.geometry.camera_paths import between, orbit, resized
+        from semgs.scene.upright import up_of
+
+        note = ""
+        if self.path == "orbit":
+            up = up_of(scene, self.up)
+            if not up.certain:
+                note = up.warning
+            camera = scene.cameras[0]
+            seen = scene.depths[0][scene.depths[0] > 0]
+            pivot = camera.centres + float(seen.median() if len(seen) else 1.0) * camera.world_from_camera[:3, 2]
+            cameras = orbit(camera, pivot, up.direction, self.degrees, self.frames or 120)
+        elif self.path == "inputs":
+            if len(scene.frames) < 2:
+                raise InputError(self.scene, "two input views or more for --path inputs", "one")
+            cameras = between(scene.cameras, self.frames or 120)
+        else:
+            cameras = read_camera_file(Path(self.path)).relative_to(scene.origin)
+        return (cameras if self.size is None else resized(cameras, self.size)), note
+
+    def _check_width(self, cameras: Cameras, shows: int) -> None:
+        """Check that images fit side by side into a video."""
+        from semgs.export.stills import GAP_PX
+        from semgs.export.video import WIDEST
+
+        width = shows * (cameras.size[1] + GAP_PX) - GAP_PX
+        if width > WIDEST:
+            raise UsageError(
+                f"the images are {width} pixels wide side by side; a video has at most {WIDEST}: use --size or fewer --show"
+            )
+
+    def _write_video(self, stills: Stills, cameras: Cameras) -> None:
+        """Write the video."""
+        from semgs.export.stills import side_by_side
+        from semgs.export.video import write_video
+
+        with show_progress("Rendering", cameras.batch[0]) as done:
+
+            def frames():
+                for index, images in enumerate(stills.images(cameras)):
+                    yield side_by_side(images)
+                    done(index + 1)
+
+            write_video(self.out, frames(), self.fps)
+
+    def _write_folder(self, stills: Stills, cameras: Cameras) -> None:
+        """Write the folder."""
+        from semgs.export.camera_files import write_camera_file
+        from semgs.files.images.pictures import write_png
+
+        with own_folder(self.out, self.overwrite) as folder, show_progress("Rendering", cameras.batch[0]) as done:
+            for index, images in enumerate(stills.images(cameras)):
+                for show, image in zip(stills.shows, images, strict=True):
+                    write_png(folder / f"{index:04d}_{show}.png", image)
+                done(index + 1)
+            in_source = cameras.relative_to([-side for side in stills.scene.origin])
+            write_camera_file(folder / CAMERAS, in_source)

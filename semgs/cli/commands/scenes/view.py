@@ -1,0 +1,171 @@
+"""`semgs view`: shows a scene in 3D in the browser, or writes it as one page."""
+
+from __future__ import annotations
+
+import io
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from semgs.cli.commands.scenes.reconstruct import Reconstruct
+from semgs.cli.options.types import Count, Probability, Views, WeightsOrRandom, at_least, one_word
+from semgs.cli.progress import show_stage
+from semgs.cli.usage_errors import UsageError
+from semgs.files.atomic import check_file, write_text
+from semgs.files.errors import InputError
+from semgs.files.paths import existing_folder
+from semgs.robotics.object_libraries import check_object_libraries
+from semgs.viewer.server import LOOPBACK, check_viewer_library
+
+if TYPE_CHECKING:
+    from semgs.robotics.objects import Objects
+    from semgs.scene.scene_file import SavedScene
+
+SCENE_FILE = "scene.safetensors"
+
+LAST_PORT = 65535
+
+
+@dataclass(frozen=True)
+class View:
+    """Show a scene in 3D in your browser: colour, classes, confidence or depth, with every class on a checkbox.
+
+    SCENE is an output folder of semgs reconstruct, or its scene.safetensors. Posed photos, as for semgs reconstruct, are reconstructed first and not saved.
+    The viewer runs until Ctrl-C. With --html, it is one page instead, which needs no network and no Python.
+
+    Examples
+    - semgs view out/office
+    - semgs view scans/office --views 3
+    - semgs view out/office --objects
+    - semgs view out/office --html office.html
+    """
+
+    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+    """Folder from semgs reconstruct, a scene file, or posed photos."""
+    html: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    """Write the scene as one page and exit."""
+    max_gaussians: Annotated[
+        Count | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: all; 100,000 for --html)")
+    ] = None
+    """Show at most this many Gaussians, the most opaque ones. A page has up to 10 MB per 100,000."""
+    min_confidence: Probability = 0.0
+    """Gaussians whose likeliest class is less likely than this are unknown."""
+    objects: bool = False
+    """Show things: the boxes of pieces of furniture, and a colour for each. The scene must be in metres; needs pip install '.[objects]'."""
+    up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
+    """The direction that is up in the scene's coordinates."""
+    port: Annotated[int, one_word("INT", at_least(1))] = 8080
+    """Port of the viewer; if it is taken, the next free one."""
+    host: str = LOOPBACK
+    """Address of the viewer. The default can be reached from this machine only; 0.0.0.0 can be reached from the network, without a password."""
+    views: Views = 2
+    """Posed photos: number of input views."""
+    weights: Annotated[WeightsOrRandom, tyro.conf.arg(help_behavior_hint="(default: small)")] = None
+    """Posed photos: the weights, as for semgs reconstruct."""
+    overwrite: bool = False
+    """Replace FILE of --html."""
+
+    def run(self) -> None:
+        """Show the scene until an interrupt, or write the page.
+
+        Raises:
+            InputError: the scene or the address cannot be used, or the page cannot be written.
+            UsageError: an option is invalid.
+            ImportError: viser, or for --objects scikit-learn or trimesh, is not installed.
+        """
+        existing_folder(self.scene)
+        if self.port > LAST_PORT:
+            raise UsageError(f"--port is {self.port}; expected 1 to {LAST_PORT}")
+        if self.html is not None:
+            if self.html.exists() and not self.overwrite:
+                raise InputError(self.html, "a new file", "one that exists", advice="use --overwrite to replace it")
+            check_file(self.html)
+        check_viewer_library()
+        if self.objects:
+            check_object_libraries()
+        with self._reconstructed() as folder:
+            if self.html is None:
+                self._show(folder)
+            else:
+                self._write(folder, self.html)
+
+    @contextmanager
+    def _reconstructed(self) -> Iterator[Path]:
+        """The folder or file of the scene; posed photos are reconstructed into a folder that disappears at the end."""
+        if self.scene.suffix == Path(SCENE_FILE).suffix or (self.scene / SCENE_FILE).exists():
+            yield self.scene
+            return
+        with TemporaryDirectory(prefix="semgs-") as folder:
+            out = Path(folder) / "scene"
+            with redirect_stdout(io.StringIO()):
+                Reconstruct(scene=self.scene, out=out, views=self.views, weights=self.weights).run()
+            print("Reconstructed, and not saved: use semgs reconstruct to save it, or for more options")
+            yield out
+
+    def _write(self, path: Path, file: Path) -> None:
+        """Write the page."""
+        with show_stage("Writing the page"):
+            from semgs.scene.scene_file import load_scene
+            from semgs.viewer.viewer_cameras import photos_in
+            from semgs.viewer.viewer_page import MOST_GAUSSIANS, scene_page
+
+            scene = load_scene(path)
+            photos = photos_in(path if path.is_dir() else path.parent, scene)
+            at_most = self.max_gaussians or MOST_GAUSSIANS
+            page = scene_page(
+                scene,
+                photos,
+                up=self.up,
+                min_confidence=self.min_confidence,
+                at_most=at_most,
+                things=self._things(scene),
+            )
+            write_text(file, page)
+        count = min(at_most, len(scene.gaussians))
+        print(f"{file}: {count:,} of {len(scene.gaussians):,} Gaussians, {file.stat().st_size / 1e6:.1f} MB")
+
+    def _things(self, scene: SavedScene) -> Objects | None:
+        """The things of the scene, if they are to be shown."""
+        if not self.objects:
+            return None
+        from semgs.export.scene_objects import things_of
+        from semgs.scene.upright import up_of
+
+        try:
+            return things_of(scene, up_of(scene, self.up))
+        except ValueError as error:
+            raise InputError(self.scene, "a scene in metres with classes for --objects", str(error)) from error
+
+    def _show(self, path: Path) -> None:
+        """Show the viewer until an interrupt."""
+        with show_stage("Reading the scene"):
+            from semgs.scene.scene_file import load_scene
+            from semgs.viewer.viewer_cameras import photos_in
+            from semgs.viewer.window import viewing
+
+            scene = load_scene(path)
+            photos = photos_in(path if path.is_dir() else path.parent, scene)
+        if self.host != LOOPBACK:
+            print(f"semgs: anybody who can reach {self.host} can see this scene, without a password", file=sys.stderr)
+        viewer = viewing(
+            scene,
+            photos,
+            up=self.up,
+            min_confidence=self.min_confidence,
+            at_most=self.max_gaussians,
+            things=self._things(scene),
+            host=self.host,
+            port=self.port,
+        )
+        with viewer as window, suppress(KeyboardInterrupt):
+            if not window.up.certain:
+                print(f"note: which way is up is uncertain ({window.up.reason}); set it with --up")
+            print(f"Open {window.url} in a browser. Ctrl-C stops the viewer.", flush=True)
+            threading.Event().wait()

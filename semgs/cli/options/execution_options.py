@@ -1,0 +1,56 @@
+"""Options of how a training is run, for the commands that train."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from semgs.cli.device import chosen_device
+from semgs.cli.options.types import Count, Device, Minutes, Workers, at_least, one_word
+from semgs.cli.usage_errors import UsageError
+
+if TYPE_CHECKING:
+    from semgs.training.run.execution import Execution
+
+
+@dataclass(frozen=True)
+class ExecutionOptions:
+    """How a training is run. Only rounding depends on it."""
+
+    device: Device = "auto"
+    """Where to compute; auto uses a CUDA GPU if there is one. Only the CPU gives exactly the same numbers every time."""
+    devices: Count = 1
+    """GPUs to use on this machine, or CPU processes. They share the scenes of each step."""
+    precision: Literal["auto", "32", "bf16"] = "32"
+    """Precision of the layers: 32, bf16, or auto for bf16 on GPUs that support it. The paper does not state one. Cameras, depth, opacity,
+    Gaussians and losses always use float32 or better."""
+    accumulate: Count = 1
+    """Split each process's share of a step into this many pieces, computed one after the other, to save memory."""
+    minutes: Annotated[Minutes, tyro.conf.arg(help_behavior_hint="")] = None
+    """Stop after this time, with a checkpoint. The schedule is unchanged. By default training runs to its last step."""
+    workers: Workers = 1
+    """Processes that load scenes ahead, for each device; 0 loads them between steps."""
+    save_minutes: Annotated[float, one_word("FLOAT", at_least(0.0))] = 5.0
+    """Minutes between checkpoints."""
+
+    def execution(self, nodes: int = 1) -> Execution:
+        """The same, for `semgs.training.loop.train`.
+
+        Args:
+            nodes: machines, each with that many devices.
+
+        Raises:
+            UsageError: there are fewer CUDA devices than requested.
+        """
+        import torch
+
+        from semgs.training.run.execution import Execution
+
+        device = chosen_device(self.device)
+        if device == "cuda" and self.devices > torch.cuda.device_count():
+            raise UsageError(f"--devices {self.devices}: torch finds {torch.cuda.device_count()} CUDA devices here")
+        return Execution(
+            device, self.devices, nodes, self.precision, self.accumulate, self.minutes, self.workers, self.save_minutes
+        )  # fmt: skip

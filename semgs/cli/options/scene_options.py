@@ -1,0 +1,57 @@
+"""Options of all commands that open scenes: what the files may not state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated
+
+import tyro
+
+from semgs.cli.usage_errors import what_the_user_gave
+from semgs.data.paper_variants import check_readings
+from semgs.data.scene_details import Asked
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """Details that the files may not state. You rarely need these."""
+
+    camera: Annotated[str | None, tyro.conf.arg(metavar="TOPIC", help_behavior_hint="")] = None
+    """ROS bags: topic prefix of the camera to use, such as /camera/color."""
+    world: Annotated[str | None, tyro.conf.arg(metavar="FRAME", help_behavior_hint="")] = None
+    """ROS bags: frame for the poses (map, odom), or the topic to read them from."""
+    body: Annotated[str | None, tyro.conf.arg(metavar="FRAME", help_behavior_hint="")] = None
+    """ROS bags: the frame that a PoseStamped topic describes; by default the camera's."""
+    intrinsics: Annotated[
+        tuple[float, float, float, float] | None, tyro.conf.arg(metavar="FX FY CX CY", help_behavior_hint="")
+    ] = None
+    """fx fy cx cy of the full-size images, in pixels; the image centre is (W/2, H/2). Overrides any file."""
+    depth_unit: Annotated[float | None, tyro.conf.arg(metavar="METRES", help_behavior_hint="")] = None
+    """Metres per unit of the depth maps, such as 0.001, if no file says so."""
+    scenezoo: Annotated[str | None, tyro.conf.arg(metavar="DATASET:SCENE", help_behavior_hint="")] = None
+    """A scene of arkitscenes, matterport3d, multiscan, 3rscan or structured3d: SCENE is then the folder of the data set. A third part is
+    the room or the camera: structured3d:scene_00000:485142, arkitscenes:41069021:vga_wide. Needs the extra [scenezoo]; see docs/data.md."""
+    as_peers: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
+    """Read files the way another paper's code does: rows-972 and gsnerf-labels (ScanNet), toolbox-undistortion (ScanNet++),
+    row-229.5 (Replica); see docs/data.md."""
+
+    def check(self) -> None:
+        """Check the options before a scene is opened.
+
+        Raises:
+            UsageError: a number is invalid, or an --as-peers name is unknown.
+        """
+        _ = self.asked
+        with what_the_user_gave():
+            check_readings(self.as_peers)
+
+    @cached_property
+    def asked(self) -> Asked:
+        """The options as readers take them, converted once.
+
+        Raises:
+            UsageError: a number is invalid.
+        """
+        with what_the_user_gave():
+            return Asked(self.camera, self.world, self.body, self.intrinsics, self.depth_unit, self.scenezoo)

@@ -1,0 +1,105 @@
+"""Options of commands that take classes from a segmenter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from semgs.cli.usage_errors import UsageError
+from semgs.segmenters.tables import table_of_words
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from semgs.data.scene import Scene
+    from semgs.segmenters.labelling import Labelling
+
+
+@dataclass(frozen=True)
+class AnswerOptions:
+    """What a segmenter's answers are, and what they mean."""
+
+    classes: Annotated[
+        Literal["scannet20", "own"] | None, tyro.conf.arg(metavar="{scannet20,own}", help_behavior_hint="")
+    ] = None
+    """The segmenter's classes become ScanNet's 20, found by name, or stay its own. By default class maps keep their own, and networks give
+    ScanNet's 20."""
+    words: Annotated[tuple[str, ...], tyro.conf.arg(metavar="WORD [WORD ...]", help_behavior_hint="")] = ()
+    """Classes to look for with a text-prompted model: chair mug "power socket". What none of them describes becomes "none of these"."""
+    correspondence: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    """What the segmenter's classes mean, from semgs segmenters fit; by default class names decide."""
+
+    def check(self) -> None:
+        """Check what can be checked without importing torch.
+
+        Raises:
+            UsageError: options contradict each other, a word is empty, or two are equal.
+        """
+        if self.classes == "own" and self.correspondence:
+            raise UsageError("--classes own keeps the segmenter's table, so it cannot go with --correspondence")
+        if not self.words:
+            return
+        if self.correspondence or self.classes == "scannet20":
+            other = "--correspondence" if self.correspondence else "--classes scannet20"
+            raise UsageError(f"--words makes the class table, so it cannot go with {other}")
+        try:
+            table_of_words(self.words)
+        except ValueError as error:
+            raise UsageError(f"--words: {error}") from None
+
+
+@dataclass(frozen=True)
+class SegmenterOptions:
+    """Classes from a 2D segmenter instead of the model's own."""
+
+    segmenter: Annotated[str | None, tyro.conf.arg(metavar="SEGMENTER", help_behavior_hint="")] = None
+    """Take the classes from a 2D segmenter: a folder of class maps, an exported network (.onnx, .tflite), a model folder of
+    transformers, or hf:OWNER/NAME; see docs/segmenters.md. Its answers are made consistent between the input views."""
+    answers: Annotated[AnswerOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=AnswerOptions)
+    with_own_classes: bool = False
+    """With --segmenter: the model's own classes vote too. A --correspondence that was fitted with --weights says how much each does."""
+
+    def check(self) -> None:
+        """Check what can be checked without importing torch.
+
+        Raises:
+            UsageError: an option needs --segmenter, or options contradict each other.
+        """
+        given = {
+            "--classes": self.answers.classes,
+            "--words": self.answers.words,
+            "--with-own-classes": self.with_own_classes,
+            "--correspondence": self.answers.correspondence,
+        }
+        if self.segmenter is None and (stray := [option for option, value in given.items() if value]):
+            raise UsageError(f"{stray[0]} is for --segmenter")
+        self.answers.check()
+        if self.with_own_classes and self.answers.classes == "own":
+            raise UsageError("--classes own keeps the segmenter's table, so it cannot go with --with-own-classes")
+        if self.with_own_classes and self.answers.words:
+            raise UsageError("--words makes the class table, so it cannot go with --with-own-classes")
+
+    def labelling(self, save: Path | None = None, earlier: Path | None = None) -> Callable[[Scene], Labelling] | None:
+        """What gives the Gaussians of a scene their classes; None without a segmenter.
+
+        Args:
+            save: new folder for the maps of a network; None for none.
+            earlier: folder in which an earlier run may have saved maps.
+
+        Raises:
+            InputError: the segmenter cannot be used. So does the returned function.
+            ImportError: the library that runs it is not installed.
+        """
+        if self.segmenter is None:
+            return None
+        from semgs.segmenters.fitting import read_fit
+        from semgs.segmenters.labelling import Labelling
+        from semgs.segmenters.opening import sources
+
+        answers = self.answers
+        opened = sources(self.segmenter, answers.classes, answers.correspondence, save, earlier, answers.words)
+        votes = None if answers.correspondence is None else read_fit(answers.correspondence).votes
+        return lambda scene: Labelling(opened(scene), self.with_own_classes, votes)

@@ -1,0 +1,178 @@
+"""Types of options that several commands share: each is checked as it is parsed, so a command gets only values it can use. No torch."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Annotated, Any
+
+from tyro.constructors import PrimitiveConstructorSpec
+
+from semgs.cli.usage_errors import UsageError
+from semgs.files.paths import found_at, typed_path
+from semgs.model.weights.hub import is_hub_id
+
+SMALLEST_SIDE, LARGEST_SIDE = 32, 4096
+"""Limits for the sides of images [px]."""
+
+NETWORKS = ("small", "base", "base_text", "mvsplat")
+"""Names that included weights may have."""
+
+PROTOCOLS = ("neighbours", "peers", "pinned FILE")
+"""The protocols, as they are typed."""
+
+DEVICES = ("auto", "cpu", "cuda")
+
+
+def one_word(
+    metavar: str, read: Callable[[str], Any], shown: Callable[[Any], str] = str
+) -> PrimitiveConstructorSpec[Any]:
+    """An option of one word; `read` turns it into a value, or raises ValueError with what was expected and found."""
+    return PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=metavar,
+        instance_from_str=lambda typed: read(typed[0]),
+        is_instance=lambda value: True,
+        str_from_instance=lambda value: [shown(value)],
+    )
+
+
+def several(metavar: str, read: Callable[[str], Any]) -> PrimitiveConstructorSpec[Any]:
+    """An option of any number of words, each read as for `one_word`."""
+    return PrimitiveConstructorSpec(
+        nargs="*",
+        metavar=metavar,
+        instance_from_str=lambda typed: tuple(map(read, typed)),
+        is_instance=lambda value: True,
+        str_from_instance=lambda values: list(map(str, values)),
+    )
+
+
+def height_and_width(text: str) -> tuple[int, int]:
+    """(height, width) of "240x320".
+
+    Raises:
+        ValueError: the text has another form.
+    """
+    match = re.fullmatch(r"(\d{1,6})[x×X](\d{1,6})", text)
+    if not match:
+        raise ValueError(f"expected height x width in pixels, such as 240x320, found {text!r}")
+    return int(match[1]), int(match[2])
+
+
+def shown_size(size: tuple[int, int] | None) -> str:
+    """A size as it is typed; None is "auto"."""
+    return "auto" if size is None else f"{size[0]}x{size[1]}"
+
+
+def at_least(least: int | float, *, more: bool = False) -> Callable[[str], int | float]:
+    """Reads a number that is not smaller than `least`, or with `more` one that is larger; a whole number if `least` is one."""
+    kind = type(least)
+    wanted = f"{'a whole number, ' if kind is int else ''}{f'more than {least:g}' if more else f'{least:g} or more'}"
+
+    def read(text: str) -> int | float:
+        with suppress(ValueError):
+            value = kind(text)
+            if value > least or (value == least and not more):
+                return value
+        raise ValueError(f"expected {wanted}, found {text!r}")
+
+    return read
+
+
+def _size(text: str) -> tuple[int, int]:
+    size = height_and_width(text)
+    if not all(SMALLEST_SIDE <= side <= LARGEST_SIDE for side in size):
+        raise ValueError(f"expected sides from {SMALLEST_SIDE} to {LARGEST_SIDE} pixels, found {text}")
+    return size
+
+
+def _device(text: str) -> str:
+    if text == "mps":
+        raise ValueError("mps is not supported yet: it has no float64, which cameras need; use cpu")
+    if text not in DEVICES:
+        raise ValueError(f"expected one of {', '.join(DEVICES)}, found {text!r}")
+    return text
+
+
+def _weights(text: str) -> str:
+    if text not in NETWORKS and not is_hub_id(text) and (found := found_at(typed_path(text))) != "a file":
+        raise UsageError(f"{text}: expected a file of weights, or small for the included weights, found {found}")
+    return text
+
+
+def _protocol(typed: list[str]) -> tuple[str, ...]:
+    name, *file = typed or ("",)
+    if name not in [known.split()[0] for known in PROTOCOLS] or len(file) != (name == "pinned"):
+        raise ValueError(f"expected one of {', '.join(PROTOCOLS)}, found {' '.join(typed)!r}")
+    if file and not typed_path(file[0]).is_file():
+        raise UsageError(f"{file[0]}: expected a frames.json or report.json, found no such file")
+    return tuple(typed)
+
+
+Size = Annotated[tuple[int, int], one_word("HxW", _size, shown_size)]
+"""(height, width) of images [px]."""
+
+AutoSize = Annotated[
+    tuple[int, int] | None, one_word("HxW", lambda text: None if text == "auto" else _size(text), shown_size)
+]
+"""The same, or None for "auto": the command chooses."""
+
+Device = Annotated[str, one_word("{auto,cpu,cuda}", _device)]
+"""Where to compute: "auto", "cpu" or "cuda"; `chosen_device` decides."""
+
+Weights = Annotated[str, one_word("WEIGHTS", _weights)]
+"""Weights: a name of included ones, a file, or a hub id."""
+
+WeightsOrRandom = Annotated[str | None, one_word("WEIGHTS", lambda text: text if text == "random" else _weights(text))]
+"""The same, or "random"."""
+
+Protocol = Annotated[
+    tuple[str, ...],
+    PrimitiveConstructorSpec(
+        nargs="*",
+        metavar="NAME [FILE]",
+        instance_from_str=_protocol,
+        is_instance=lambda value: True,
+        str_from_instance=list,
+    ),
+]
+"""("neighbours",), ("peers",), or ("pinned", FILE)."""
+
+SeveralWeights = Annotated[tuple[str, ...], several("W [W ...]", _weights)]
+
+Views = Annotated[int, one_word("INT", at_least(2))]
+"""A number of input views."""
+
+SeveralViews = Annotated[tuple[int, ...], several("N [N ...]", at_least(2))]
+
+Count = Annotated[int, one_word("INT", at_least(1))]
+"""How many: 1 or more."""
+
+Workers = Annotated[int, one_word("INT", at_least(0))]
+"""Worker processes; 0 for none."""
+
+WorkersOrCores = Annotated[int | None, one_word("INT", at_least(0))]
+"""The same; None for one per core."""
+
+
+def _probability(text: str) -> float:
+    with suppress(ValueError):
+        value = float(text)
+        if 0 <= value <= 1:
+            return value
+    raise ValueError(f"expected a number from 0 to 1, found {text!r}")
+
+
+Probability = Annotated[float, one_word("FLOAT", _probability)]
+"""A number from 0 to 1."""
+
+Minutes = Annotated[float | None, one_word("FLOAT", at_least(0.0, more=True))]
+"""More than 0; None for no limit."""
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

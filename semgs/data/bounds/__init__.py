@@ -1,0 +1,1 @@
+"""Depth bounds, and what views can measure of depth."""

@@ -1,0 +1,1 @@
+"""Cameras with lenses: distortion, crops and sizes."""

@@ -1,0 +1,88 @@
+"""Fisheye lenses (OPENCV_FISHEYE of OpenCV and COLMAP), undistorted to a pinhole on reading."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+import cv2
+import numpy as np
+
+from semgs.data.cameras.lens import HALF, AbstractLens, matrix, shifted
+
+
+@final
+@dataclass(frozen=True)
+class FisheyeLens(AbstractLens):
+    """A lens that images a ray at the angle a from the axis at f a (1 + k1 a^2 + k2 a^4 + k3 a^6 + k4 a^8) from the principal point.
+
+    Attributes:
+        fisheye: (k1, k2, k3, k4).
+        as_toolbox: undistort like ScanNet++'s toolbox. It passes cx and cy, which count from the corner of the first pixel, to OpenCV,
+            which counts from its centre, and puts the pinhole's principal point in the middle of the image. The result is off by half a
+            pixel less half the local magnification: little in the middle, most in the corners.
+
+    Raises:
+        ValueError: see `AbstractLens`.
+    """
+
+    fisheye: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    as_toolbox: bool = False
+
+    @property
+    def coefficients(self) -> tuple[float, ...]:
+        """(k1, k2, k3, k4)."""
+        return self.fisheye
+
+    @property
+    def is_pinhole(self) -> bool:
+        """False, even if all k are 0."""
+        return False
+
+    @property
+    def intrinsics(self) -> np.ndarray:
+        """K [3 3] of the images after undistortion, at the same size [px].
+
+        It is the widest pinhole without unseen pixels, as OpenCV estimates it (balance = 0).
+        """
+        size = self.size[::-1]
+        ideal = cv2.fisheye.estimateNewCameraMatrixForUndistortRectify(
+            self._opencv_matrix, np.array(self.fisheye), size, np.eye(3), balance=0.0
+        )
+        centre = (size[0] / 2, size[1] / 2) if self.as_toolbox else (ideal[0, 2] + HALF, ideal[1, 2] + HALF)
+        return matrix((ideal[0, 0], ideal[1, 1]), centre)
+
+    @property
+    def invents_nothing(self) -> bool:
+        """The toolbox allows unseen pixels."""
+        return not self.as_toolbox
+
+    def directions(self, positions: np.ndarray) -> np.ndarray:
+        """Directions in the camera [n 3], z = 1, of positions [n 2] in the stored image [px]."""
+        if not len(positions):
+            return np.zeros((0, 3))
+        points = np.asarray(positions, dtype=np.float64)[:, None] - self._half
+        plane = cv2.fisheye.undistortPoints(points, self._opencv_matrix, np.array(self.fisheye))[:, 0]
+        return np.concatenate((plane, np.ones((len(plane), 1))), axis=1)
+
+    def sources(self, pinhole: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        """Where the pixels of a pinhole K [3 3] of (height, width) come from in the stored image, in OpenCV's positions."""
+        x, y = cv2.fisheye.initUndistortRectifyMap(
+            self._opencv_matrix,
+            np.array(self.fisheye),
+            np.eye(3),
+            shifted(pinhole, -self._half),
+            size[::-1],
+            cv2.CV_32FC1,
+        )
+        return np.asarray(x), np.asarray(y)
+
+    @property
+    def _opencv_matrix(self) -> np.ndarray:
+        """K as passed to OpenCV."""
+        return matrix(self.focal, (self.centre[0] - self._half, self.centre[1] - self._half))
+
+    @property
+    def _half(self) -> float:
+        """Our pixel positions minus those passed to OpenCV [px]."""
+        return 0.0 if self.as_toolbox else HALF

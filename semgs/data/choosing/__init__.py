@@ -1,0 +1,1 @@
+"""Which frames become input views and target views."""

@@ -1,0 +1,128 @@
+"""ROS bags as scenes: the images of one camera, with poses from the robot.
+
+Images are `sensor_msgs/Image` or `CompressedImage` messages, at the time in their header; poses are interpolated to that time. Depth maps are
+used if they are registered to the images, that is, in the same optical frame. 16 bits are millimetres, floats metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from semgs.data.frames import Frame
+from semgs.data.layouts.parts.association import associated
+from semgs.data.layouts.parts.sentences import lacking
+from semgs.data.layouts.ros.bag import COMPRESSED, IMAGE, Bag, BagFile, frame_of, open_bag
+from semgs.data.layouts.ros.camera import choose_pictures, find_lens
+from semgs.data.layouts.ros.image_messages import is_depth
+from semgs.data.layouts.ros.motions import along
+from semgs.data.layouts.ros.route import find_route
+from semgs.data.maps import DepthMap
+from semgs.data.scene import Scene
+from semgs.data.scene_details import Asked
+from semgs.files.errors import InputError
+from semgs.files.images.pictures import read_header
+
+LAYOUT = "ROS bag"
+LOOKED_FOR = "a ROS bag (metadata.yaml with .db3 or .mcap; .mcap; .bag)"
+ASKS = ("camera", "world", "body", "intrinsics")
+ENDINGS = (".mcap", ".db3", ".bag")
+
+MILLIMETRE = 0.001
+DEPTH_TOLERANCE = 0.02
+"""Largest time difference between a depth map and its image [s]."""
+
+
+def recognises(path: Path) -> bool:
+    """Whether a path is a bag: its folder or file."""
+    if path.is_file():
+        return path.suffix.lower() in ENDINGS
+    try:
+        return "rosbag2_bagfile_information" in (path / "metadata.yaml").read_text(errors="replace")[:4000]
+    except OSError:
+        return False
+
+
+def open_recording(path: Path, asked: Asked) -> Scene:
+    """The scene of a bag: the images of one camera, sorted by time.
+
+    Args:
+        path: its folder or file.
+        asked: camera and world, if there are several; the body of poses that do not say; other intrinsics.
+
+    Raises:
+        InputError: it is damaged, or has no images, intrinsics or poses, or several and no choice; the error lists what there is.
+        ImportError: rosbags is not installed.
+    """
+    bag = open_bag(path)
+    topic = choose_pictures(bag, asked.camera)
+    frame = frame_of(bag.first(topic))
+    if not frame:
+        raise InputError(path, "the frame of the camera in the header of its images", "an empty frame_id", topic)
+    pictures = bag.files(topic)
+    lens = find_lens(bag, topic, read_header(pictures[0]).size, asked)
+    notes = [f"Images are from {topic}."]
+    if "optical" not in frame and asked.intrinsics is None:
+        notes.append(
+            f"The images' frame, {frame}, is not called optical; it is assumed to have x right, y down and z forward, as in REP 103."
+        )
+    route, about_poses = find_route(bag, frame, asked)
+    poses = along(route, np.array([one.stamp for one in pictures], dtype=np.int64))
+    posed = np.isfinite(poses).all(axis=(1, 2))
+    depths, about_depth = _depths(bag, frame, pictures)
+    frames = tuple(
+        Frame(one.name, one, lens, pose, depths.get(one))
+        for one, pose, known in zip(pictures, poses, posed, strict=True)
+        if known
+    )
+    if len(frames) < 2:
+        spans = [
+            f"{step.source} has {step.parent} > {step.child} {_span(step.times)}." for step in route if not step.fixed
+        ]
+        found = f"{len(frames)} of {len(pictures)}"
+        raise InputError(
+            path, "at least two images at times with known poses", found, topic, " ".join([*about_poses, *spans])
+        )
+    unposed = [f"at {one.stamp / 1e9:.3f} s" for one, known in zip(pictures, posed, strict=True) if not known]
+    return Scene(
+        path=path,
+        name=path.absolute().name if path.is_dir() else path.stem,
+        layout=LAYOUT,
+        unit="metric",
+        frames=frames,
+        notes=(
+            *notes,
+            *about_poses,
+            *about_depth,
+            *lacking(unposed, len(pictures), "images are at times without a known pose and are left out"),
+        ),
+    )
+
+
+def _depths(bag: Bag, frame: str, pictures: Sequence[BagFile]) -> tuple[dict[BagFile, DepthMap], list[str]]:
+    """The depth map of each image that has one, and notes about depth that is not used."""
+    first = {topic: bag.first(topic) for topic in bag.of(IMAGE, COMPRESSED)}
+    frames = {topic: frame_of(message) for topic, message in first.items() if is_depth(message)}
+    registered = [topic for topic in frames if frames[topic] == frame]
+    if not registered:
+        return {}, [
+            f"Depth in {topic} is left out: it is in the frame {other}, not registered to the images."
+            for topic, other in frames.items()
+        ]
+    topic = min(registered, key=lambda one: (bag.topics[one] == COMPRESSED, one))
+    held, start = bag.files(topic), pictures[0].stamp
+    seconds, others = (np.array([(one.stamp - start) / 1e9 for one in some]) for some in (pictures, held))
+    pairs = associated(seconds, others, DEPTH_TOLERANCE)
+    unit = 1.0 if any(one.suffix == ".npy" for one in held) else MILLIMETRE
+    found = {pictures[index]: DepthMap(held[other], unit) for index, other in pairs.items()}
+    missing = len(pictures) - len(found)
+    return found, [
+        f"{missing} of {len(pictures)} images have no depth map in {topic} at their time."
+    ] if missing else []
+
+
+def _span(times: np.ndarray) -> str:
+    """The span of some times."""
+    return f"from {times[0] / 1e9:.3f} to {times[-1] / 1e9:.3f} s"

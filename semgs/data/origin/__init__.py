@@ -1,0 +1,1 @@
+"""Where scenes come from: licences, labelling networks, and the record of prepared scenes."""

@@ -1,0 +1,1 @@
+"""Scenes as compact zip files, for training."""

@@ -1,0 +1,86 @@
+"""A network as a method to evaluate."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from functools import lru_cache
+
+import torch
+
+from semgs.data.scene import Scene
+from semgs.evaluation.frames.predictions import Inputs, Prediction
+from semgs.model.encode import Network, encode, now
+from semgs.rendering.rendering import SEEN_ALPHA, confidence_maps, likeliest
+from semgs.scene.nearest import NearestViews
+from semgs.segmenters.labelling import Labelling
+
+
+class NetworkMethod:
+    """A network as a method: encodes the contexts, renders the target.
+
+    Args:
+        network: in evaluation mode.
+        device: to encode on.
+        name: to call it by in tables.
+        labelling: gives the Gaussians of a scene their classes; None for those of the network.
+        nearest: chooses the Gaussians that each target is rendered with; None for all.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        device: str,
+        name: str,
+        labelling: Callable[[Scene], Labelling] | None = None,
+        nearest: NearestViews | None = None,
+    ) -> None:
+        self._network = network
+        self._device = device
+        self.name = name
+        self._labelling = None if labelling is None else lru_cache(maxsize=1)(labelling)
+        self._nearest = nearest
+
+    @torch.no_grad()
+    def predict(self, inputs: Inputs) -> Prediction:
+        """Encode, then render. Each is timed separately, without reading files.
+
+        Raises:
+            NotEnoughMemoryError: it would not fit into memory.
+        """
+        if isinstance(self._network, torch.nn.Module):
+            self._network.to(self._device)
+        encoded = encode(self._network, inputs.contexts, device=None)  # the GPU back-end renders where the result is
+        encoding = encoded.encoding
+        if self._labelling is not None:
+            task = inputs.task
+            labelling = self._labelling(task.scene)
+            encoding = labelling(encoding, task.scene, task.sample.contexts, inputs.contexts)
+        start = now()
+        if self._nearest is not None:
+            encoding = self._nearest(encoding, inputs.contexts.cameras, inputs.camera)
+        rendering = encoding.render(inputs.camera)
+        seconds = now() - start
+        classes = None if rendering.semantics is None else likeliest(rendering.semantics[0]).cpu()
+        return Prediction(
+            labels=classes,
+            image=rendering.images[0].float().clamp(0, 1).cpu(),
+            depths=rendering.depths[0].float().cpu(),
+            unseen=rendering.alphas[0].cpu() < SEEN_ALPHA,
+            seconds_encode=encoded.seconds,
+            seconds_render=seconds,
+            confidences=None if classes is None else torch.from_numpy(confidence_maps(rendering)[0]),
+        )
+
+    def __getstate__(self) -> dict[str, object]:
+        """How it is sent to a worker process: the network as bytes.
+
+        If sent as tensors, each of its hundreds of tensors would need an open file, and a new process accepts only 256.
+        """
+        return vars(self) | {"_network": pickle.dumps(self._network)}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        vars(self).update(state)
+        held = state["_network"]
+        assert isinstance(held, bytes)
+        self._network = pickle.loads(held)

@@ -1,0 +1,161 @@
+"""Scores a method and the simple baselines on every target of a plan."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from semgs.data.views import Views
+from semgs.evaluation.frames.frame_plan import FramePlan, Task
+from semgs.evaluation.frames.predictions import Method, Prediction, write_maps, write_prediction
+from semgs.evaluation.frames.protocols import nearest_first
+from semgs.evaluation.frames.reading import inputs_of, read_views
+from semgs.evaluation.scoring.baselines import copied, majority, warped
+from semgs.evaluation.scoring.frame_scores import FrameScores, score
+from semgs.evaluation.scoring.similarity import PerceptualDistance, perceptual_distance
+from semgs.evaluation.scoring.summary import extremes
+from semgs.runtime.workers import outcomes
+
+PREDICTIONS = "predictions"
+"""Folder of the method's predictions, in the format of `--predictions`."""
+TRUTH = "truth"
+"""Folder of the true labels at the size of the evaluation."""
+SHOWN = 10
+"""The report shows this many of the best and of the worst targets, for each number of views."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The scores of all targets for one number of views, in the order of the plan.
+
+    Attributes:
+        views: the number of contexts.
+        method: the scores of the method.
+        trivial: the scores of the baselines, by their names in `semgs.evaluation.scoring.baselines.NAMES`. A baseline that
+            needs truth that some scenes lack has fewer targets, or is absent.
+        truth: a hash of the true labels and depths. Images are left out, because their resizing may differ in the last bit
+            between machines.
+        shown: the predictions for the `SHOWN` best and worst targets, by scene and target.
+    """
+
+    views: int
+    method: tuple[FrameScores, ...]
+    trivial: dict[str, tuple[FrameScores, ...]]
+    truth: str
+    shown: dict[tuple[str, str], Prediction] = field(default_factory=dict)
+
+
+def evaluate(
+    plan: FramePlan,
+    method: Method,
+    folder: Path,
+    *,
+    save: bool = True,
+    workers: int = 0,
+    done: Callable[[int], object] = lambda count: None,
+) -> list[Rows]:
+    """Score a method and the baselines on every target of a plan.
+
+    Args:
+        plan: the targets.
+        method: the method.
+        folder: an existing folder; gets true labels in `truth/` and, with `save`, predictions in `predictions/`.
+        save: write the predictions.
+        workers: parallel processes, each with one thread; 0 uses this process and its threads.
+        done: called after each target with the number of finished targets.
+
+    Raises:
+        InputError: a frame or prediction cannot be used.
+        NotEnoughMemoryError: the network needs more memory than there is.
+        OSError: the disk is full.
+    """
+    judge = _Judge(method, plan.depth_range, folder, save, perceptual_distance())
+    judged: dict[int, list[_Judged]] = {views: [] for views in plan.views}
+    shown: dict[int, list[tuple[FrameScores, Prediction]]] = {views: [] for views in plan.views}
+    with closing(outcomes(judge, plan.tasks, workers)) as found:
+        for count, outcome in enumerate(found, 1):
+            if isinstance(outcome, Exception):
+                raise outcome
+            one, prediction = outcome
+            views = len(one.method.contexts)
+            judged[views].append(one)
+            # A copy, because tensors from another process keep a file of shared memory open.
+            shown[views] = _kept([*shown[views], (one.method, prediction.copy())])
+            done(count)
+    return [_rows(views, judged[views], shown[views]) for views in plan.views]
+
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """One target: the method's scores, those of copy and warp, and a hash of the truth."""
+
+    method: FrameScores
+    copy: FrameScores
+    warp: FrameScores | None
+    truth: str
+
+
+@dataclass(frozen=True, eq=False)
+class _Judge:
+    """Judges a target: reads its frames, predicts, writes the maps and scores them."""
+
+    method: Method
+    depth_range: tuple[float, float] | None
+    folder: Path
+    save: bool
+    perceptual: PerceptualDistance | None
+
+    def __call__(self, task: Task) -> tuple[_Judged, Prediction]:
+        """The scores of a target, and the prediction."""
+        views = read_views(task, self.depth_range)
+        target = views[task.sample.target]
+        prediction = self.method.predict(inputs_of(task, views))
+        if self.save:
+            write_prediction(self.folder / PREDICTIONS, task, prediction)
+        if target.labels is not None:
+            write_maps(self.folder / TRUTH, task.truth_stem, Prediction(labels=target.labels[0]), metric=True)
+        ordered = [views[position] for position in nearest_first(task.scene, task.sample)]
+        moved = warped(ordered, target)
+        judged = _Judged(
+            method=score(task, prediction, target, self.perceptual),
+            copy=score(task, copied(ordered[0]), target, self.perceptual),
+            warp=None if moved is None else score(task, moved, target, self.perceptual),
+            truth=_digest(target),
+        )
+        return judged, prediction
+
+
+def _kept(frames: list[tuple[FrameScores, Prediction]]) -> list[tuple[FrameScores, Prediction]]:
+    """The frames so far that may still be among those shown."""
+    best, worst = extremes([frame for frame, _ in frames], SHOWN)
+    return [frames[position] for position in sorted([*best, *worst])]
+
+
+def _rows(views: int, judged: Sequence[_Judged], shown: Sequence[tuple[FrameScores, Prediction]]) -> Rows:
+    """The scores for one number of views."""
+    trivial = {"copy": tuple(one.copy for one in judged)}
+    if any(one.warp is not None for one in judged):
+        trivial["warp"] = tuple(one.warp for one in judged if one.warp is not None)
+    labelled = [(one.copy, one.copy.truth) for one in judged if one.copy.truth is not None]
+    if labelled:
+        matrices = majority([truth for _, truth in labelled])
+        trivial["majority"] = tuple(
+            FrameScores(frame.scene, frame.target, frame.contexts, confusion=matrix, truth=truth)
+            for (frame, truth), matrix in zip(labelled, matrices, strict=True)
+        )
+    together = hashlib.sha256("".join(one.truth for one in judged).encode()).hexdigest()
+    said = {(frame.scene, frame.target): prediction for frame, prediction in shown}
+    return Rows(views, tuple(one.method for one in judged), trivial, together, said)
+
+
+def _digest(view: Views) -> str:
+    """A hash of a view's labels and depths."""
+    digest = hashlib.sha256()
+    for maps in (view.labels, view.depths):
+        digest.update(b"none" if maps is None else np.ascontiguousarray(maps.numpy()).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,1 @@
+"""Image files, colour maps, and images in notebooks."""

@@ -1,0 +1,1 @@
+"""Transformers: between views with cameras, and inside windows."""

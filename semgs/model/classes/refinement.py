@@ -1,0 +1,90 @@
+"""The refinement of the class branch: features of single views, before the transformer."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from semgs.model.layers.cnn import ResidualBlock
+
+Shallow = Callable[[Tensor], Tensor]
+"""From images [n 3 h w] to the shallow CNN's features [n c h/4 w/4]."""
+
+Cues = tuple[Tensor, ...]
+"""Coarse maps of n single views for depth, [n c h8 w8] and [n c h16 w16], or none; they carry no gradient."""
+
+
+@dataclass(frozen=True)
+class Refined:
+    """The output of a refinement, for single views.
+
+    Attributes:
+        features: for the transformer.
+        evidence: for the refinement's own classifier, if it has one.
+        seen: maps from which `ClassRefinement.cues` makes depth's cues, if it makes any.
+    """
+
+    features: Float[Tensor, "n c h4 w4"]
+    evidence: Float[Tensor, "n k h4 w4"]
+    seen: tuple[Tensor, ...] = ()
+
+    def __getitem__(self, at: slice) -> Refined:
+        """The same of some of the views, without `seen`."""
+        return Refined(self.features[at], self.evidence[at])
+
+
+class ClassRefinement(nn.Module, ABC):
+    """Turns images and shallow features into features for the transformer.
+
+    Attributes:
+        reads_shallow: whether it uses the shallow features, so that shared layers learn from classes.
+        feature_layers: names of layers that only the transformer needs.
+        cue_layers: names of layers that `cues` needs.
+
+    Args:
+        classifier: from `Refined.evidence` to class logits, which the head then corrects; None leaves the classes to the head.
+    """
+
+    reads_shallow: ClassVar[bool] = True
+    feature_layers: ClassVar[tuple[str, ...]] = ()
+    cue_layers: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self, classifier: nn.Conv2d | None = None) -> None:
+        super().__init__()
+        self.classifier = classifier
+
+    @abstractmethod
+    def forward(self, images: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
+        """Features at 1/4 of the images (0..1).
+
+        Args:
+            images: with sides that are multiples of 16.
+            shallow: computes their shallow features, if they are used.
+        """
+
+    def cues(self, images: Float[Tensor, "n 3 h w"], seen: tuple[Tensor, ...] = ()) -> Cues:
+        """Coarse maps of each view for depth; this refinement has none.
+
+        Args:
+            images: as for `forward`.
+            seen: `Refined.seen` from `forward`; without it, only the necessary layers are computed.
+        """
+        return ()
+
+
+class ResidualRefinement(ClassRefinement):
+    """The paper's refinement: two residual blocks on the shallow features."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.residual = nn.Sequential(ResidualBlock(channels, channels), ResidualBlock(channels, channels))
+
+    def forward(self, images: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
+        """Features of each view; no classes."""
+        features: Tensor = self.residual(shallow(images))
+        return Refined(features, features)

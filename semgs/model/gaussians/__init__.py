@@ -1,0 +1,1 @@
+"""Heads, and Gaussians on the rays of their pixels."""

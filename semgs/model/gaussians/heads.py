@@ -1,0 +1,284 @@
+"""Heads: from features and depth to the attributes of each Gaussian, in MVSplat's form and in the paper's.
+
+In `base` and `mvsplat`, layer shapes and names are those of MVSplat, so that its weights load.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from semgs.geometry.plane_sweep import expected_depth
+from semgs.model.layers.chunks import by_chunks
+from semgs.model.layers.conventions import Conventions
+from semgs.model.layers.memory_format import beside
+from semgs.model.layers.network_input import Padded
+from semgs.model.settings import MVSplatHeads
+from semgs.model.sweep.depth import Depth
+from semgs.model.sweep.unet import UNet
+from semgs.runtime.precision import FullPrecisionConv2d
+
+RENDERED_HARMONICS = 16
+"""Coefficients per colour channel that are rendered: degrees 0 to 3."""
+
+
+Features = Float[Tensor, "n c h4 w4"]
+"""Feature maps at the network's scale."""
+
+
+@dataclass(frozen=True)
+class Decoded:
+    """Predictions for each Gaussian of n views, in both forms of the heads.
+
+    Attributes:
+        depths: [m].
+        opacities: 0..1.
+        attributes: raw sizes, quaternions and harmonics of the colour Gaussians.
+        confidences: the largest probability among the depth candidates, 0..1.
+        depth_spread: standard deviation of log depth under the candidates' distribution.
+        offsets: raw (x, y) shifts from the pixel's centre; None for no shifts.
+    """
+
+    depths: Float[Tensor, "n h w"]
+    opacities: Float[Tensor, "n h w"]
+    attributes: Float[Tensor, "n d h w"]
+    confidences: Float[Tensor, "n h w"]
+    depth_spread: Float[Tensor, "n h w"]
+    offsets: Float[Tensor, "n 2 h w"] | None = None
+
+
+class Upsampler(nn.Module):
+    """gelu(upsample(conv(transformed, single))): features from the network's scale to the Gaussians'."""
+
+    def __init__(self, inputs: int, outputs: int, factor: int, pixel_centres: bool = True) -> None:
+        super().__init__()
+        self.conv = nn.Conv2d(inputs, outputs, 3, padding=1)
+        self.factor = factor
+        self.pixel_centres = pixel_centres
+
+    def forward(
+        self, transformed: Float[Tensor, "n c h w"], single: Float[Tensor, "n c2 h w"]
+    ) -> Float[Tensor, "n d h2 w2"]:
+        """Features `factor` times as large, from features after the transformer and features of single views."""
+        x = self.conv(beside(transformed, single))
+        return nn.functional.gelu(upsampled(x, self.factor, self.pixel_centres))
+
+
+class PlainUpsampler(nn.Module):
+    """The paper's text: upsample the features of the transformer."""
+
+    def __init__(self, factor: int, pixel_centres: bool = True) -> None:
+        super().__init__()
+        self.factor = factor
+        self.pixel_centres = pixel_centres
+
+    def forward(
+        self, transformed: Float[Tensor, "n c h w"], single: Float[Tensor, "n c2 h w"]
+    ) -> Float[Tensor, "n c h2 w2"]:
+        """Features `factor` times as large; features of single views are not used."""
+        return upsampled(transformed, self.factor, self.pixel_centres)
+
+
+class DepthRefinement(nn.Module):
+    """Full-size correction of disparity, and opacity: a U-Net on image, features, disparity and its probability.
+
+    Args:
+        settings: of these heads.
+    """
+
+    def __init__(self, settings: MVSplatHeads) -> None:
+        super().__init__()
+        width = settings.width
+        self.project = nn.Conv2d(settings.upsampled, settings.projected, 3, padding=1)
+        first = nn.Conv2d(3 + settings.projected + 2, width, 3, padding=1)
+        unet = UNet(width, settings.levels, settings.decoder_blocks)
+        self.refine = nn.ModuleList([first, nn.GroupNorm(4, width), nn.GELU(), unet])
+        self.to_disparity = nn.Sequential(
+            nn.Conv2d(width, 2 * width, 3, padding=1), nn.GELU(), FullPrecisionConv2d(2 * width, 2, 3, padding=1)
+        )
+
+    def forward(
+        self,
+        images: Float[Tensor, "n 3 h w"],
+        projected: Float[Tensor, "n p h w"],
+        disparities: Float[Tensor, "n h w"],
+        confidences: Float[Tensor, "n h w"],
+        views: int,
+    ) -> tuple[Float[Tensor, "n d h w"], Float[Tensor, "n 2 h w"]]:
+        """Features of the refinement, and (correction of disparity, logit of opacity) in the dtype of the disparities.
+
+        `projected` are the upsampled features after `project`.
+        """
+        x = beside(images, projected, disparities[:, None], confidences[:, None])
+        conv, norm, activation, unet = self.refine
+        refined = unet(activation(norm(conv(x))), views)
+        return refined, self.to_disparity(refined).to(disparities.dtype)
+
+
+class Head(nn.Sequential):
+    """The two-layer CNN that predicts one branch's attributes.
+
+    Args:
+        inputs, hidden, outputs: channels.
+        last_kernel: of the second layer.
+        full: compute the second layer in full precision, even within autocast.
+    """
+
+    def __init__(self, inputs: int, hidden: int, outputs: int, last_kernel: int = 3, full: bool = False) -> None:
+        last = FullPrecisionConv2d if full else nn.Conv2d
+        super().__init__(
+            nn.Conv2d(inputs, hidden, 3, padding=1),
+            nn.GELU(),
+            last(hidden, outputs, last_kernel, padding=last_kernel // 2),
+        )
+
+
+class Decoder(nn.Module, ABC):
+    """The heads: they turn features and depth into the attributes of Gaussians.
+
+    Attributes:
+        depth_layers: names of the parts on which depth depends.
+    """
+
+    depth_layers: tuple[str, ...] = ()
+
+    @abstractmethod
+    def forward(
+        self, scene: Padded, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
+    ) -> Decode:
+        """Compute what needs all views; return a function that decodes some of them.
+
+        Args:
+            scene: the views.
+            shallow: features of single views.
+            features: of the colour transformer.
+            depth: of the plane sweep.
+            views_at_a_time: views that will be decoded at a time; None is all.
+        """
+
+
+Decode = Callable[[slice], Decoded]
+"""From a slice of the views to the attributes of their Gaussians."""
+
+
+class MVSplatDecoder(Decoder):
+    """MVSplat's form: the refinement corrects disparity and predicts opacity, and the colour head reads its features.
+
+    Args:
+        upsampler: of the features.
+        refinement: of disparity.
+        colour: the head.
+        harmonics: coefficients per colour channel.
+        conventions: of geometry.
+    """
+
+    depth_layers = ("upsampler", "refinement")
+
+    def __init__(
+        self, upsampler: Upsampler, refinement: DepthRefinement, colour: Head, harmonics: int, conventions: Conventions
+    ) -> None:
+        super().__init__()
+        self.upsampler = upsampler
+        self.refinement = refinement
+        self.colour = colour
+        self.harmonics = harmonics
+        self.factor = upsampler.factor
+        self.conventions = conventions
+
+    def forward(
+        self, scene: Padded, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
+    ) -> Decode:
+        """The decoder of all views; the refinement sees them together."""
+        confidences, spread = depth.confidences(self.factor), depth.spread(self.factor)
+        disparities = coarse_disparities(depth, self.factor, self.conventions)
+        # The upsampled features are needed twice. If views come in chunks, they are computed twice to save memory.
+        kept: Tensor | None = self.upsampler(features, shallow) if views_at_a_time is None else None
+
+        def wide(at: slice) -> Tensor:
+            return self.upsampler(features[at], shallow[at]) if kept is None else kept[at]
+
+        projected = by_chunks(lambda at: self.refinement.project(wide(at)), len(features), views_at_a_time)
+        near, far = depth.planes.bounds[:, :, None, None].unbind(1)
+        unit = near if self.conventions.relative_disparity else torch.ones_like(near)
+        refined, raw = self.refinement(scene.small, projected, disparities * unit, confidences, scene.views)
+        depths = 1 / (disparities + raw[:, 0] / unit).clamp(1 / far, 1 / near)
+        opacities = raw[:, 1].sigmoid()
+
+        def decoded(at: slice) -> Decoded:
+            seen = beside(refined[at], scene.small[at], wide(at))
+            attributes = rendered_attributes(self.colour, self.harmonics, seen)
+            return Decoded(depths[at], opacities[at], attributes[:, 2:], confidences[at], spread[at], attributes[:, :2])
+
+        return decoded
+
+
+class PaperDecoder(Decoder):
+    """The paper's text. Upsampling is linear, so the expectation of the upsampled distribution is the upsampled expectation.
+
+    Args:
+        opacity: a CNN on the upsampled distribution.
+        colour: the head.
+        harmonics: coefficients per colour channel.
+        factor: from the features' scale to the Gaussians'.
+        conventions: of geometry.
+    """
+
+    def __init__(self, opacity: Head, colour: Head, harmonics: int, factor: int, conventions: Conventions) -> None:
+        super().__init__()
+        self.opacity = opacity
+        self.colour = colour
+        self.harmonics = harmonics
+        self.factor = factor
+        self.conventions = conventions
+
+    def forward(
+        self, scene: Padded, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
+    ) -> Decode:
+        """The decoder of all views; each view is decoded on its own."""
+        sampling, corners = self.conventions.candidates, self.conventions.pixel_centres
+
+        def decoded(at: slice) -> Decoded:
+            part = depth[at]
+            distribution = upsampled(part.probabilities, self.factor, corners)
+            wide = upsampled(features[at], self.factor, corners)
+            opacity: Tensor = self.opacity(distribution)
+            return Decoded(
+                expected_depth(distribution, part.planes.depths, sampling),
+                opacity[:, 0].to(distribution.dtype).sigmoid(),
+                rendered_attributes(self.colour, self.harmonics, beside(scene.small[at], wide)),
+                part.confidences(self.factor),
+                part.spread(self.factor),
+            )
+
+        return decoded
+
+
+def rendered_attributes(head: Head, harmonics: int, x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n d h w"]:
+    """The output of a head, whose last channels are `harmonics` coefficients per colour, without those that are never rendered."""
+    if harmonics <= RENDERED_HARMONICS:
+        everything: Tensor = head(x)
+        return everything
+    first, activation, last = head
+    assert isinstance(last, nn.Conv2d)
+    assert last.bias is not None
+    start = last.out_channels - 3 * harmonics
+    live = [*range(start), *(start + harmonics * c + k for c in range(3) for k in range(RENDERED_HARMONICS))]
+    return nn.functional.conv2d(
+        activation(first(x)), last.weight[live], last.bias[live], padding=last.kernel_size[0] // 2
+    )
+
+
+def coarse_disparities(depth: Depth, factor: int, conventions: Conventions) -> Float[Tensor, "n h w"]:
+    """1 / expected depth, upsampled to maps `factor` times as large [1 / m]."""
+    coarse = 1 / expected_depth(depth.probabilities, depth.planes.depths, conventions.candidates)
+    return upsampled(coarse[:, None], factor, conventions.pixel_centres)[:, 0]
+
+
+def upsampled(x: Float[Tensor, "n c h w"], factor: int, pixel_centres: bool) -> Float[Tensor, "n c h2 w2"]:
+    """Bilinear upsampling that preserves image corners, or the centres of the corner texels."""
+    return nn.functional.interpolate(x, scale_factor=factor, mode="bilinear", align_corners=not pixel_centres)

@@ -1,0 +1,1 @@
+"""Layers and formats that the parts of the network share."""

@@ -1,0 +1,1 @@
+"""How much memory a scene needs, and how many views to process at a time."""

@@ -1,0 +1,175 @@
+"""Memory plan: how much memory a scene needs, computed before it is encoded, and how many views to process at a time.
+
+The memory of each stage is the sum in `semgs.model.memory.stage_memory`, plus libraries and their compiler (`LIBRARIES`) and the gaps between tensors
+that the allocator cannot release (`HOLES`). Both were measured; docs/benchmarks.md says how, and compares the plan with real peaks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+
+from semgs.data.views import Views
+from semgs.model.layers.chunks import Chunks
+from semgs.model.layers.network_input import MULTIPLE
+from semgs.model.memory.stage_memory import Work, seen_bytes, stage_bytes
+from semgs.model.semgs import SemGS
+from semgs.runtime.free_memory import free_bytes, held_bytes
+
+LIBRARIES = 225e6
+"""Memory of the libraries for convolutions, and of the compiler of the rendering kernels [bytes]. A process keeps memory that was freed,
+so the compiler comes on top of any stage. Only the first run compiles: later ones need about 80 MB less."""
+
+HOLES = {"heads": 0.6, "cost_volume": 0.2, "render": 0.2}
+"""The allocator's overhead relative to a stage's tensors, `MANY_HOLES` in the other stages: small tensors come from a heap, which keeps
+gaps where tensors were freed; large tensors, as in the cost volume and in rendering, are released completely."""
+
+MANY_HOLES, MOST_HOLES = 0.7, 250e6
+"""The same overhead in stages of many layers, and its maximum [bytes]."""
+
+ROUNDING = 1.04
+"""Factor for small tensors that are not counted."""
+
+JOINED = 64e6
+"""On a CPU the heads process views together up to this input size [bytes]. Beyond it, two views together are no faster than one after
+the other, and need more memory."""
+
+SMALLEST_SIDE = 32
+
+
+class NotEnoughMemoryError(MemoryError):
+    """A scene needs more memory than there is; the message says what would fit."""
+
+
+@dataclass(frozen=True)
+class MemoryPlan:
+    """How much memory encoding and rendering a scene will take.
+
+    Attributes:
+        peak_bytes: peak memory of the process, or on the network's CUDA device.
+        stage: the stage of the peak: one of `semgs.model.stages.STAGES`, or `render`.
+        chunks: views that the cost volume and the heads take at a time; the fastest choice if memory allows.
+        short: whether memory is short, so that fewer views are taken at a time than would be fastest.
+        available_bytes: memory that the process uses now plus what is free; infinite if unknown.
+    """
+
+    peak_bytes: float
+    stage: str
+    chunks: Chunks
+    short: bool
+    available_bytes: float
+
+
+def memory_plan(
+    model: SemGS, views: Views, targets: Views | None = None, *, available_bytes: float | None = None
+) -> MemoryPlan:
+    """The memory for encoding a scene and rendering its views, with the fastest chunks or, if memory is short, the largest that fit.
+
+    Args:
+        model: on the device that it will compute on.
+        views: the input views of one scene.
+        targets: target views to render as well, as `semgs.reconstruction.pipeline` does.
+        available_bytes: memory that may be used in total; None reads it from the system, its containers and limits, or the CUDA device.
+
+    Raises:
+        NotEnoughMemoryError: it does not fit even with one view at a time.
+    """
+    device = next(model.parameters()).device
+    if available_bytes is None:
+        available_bytes = _available(device)
+    held = _held(device)
+    work = _work(len(views), views.size, 0 if targets is None else len(targets))
+    best = _fitting(model, work, held, available_bytes)
+    if best.peak_bytes > available_bytes:
+        raise NotEnoughMemoryError(_too_much(model, work, views.size, best, held))
+    return best
+
+
+def peaks(model: SemGS, work: Work, chunks: Chunks, held: float) -> dict[str, float]:
+    """Peak memory of a process in each stage, if it used `held` before [bytes]."""
+    found = {}
+    for stage, tensors in stage_bytes(model, work, chunks).items():
+        holes = min(HOLES.get(stage, MANY_HOLES) * tensors, MOST_HOLES)
+        found[stage] = held + LIBRARIES + ROUNDING * tensors + holes
+    return found
+
+
+def _fitting(model: SemGS, work: Work, held: float, available: float) -> MemoryPlan:
+    """The plan with the fastest chunks, with the largest that fit, or with the smallest if none fit."""
+    fastest = Chunks(heads=_joined(model, work))
+
+    def largest(stages: tuple[str, ...], chunked: str) -> int | None:
+        """The most views at a time with which those stages fit; None is all."""
+        sizes = list(_halves(work.views, getattr(fastest, chunked)))
+        for size in sizes:
+            of = peaks(model, work, Chunks(**{chunked: size}), held)
+            if max(of[stage] for stage in stages) <= available:
+                return size
+        return sizes[-1]
+
+    chunks = Chunks(cost=largest(("cost_volume",), "cost"), heads=largest(("depth", "heads"), "heads"))
+    found = peaks(model, work, chunks, held)
+    stage = max(found, key=lambda name: found[name])
+    return MemoryPlan(found[stage], stage, chunks, chunks != fastest, available)
+
+
+def _joined(model: SemGS, work: Work) -> int | None:
+    """How many views the heads take at a time if memory is not short; None is all."""
+    most = max(1, int(JOINED // seen_bytes(model, work)))
+    return None if next(model.parameters()).device.type != "cpu" or most >= work.views else most
+
+
+def _halves(views: int, most: int | None) -> Iterator[int | None]:
+    """The most views at a time, None being all of them, then half as many, and so on to one."""
+    yield most
+    views = most or views
+    while views > 1:
+        views = -(-views // 2)
+        yield views
+
+
+def _too_much(model: SemGS, work: Work, size: tuple[int, int], best: MemoryPlan, held: float) -> str:
+    """One line on the memory that is needed, the memory that is free, and what would fit."""
+    line = (
+        f"N = {work.views} at {size[0]}x{size[1]} needs about {_gigabytes(best.peak_bytes)}, "
+        f"{_gigabytes(best.available_bytes)} are free"
+    )
+    for views in dict.fromkeys((work.views, 2)):
+        for part in (1, 2, 4, 8):
+            smaller = size if part == 1 else tuple(max(SMALLEST_SIDE, _rounded(side / part)) for side in size)
+            found = _fitting(model, _work(views, smaller, work.drawn), held, best.available_bytes)
+            if found.peak_bytes <= best.available_bytes:
+                named = "" if views == work.views else f"N = {views} at "
+                return f"{line}; {named}{smaller[0]}x{smaller[1]} needs {_gigabytes(found.peak_bytes)}"
+    return f"{line}; no size fits"
+
+
+def _work(views: int, size: tuple[int, ...], targets: int) -> Work:
+    """The work of `reconstruct`: all views are rendered, input and target views."""
+    height, width = (-(-side // MULTIPLE) * MULTIPLE for side in size)
+    return Work(views, (height, width), views + targets, (height, width) != tuple(size))
+
+
+def _rounded(side: float) -> int:
+    """The nearest side that needs no padding."""
+    return MULTIPLE * round(side / MULTIPLE)
+
+
+def _gigabytes(count: float) -> str:
+    """Bytes as text in gigabytes."""
+    return f"{count / 1e9:.2g} GB"
+
+
+def _held(device: torch.device) -> float:
+    """Memory that this process uses now on the network's device."""
+    return float(torch.cuda.memory_allocated(device)) if device.type == "cuda" else held_bytes()
+
+
+def _available(device: torch.device) -> float:
+    """Memory that this process may use in total on the network's device."""
+    if device.type == "cuda":
+        free, _ = torch.cuda.mem_get_info(device)
+        return float(free + torch.cuda.memory_reserved(device))
+    return held_bytes() + free_bytes()

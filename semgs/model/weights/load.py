@@ -1,0 +1,261 @@
+"""Load networks by name, file or hub id."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import torch
+from torch import nn
+from torch.nn.modules.module import register_module_parameter_registration_hook
+
+from semgs.data.origin.licences import Terms, TermsWarning, terms_from
+from semgs.data.tables.classes import SCANNET20, ClassTable
+from semgs.files.errors import InputError, input_error
+from semgs.files.paths import found_at, typed_path
+from semgs.files.strict_json import parse_json
+from semgs.model import networks
+from semgs.model.build import build
+from semgs.model.semgs import SemGS
+from semgs.model.settings import NetworkSettings
+from semgs.model.weights import mvsplat
+from semgs.model.weights.header_temperatures import temperatures_in
+from semgs.model.weights.hub import SCHEME, fetched, is_hub_id
+from semgs.model.weights.index import shipped_folder
+from semgs.model.weights.weights_file import count_parameters, fill, is_ours, read_header, read_tensors
+
+SCENES = "scenes"
+"""Key of a header: names of the scenes that the weights were trained on."""
+
+DATA_TERMS = "data_terms"
+"""Key of a header: terms of those data."""
+
+FAR_LARGER, SMALLEST = 4, 1_000_000
+"""A network may have at most this many times the parameters of its file; a file counts as having at least this many."""
+
+MVSPLAT = Terms("MVSplat's published weights, under their own terms: https://github.com/donydchen/mvsplat", own=True)
+"""Terms of MVSplat's checkpoint, which has no header."""
+
+
+def load(
+    name: str | Path, weights: str | Path | None = None, *, seed: int = 0, classes: ClassTable = SCANNET20
+) -> SemGS:
+    """A network with its weights, ready to use. Its `origin` says in one sentence where the weights come from.
+
+    It is in evaluation mode with frozen parameters, so its outputs carry no gradient and need no `detach`; gradients with respect to
+    the views still flow. To train it, call `model.train().requires_grad_()`; `semgs train` does so itself. If a scene does not fit into
+    memory, the network refuses it before encoding, with a `NotEnoughMemoryError` (a `MemoryError`) that says what would fit.
+
+    If the weights were trained on data with terms of their own (such as ScanNet's), a `TermsWarning` repeats them.
+
+    Args:
+        name: "small", "base" or "mvsplat"; or, without `weights`, a file or hub id, which states its network.
+        weights: None uses the included weights; "random" initialises them at random; a path loads a weights file, or MVSplat's
+            checkpoint (`.ckpt` or safetensors) for "mvsplat" and for "base", whose semantic branch is then random; a hub id
+            ("hf://owner/name", `semgs.model.weights.hub`) is downloaded first.
+        seed: of random weights.
+        classes: the class table that the weights must have been trained on.
+
+    Raises:
+        ValueError: there is no network of that name, or no included weights for it.
+        InputError: the file cannot be read or downloaded, or does not fit; the tensor or class table is named.
+        ImportError: a hub id is given and huggingface_hub is not installed.
+    """
+    if weights is None and (is_hub_id(name) or found_at(typed_path(name)) == "a file"):
+        name, weights = find(name)
+    name = str(name)
+    if name not in networks.NAMES:
+        raise ValueError(
+            f"unknown model {name!r}; known: {', '.join(networks.NAMES)}, a weights file, {SCHEME}OWNER/NAME"
+        )
+    if weights is None:
+        weights = shipped(name)
+        if weights is None:
+            raise ValueError(
+                f'there are no included weights for "{name}"; pass a file, or weights="random" for an untrained network'
+            )
+    if str(weights) == "random":
+        return _ready(untrained(networks.NETWORKS[name](), seed, classes))
+    path = _local(weights)
+    if (found := found_at(path)) != "a file":
+        raise InputError(path, "a weights file", found)
+    if is_ours(path):
+        return _ready(_ours(name, path, classes))
+    return _ready(_mvsplats(name, path, seed, classes))
+
+
+def other_table(path: Path, wanted: ClassTable, found: ClassTable, advice: str | None = None) -> InputError:
+    """The error for weights with another class table."""
+    expected, there = (f"{one.name} ({len(one)} classes)" for one in (wanted, found))
+    return InputError(path, f"class table {expected}", there, key="classes", advice=advice)
+
+
+def _ready(model: SemGS) -> SemGS:
+    """The network in evaluation mode, with frozen parameters."""
+    return model.eval().requires_grad_(False)
+
+
+def find(weights: str | Path) -> tuple[str, Path]:
+    """The network's name and the weights file, from the name of included weights ("small"), a path or a hub id.
+
+    Any file without the header of semgs is treated as MVSplat's checkpoint.
+
+    Raises:
+        ValueError: there are no included weights of that name.
+        InputError: there is no such file, it cannot be downloaded, or its header is damaged.
+        ImportError: a hub id is given and huggingface_hub is not installed.
+    """
+    path = _local(weights)
+    if str(weights) in networks.NAMES:
+        inside = shipped(str(weights))
+        if inside is None:
+            raise ValueError(f'there are no included weights for "{weights}"; name a file')
+        return str(weights), inside
+    if (found := found_at(path)) != "a file":
+        names = [name for name in networks.NAMES if shipped(name)]
+        raise InputError(path, f"a weights file, or {' or '.join(names)}", found)
+    return (read_header(path).settings.name if is_ours(path) else "mvsplat"), path
+
+
+def table_of(path: str | Path) -> ClassTable:
+    """The class table of a weights file; the package's own if the file does not say.
+
+    Raises:
+        InputError: its header is damaged.
+    """
+    return (read_header(path).classes if is_ours(path) else None) or SCANNET20
+
+
+def trained_scenes(weights: str | Path) -> tuple[str, ...]:
+    """The names of the scenes that weights were trained on, if they say so; never generated rooms or MVSplat's videos.
+
+    Raises:
+        ValueError: there are no included weights of that name.
+        InputError: there is no such file, or its header is damaged.
+    """
+    _, path = find(weights)
+    if not is_ours(path):
+        return ()
+    with input_error(path, "names of scenes as JSON", key=SCENES):
+        names = parse_json(read_header(path).metadata.get(SCENES, "[]"))
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise InputError(path, "a list of names", f"{names!r:.60}", key=SCENES)
+    return tuple(names)
+
+
+def data_terms(weights: str | Path) -> tuple[Terms, ...]:
+    """The terms of the data that weights were trained on, if they say so.
+
+    Raises:
+        ValueError: there are no included weights of that name.
+        InputError: there is no such file, or its header is damaged.
+    """
+    _, path = find(weights)
+    if not is_ours(path):
+        return (MVSPLAT,)
+    metadata = read_header(path).metadata
+    if DATA_TERMS not in metadata:
+        return (Terms(f"what {path.name} was trained on: terms not stated"),)
+    return _terms_in(metadata, path)
+
+
+def _terms_in(metadata: Mapping[str, str], path: Path) -> tuple[Terms, ...]:
+    """The terms that a header states; none if it states none."""
+    try:
+        return terms_from(metadata.get(DATA_TERMS, "[]"))
+    except (ValueError, TypeError, KeyError) as error:
+        raise InputError(path, "terms of data as JSON", f"{type(error).__name__}: {error}", key=DATA_TERMS) from error
+
+
+def untrained(settings: NetworkSettings, seed: int, classes: ClassTable | None = SCANNET20) -> SemGS:
+    """An untrained network with these settings; the caller's random state does not change."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        model = build(settings, classes)
+    model.origin = f"untrained: drawn at random with seed {seed}"
+    return model
+
+
+def shipped(name: str) -> Path | None:
+    """The included weights file of that name, None if there is none."""
+    path = shipped_folder() / f"{name}.safetensors"
+    return path if path.is_file() else None
+
+
+def _local(weights: str | Path) -> Path:
+    """The path of weights; those on the hub are downloaded."""
+    return fetched(str(weights)) if is_hub_id(weights) else typed_path(weights)
+
+
+def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
+    header = read_header(path)
+    if header.settings.name != name:
+        raise InputError(path, f'weights of "{name}"', f'weights of "{header.settings.name}"', key="settings.name")
+    if header.classes is not None and header.classes != classes:
+        raise other_table(path, classes, header.classes)
+    with as_large_as(path):
+        model = build(header.settings, header.classes)
+    fill(model, read_tensors(path), path, model.name)
+    if owned := [one.text for one in _terms_in(header.metadata, path) if one.own]:
+        warning = f"{path.name} was trained on data with terms of their own: {'; '.join(owned)}"
+        warnings.warn(warning, TermsWarning, stacklevel=3)
+    model.origin = f"{path.name}: {header.metadata.get('description', 'no description')}"
+    model.temperatures = temperatures_in(header.metadata, path)
+    return model
+
+
+@contextmanager
+def as_large_as(path: Path) -> Iterator[None]:
+    """Around building the network of a file: refuse one far larger than the file, before it takes all memory.
+
+    Raises:
+        InputError: the network is too large, or cannot be built from the settings.
+    """
+    most = FAR_LARGER * max(count_parameters(path), SMALLEST)
+
+    def check(module: nn.Module, name: str, parameter: nn.Parameter | None) -> None:
+        nonlocal most
+        most -= 0 if parameter is None else parameter.numel()
+        if most < 0:
+            raise ValueError("settings of a network far larger than the file")
+
+    hook = register_module_parameter_registration_hook(check)  # called before a parameter takes memory
+    try:
+        yield
+    except InputError:
+        raise
+    except (TypeError, ValueError, RuntimeError, ArithmeticError) as error:
+        raise InputError(path, "settings of its network", f"{error}", key="settings") from None
+    finally:
+        hook.remove()
+
+
+def _mvsplats(name: str, path: Path, seed: int, classes: ClassTable) -> SemGS:
+    if name == "small":
+        raise InputError(path, 'weights of "small", written by semgs', "another file")
+    return from_mvsplat(untrained(networks.NETWORKS[name](), seed, classes), path, seed)
+
+
+def semantic_tensors(model: SemGS) -> frozenset[str]:
+    """Names of the tensors of a network's semantic branch."""
+    return frozenset(name for name in model.state_dict() if name.startswith("semantic."))
+
+
+def from_mvsplat(model: SemGS, path: Path, seed: int) -> SemGS:
+    """The network, which was initialised with this seed, with colour branch and depth from MVSplat's checkpoint.
+
+    Raises:
+        InputError: the file cannot be read or does not fit; the tensor is named.
+    """
+    tensors = mvsplat.read(path)
+    own = model.state_dict()
+    foreign = mvsplat.renamed(tensors, path)
+    semantic = semantic_tensors(model)
+    fresh = {key: value for key, value in own.items() if key not in foreign and key in semantic}
+    fill(model, foreign | fresh, path, model.name)
+    model.origin = f"{path.name}: all {len(foreign)} tensors of MVSplat taken" + (
+        f"; {len(fresh)} tensors of the semantic branch drawn at random with seed {seed}" if fresh else ""
+    )
+    return model

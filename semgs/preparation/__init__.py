@@ -1,1 +1,0 @@
-"""Preparing data sets: converts scenes of any layout to compact zip files for training."""

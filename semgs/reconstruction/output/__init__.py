@@ -1,0 +1,1 @@
+"""The files of a reconstruction: report, images, page and recording."""

@@ -1,0 +1,196 @@
+"""The HTML report of a reconstruction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from semgs.figures import html_page as page
+from semgs.figures.class_images import legend, overlay
+from semgs.figures.depth_images import depth_bar, depth_ticks
+from semgs.figures.number_texts import decibels, duration, length, percent
+from semgs.figures.view_images import as_bytes, class_map, depth_map, heat_map, photo, please_note, true_class_map
+from semgs.files.images.colours import depth_limits
+from semgs.objectives.measures import MOSTLY_SEEN, TITLES, shown_number
+from semgs.reconstruction.output.report import Origin, outputs
+from semgs.reconstruction.output.score_table import score_table, scores_lead
+from semgs.reconstruction.pipeline import Reconstruction
+from semgs.reconstruction.scores import by_measure, mean_scores
+from semgs.rendering.rendering import UNKNOWN, UNSEEN, confidence_maps
+
+_TICKS = 5
+
+MOST_SPREAD = 0.3
+"""The uncertainty of depth at the end of its colour scale."""
+
+HELD_OUT = "The model did not get these frames: they test the reconstruction. What no input view sees stays empty."
+
+
+def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float], page_in_3d: bool = False) -> str:
+    """The report as one self-contained HTML page; `page_in_3d` says whether to link the page that shows the scene in 3D."""
+    scene = result.scene
+    maps = [labels for shown in result.shown if (labels := result.label_maps(shown)) is not None]
+    limits = depth_limits(_depth_maps(result))
+    held_out = len(result.target.positions) if result.target else 0
+    sections = [
+        *please_note(result.notes),
+        page.Section(
+            "Input views", _own_lead(result), (*_galleries(result, True, limits), *_keys(result, maps, limits))
+        ),
+        *([page.Section("Held-out views", HELD_OUT, _galleries(result, False, limits))] if result.target else []),
+        page.Section("Scores", scores_lead(result), (score_table(result),)),
+        page.Section(
+            "Files", "", (page.Links(tuple(one for one in outputs(result, page_in_3d) if one.name != "report.html")),)
+        ),
+        page.Section("Details", "", (_facts(result, origin),), folded=True),
+        page.Section("Time", "", (_timings(seconds),), folded=True),
+    ]
+    return page.html_page(
+        title=scene.name,
+        lead=f"Reconstructed from {len(result.context.positions)} photos"
+        + (f" and compared with {held_out} that {'was' if held_out == 1 else 'were'} held out." if held_out else "."),
+        headlines=_headlines(result, maps, seconds),
+        sections=sections,
+        foot=f"Made by {origin.software}. The numbers of this page are in report.json.",
+    )
+
+
+def _depth_maps(result: Reconstruction) -> list[np.ndarray]:
+    """All depth maps of the page; they share one scale."""
+    shown = [part.rendering.depths for part in result.shown]
+    shown += [part.views.depths for part in result.shown if part.views.depths is not None]
+    return [depths.numpy() for depths in shown]
+
+
+def _headlines(result: Reconstruction, maps: Sequence[np.ndarray], seconds: dict[str, float]) -> list[page.Headline]:
+    """The most important numbers."""
+    found = []
+    if result.target is not None:
+        held_out = mean_scores(result.target.scores)
+        found.append(page.Headline(decibels(held_out.psnr), "PSNR of held-out views"))
+        if held_out.coverage < MOSTLY_SEEN:
+            found.append(page.Headline(decibels(held_out.psnr_seen), f"over the {percent(held_out.coverage)} seen"))
+        for name in ("miou_per_image", "depth_abs_rel"):
+            if (value := by_measure(held_out).get(name)) is not None:
+                found.append(page.Headline(shown_number(name, value, 2), f"{TITLES[name]} of held-out views"))
+    found.append(page.Headline(decibels(mean_scores(result.context.scores).psnr), "PSNR of the input views"))
+    found.append(page.Headline(f"{len(result.encoding.gaussians):,}", "Gaussians"))
+    if result.classes is not None:
+        found.append(page.Headline(str(len(legend(maps, result.classes))), "classes present"))
+    if "encode" in seconds:
+        found.append(page.Headline(duration(seconds["encode"]), "from photos to Gaussians"))
+    return found
+
+
+def _own_lead(result: Reconstruction) -> str:
+    """The text above the input views."""
+    lead = "The input photos, and the scene from the same cameras."
+    if result.classes is not None:
+        lead += " Hatched: unseen (alpha below 0.5)."
+        if result.min_confidence > 0:
+            lead += f" Light grey: unknown (seen, but no class has a confidence of {percent(result.min_confidence)})."
+    if result.segmenter is not None:
+        lead += f" Classes: {result.segmenter}."
+    return lead
+
+
+def _keys(
+    result: Reconstruction, maps: Sequence[np.ndarray], limits: tuple[float, float]
+) -> tuple[page.Legend | page.Scale, ...]:
+    """The legend of classes and the scale of depth."""
+    scale = page.Scale(
+        page.Picture(depth_bar(), "colours of depth, near to far"),
+        tuple(length(tick, result.metric) for tick in depth_ticks(limits, _TICKS)),
+        "depth along the optical axis" + ("" if result.metric else ", in the scene's own unit"),
+    )
+    if result.classes is None:
+        return (scale,)
+    pixels = np.concatenate([one.ravel() for one in maps])
+    unseen, unknown = (float(np.mean(pixels == value)) for value in (UNSEEN, UNKNOWN))
+    return page.Legend(legend(maps, result.classes), unseen, unknown), scale
+
+
+def _galleries(result: Reconstruction, own: bool, limits: tuple[float, float]) -> tuple[page.Block, ...]:
+    """Photo, render, classes and depth of each view, with the truth folded below."""
+    shown = result.context if own else result.target
+    if shown is None:
+        return ()
+    labels = result.label_maps(shown)
+    confidence = None if labels is None else confidence_maps(shown.rendering)
+    rows = []
+    for index, (position, name) in enumerate(zip(shown.positions, shown.names, strict=True)):
+        pictures = [
+            photo(shown.views.images[index], "photo (input)" if own else "photo (held out)"),
+            photo(shown.rendering.images[index], "render"),
+        ]
+        more = []
+        if labels is not None and result.classes is not None:
+            pictures.append(class_map(labels[index], result.classes))
+            if shown.views.labels is not None and shown.views.classes == result.classes:
+                more.append(true_class_map(shown.views.labels[index], result.classes))
+        pictures.append(depth_map(shown.rendering.depths[index], limits))
+        if shown.views.depths is not None:
+            more.append(depth_map(shown.views.depths[index], limits, "measured depth"))
+        if labels is not None and result.classes is not None:
+            tinted = overlay(as_bytes(shown.views.images[index]), labels[index], result.classes)
+            more.append(page.Picture(tinted, "classes over the photo", lossy=True))
+        if confidence is not None:
+            more.append(heat_map(np.where(confidence[index] > 0, confidence[index], np.nan), 1.0, "confidence"))
+        more.append(heat_map(shown.depth_spread[index].numpy(), MOST_SPREAD, "uncertainty of depth"))
+        one = shown.scores[index]
+        detail = f"frame {position}, PSNR {decibels(one.psnr)}, {percent(one.coverage)} seen"
+        if labels is not None and result.min_confidence > 0:
+            detail += f", {percent(float(np.mean(labels[index] == UNKNOWN)))} unknown"
+        rows.append(page.Gallery(name, detail, tuple(pictures), tuple(more)))
+    return tuple(rows)
+
+
+def _facts(result: Reconstruction, origin: Origin) -> page.Facts:
+    """The scene, the choices, and the model."""
+    scene = result.scene
+    native, used = (f"{height}x{width}" for height, width in (result.native_size, result.size))
+    absent = f", {len(scene.absent)} more are listed but missing" if scene.absent else ""
+    rows = [
+        ("Scene", str(scene.path)),
+        ("Layout", scene.layout),
+        ("Frames", f"{len(scene)} usable{absent}"),
+        ("Unit", "metres" if result.metric else "unknown: lengths are in the scene's own unit"),
+        ("Image size", f"{used} (height x width)" + ("" if native == used else f", read from {native}")),
+        ("Input frames", ", ".join(result.context.titles)),
+        ("Held-out frames", ", ".join(result.target.titles) if result.target else "none"),
+        ("Why these", result.choice.reason),
+        (
+            "Depth range",
+            f"{length(result.depth_range.near, result.metric)} to {length(result.depth_range.far, result.metric)}: "
+            f"{result.depth_range.reason}",
+        ),
+        ("Model", f"{result.model}, {origin.parameters:,} parameters, on {origin.device}"),
+        ("Weights", origin.weights),
+    ]
+    if result.placed is not None:
+        rows.append(("Depth from", "the sensor" if result.depth_source == "sensor" else "the sensor and the model"))
+        rows += [("Fit of the model's depth", line) for line in result.depth_fits]
+    if result.segmenter is not None:
+        rows.append(("Classes from", result.segmenter))
+    if result.classes is not None:
+        rows.append(("Class table", f"{result.classes.name}, {len(result.classes)} classes"))
+        rows.append(("Confidence", _calibration(result)))
+    if result.features is not None:
+        rows.append(("Features", result.features.description))
+    return page.Facts(tuple(rows))
+
+
+def _calibration(result: Reconstruction) -> str:
+    """Where the confidence comes from."""
+    said = "the probability of the likeliest class"
+    if (temperatures := result.encoding.temperatures) is not None:
+        return f"{said}, calibrated with the temperatures {temperatures.rendered:.3f} (pixels) and {temperatures.gaussians:.3f} (Gaussians)"
+    whose = "the weights have no temperatures" if result.segmenter is None else "the classes are not the model's own"
+    return f"{said}, not calibrated: {whose}"
+
+
+def _timings(seconds: dict[str, float]) -> page.Table:
+    """The stages and their sum."""
+    rows = [(name, duration(value)) for name, value in seconds.items()]
+    return page.Table(("stage", "time"), (*rows, ("total", duration(sum(seconds.values())))))

@@ -1,0 +1,69 @@
+"""The scores of a reconstruction, as the report and the terminal show them."""
+
+from __future__ import annotations
+
+from semgs.figures.html_page import Table
+from semgs.objectives.measures import MEANINGS, MOSTLY_SEEN, TITLES, shown_number
+from semgs.reconstruction.pipeline import Reconstruction, Shown
+from semgs.reconstruction.scores import ViewScores, by_measure, mean_scores
+
+DIGITS = 2
+"""Digits after the point; more would mean little for a few views."""
+
+SEEN = "_seen"
+"""Suffix of measures over the seen pixels."""
+
+
+def scores_lead(result: Reconstruction) -> str:
+    """Explains the columns of the table."""
+    return " ".join(f"{TITLES[name]}: {text}." for name, text in MEANINGS.items() if name in _measures(result))
+
+
+def score_table(result: Reconstruction) -> Table:
+    """All scores of all views, held out and input, and their means."""
+    names = _measures(result)
+
+    def cells(score: ViewScores) -> tuple[str, ...]:
+        values = by_measure(score)
+        return tuple(shown_number(name, values.get(name), DIGITS) for name in names)
+
+    rows = []
+    for role, shown in _parts(result):
+        for position, name, score in zip(shown.positions, shown.names, shown.scores, strict=True):
+            rows.append((f"{name} (frame {position}, {role})", *cells(score)))
+        if len(shown.scores) > 1:
+            rows.append((f"mean, {role}", *cells(mean_scores(shown.scores))))
+    return Table(("view", *[TITLES[name] for name in names]), tuple(rows))
+
+
+def score_lines(result: Reconstruction) -> list[str]:
+    """A line with mean scores for held-out views and for input views; another for the seen pixels if many were not seen."""
+    lines = []
+    for role, shown in _parts(result):
+        means = mean_scores(shown.scores)
+        values = by_measure(means)
+        overall = [name for name in values if not name.endswith(SEEN) and name != "unseen"]
+        lines.append(f"{role} views: {_listed(overall, values)}")
+        if means.coverage < MOSTLY_SEEN:
+            seen = [name for name in values if name.endswith(SEEN)]
+            lines.append(f"{role} views, the {100 * means.coverage:.0f} % that is seen: {_listed(seen, values)}")
+    return lines
+
+
+def _parts(result: Reconstruction) -> list[tuple[str, Shown]]:
+    """The views by role, held-out views first."""
+    return list(zip(("input", "held-out"), result.shown, strict=False))[::-1]
+
+
+def _measures(result: Reconstruction) -> list[str]:
+    """The measures that some view has, in the order of tables."""
+    known = {name for _, shown in _parts(result) for score in shown.scores for name in by_measure(score)}
+    return [name for name in TITLES if name in known]
+
+
+def _listed(names: list[str], values: dict[str, float]) -> str:
+    """Measures with their values."""
+    return ", ".join(
+        f"{TITLES[name]} {shown_number(name, values[name], DIGITS)}" + (" dB" if name.startswith("psnr") else "")
+        for name in names
+    )

@@ -1,0 +1,162 @@
+"""Things: the Gaussians of each class in clusters, one for each piece of furniture.
+
+For each class, the Gaussians that have it as their likeliest are thinned to voxels, and DBSCAN (Ester et al., KDD 1996) on their middles, weighted by opacity, finds
+the groups that are connected over gaps of at most `gap`. What is too small or too thin is no thing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float64, Int64
+
+from semgs.data.tables.classes import SCANNET20, ClassTable
+from semgs.geometry.gaussians import Gaussians
+from semgs.rendering.temperatures import highest
+from semgs.robotics.boxes import Box, box_of
+from semgs.robotics.level import level_from_world
+from semgs.robotics.object_libraries import clustering_library
+
+STUFF = ("wall", "floor", "ceiling")
+"""Classes that are no things: ScanNet's instances leave out the first two; other tables have the third."""
+
+CORE = 5
+"""A point is inside a group if the opacities around it sum to this."""
+
+FINER = 4
+"""Voxels for clustering have a side of the gap divided by this."""
+
+
+@dataclass(frozen=True)
+class Thing:
+    """One thing.
+
+    Attributes:
+        instance: its number, from 1; the thing with the most Gaussians is the first.
+        label: position of its class in the table.
+        name: of its class.
+        confidence: mean probability of the class, 0..1, weighted by opacity.
+        box: around it, in the level frame.
+        distance: to the nearest point of the box [m].
+        count: Gaussians that belong to it.
+    """
+
+    instance: int
+    label: int
+    name: str
+    confidence: float
+    box: Box
+    distance: float
+    count: int
+
+
+@dataclass(frozen=True)
+class Objects:
+    """The things of a scene.
+
+    Attributes:
+        things: in the order of their numbers.
+        instances: the number of the thing that each Gaussian belongs to; 0 for none.
+        level_from_world: from the frame of the Gaussians to the level frame of the boxes, a rotation.
+    """
+
+    things: tuple[Thing, ...]
+    instances: Int64[np.ndarray, " g"]
+    level_from_world: Float64[np.ndarray, "3 3"]
+
+    def only(self, *, classes: Collection[str] = (), min_confidence: float = 0.0) -> Objects:
+        """Some of the things, with the numbers that they have.
+
+        Args:
+            classes: their names; empty for all.
+            min_confidence: the least confidence.
+        """
+        kept = tuple(
+            one for one in self.things if one.confidence >= min_confidence and (not classes or one.name in classes)
+        )
+        numbers = [thing.instance for thing in kept]
+        return replace(self, things=kept, instances=np.where(np.isin(self.instances, numbers), self.instances, 0))
+
+
+def objects(
+    gaussians: Gaussians,
+    classes: ClassTable = SCANNET20,
+    *,
+    up: Sequence[float] = (0.0, 0.0, 1.0),
+    seen_from: Sequence[float] = (0.0, 0.0, 0.0),
+    temperature: float | None = None,
+    stuff: Collection[str] = STUFF,
+    gap: float = 0.1,
+    min_opacity: float = 0.1,
+    min_gaussians: float = 150.0,
+    min_size: float = 0.1,
+) -> Objects:
+    """Find the things of a scene: connected groups of Gaussians of one class, each with a box that is turned about gravity only.
+
+    One scene has one numbering: in a merged walk a thing has the same number in every view.
+
+    Args:
+        gaussians: of one scene in metres, with classes.
+        classes: the table of the classes.
+        up: the direction that is up.
+        seen_from: the point from which distances are measured, such as the first camera's centre.
+        temperature: calibrates the class distributions; None leaves them as they are.
+        stuff: names of the classes that are no things.
+        gap: Gaussians of one class that are further apart belong to two things [m].
+        min_opacity: Gaussians that are more transparent belong to no thing.
+        min_gaussians: a thing has at least this sum of opacities.
+        min_size: the longest side of a thing is at least this [m].
+
+    Raises:
+        ValueError: the Gaussians have no classes or another number than the table, have a batch axis, or an argument is out of range.
+        ImportError: scikit-learn or trimesh is not installed.
+    """
+    if gaussians.semantic is None:
+        raise ValueError("the Gaussians have no classes; expected those of a model with a semantic branch")
+    features = gaussians.semantic.features.detach().cpu()
+    if features.ndim != 2 or features.shape[-1] != len(classes):
+        raise ValueError(
+            f"the class distributions are {tuple(features.shape)}; expected [g {len(classes)}] for table {classes.name}"
+        )
+    if not (gap > 0 and min_size >= 0):
+        raise ValueError(f"gap is {gap} and min_size {min_size}; expected a positive gap, and 0 or more")
+    cluster = clustering_library()
+    level = level_from_world(up)
+    points = gaussians.means.detach().cpu().double().numpy() @ level.T
+    weights = gaussians.opacities.detach().cpu().double().numpy()
+    chances = highest(features, temperature).double().numpy()
+    labels = torch.where(torch.from_numpy(weights >= min_opacity), features.argmax(-1), -1).numpy()
+    eye = level @ np.asarray(seen_from, np.float64)
+    found: list[tuple[int, Int64[np.ndarray, " n"]]] = []
+    for label in np.unique(labels[labels >= 0]).tolist():
+        if classes.names[label] not in stuff:
+            members = np.flatnonzero(labels == label)
+            groups = _groups(cluster, points[members], weights[members], gap)
+            found += [(label, members[groups == number]) for number in range(groups.max(initial=-1) + 1)]
+    found = [(label, members) for label, members in found if weights[members].sum() >= min_gaussians]
+    boxed = [(label, members, box_of(points[members])) for label, members in found]
+    boxed = [one for one in boxed if max(one[2].size) >= min_size]
+    boxed.sort(key=lambda one: (-len(one[1]), one[0], one[1][0]))
+    instances = np.zeros(len(points), np.int64)
+    things = []
+    for instance, (label, members, box) in enumerate(boxed, 1):
+        instances[members] = instance
+        confidence = float(np.average(chances[members], weights=weights[members]))
+        things.append(Thing(instance, label, classes.names[label], confidence, box, box.distance(eye), len(members)))
+    return Objects(tuple(things), instances, level)
+
+
+def _groups(
+    cluster, points: Float64[np.ndarray, "n 3"], weights: Float64[np.ndarray, " n"], gap: float
+) -> Int64[np.ndarray, " n"]:
+    """The group of each point, -1 for none: DBSCAN on the weighted middles of voxels, so that its neighbourhoods stay small."""
+    places = np.floor(points / (gap / FINER)).astype(np.int64)
+    _, owners = np.unique(places, axis=0, return_inverse=True)
+    owners = owners.reshape(-1)
+    sums = np.bincount(owners, weights)
+    middles = np.stack([np.bincount(owners, weights * side) / sums for side in points.T], -1)
+    found = cluster.DBSCAN(eps=gap, min_samples=CORE).fit(middles, sample_weight=sums)
+    return found.labels_[owners].astype(np.int64)

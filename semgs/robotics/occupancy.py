@@ -1,0 +1,220 @@
+"""Occupancy: where a robot can drive, what it would hit, and what was not seen.
+
+Rays go from the cameras of the input views to the points that they see. A voxel that rays pass through is free, one that they end in is occupied, and all others are
+unknown. Heights are above the floor. A cell of the plan is
+
+- occupied if one of its voxels between the step height and the robot's height is;
+- free if it is not occupied and the floor is seen in it, or a ray passes through it below the step height;
+- unknown otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Float64, Int8, Int64, UInt8
+from scipy.ndimage import binary_closing
+from torch import Tensor
+
+from semgs.data.tables.classes import IGNORE, SCANNET20, ClassTable
+from semgs.geometry.cameras import Cameras
+from semgs.geometry.gaussians import Gaussians
+from semgs.robotics.carving import passes
+from semgs.robotics.floor import floor_height
+from semgs.robotics.level import level_from_world
+from semgs.robotics.rays import free_parts, rays_of
+
+UNKNOWN, FREE, OCCUPIED = -1, 0, 100
+"""What cells and voxels contain, as in ROS's nav_msgs/OccupancyGrid."""
+
+FLOOR = "floor"
+"""The class of the floor."""
+
+UNEVEN = 0.3
+"""Points with the class of the floor are on it up to this height, as depth from images is not exact; higher ones have the wrong class [m]."""
+
+MOST_VOXELS = 400_000_000
+"""More would not fit into the memory of a small machine."""
+
+
+@dataclass(frozen=True)
+class Occupancy:
+    """Free, occupied and unknown space of a scene, in its level frame.
+
+    Attributes:
+        cells: the plan: UNKNOWN, FREE or OCCUPIED.
+        voxels: the same in space, from below the floor to the robot's height.
+        labels: the class of occupied voxels; 255 for others, and without classes.
+        origin: the corner of the first voxel, x, y and z [m].
+        resolution: side of cells and voxels [m].
+        floor: height of the floor [m].
+        level_from_world: from the frame of the Gaussians to the level frame, a rotation.
+    """
+
+    cells: Int8[np.ndarray, "y x"]
+    voxels: Int8[np.ndarray, "z y x"]
+    labels: UInt8[np.ndarray, "z y x"]
+    origin: tuple[float, float, float]
+    resolution: float
+    floor: float
+    level_from_world: Float64[np.ndarray, "3 3"]
+
+
+def occupancy(
+    gaussians: Gaussians,
+    cameras: Cameras,
+    *,
+    resolution: float = 0.05,
+    up: Sequence[float] = (0.0, 0.0, 1.0),
+    classes: ClassTable | None = SCANNET20,
+    depths: Float[Tensor, "v h w"] | None = None,
+    depth_spread: Float[Tensor, "v h w"] | None = None,
+    step: float = 0.1,
+    height: float = 1.5,
+    reach: float = 5.0,
+    narrowest: float = 0.2,
+    min_opacity: float = 0.1,
+) -> Occupancy:
+    """Find free, occupied and unknown space.
+
+    Args:
+        gaussians: of one scene in metres.
+        cameras: of the input views [v].
+        resolution: side of cells and voxels [m].
+        up: the direction that is up.
+        classes: the table of the Gaussians' classes, whose "floor" is the floor; None uses no classes.
+        depths: z-depth of every pixel of the input views, 0 = unknown [m]. Needed only if there is not one Gaussian for each pixel or block of
+            pixels, as in a merged scene.
+        depth_spread: standard deviation of the logarithm of depth of every pixel. Rays stop this much earlier, so that an uncertain depth frees less.
+        step: what is lower above the floor is no obstacle [m].
+        height: of the robot; what is higher is no obstacle [m].
+        reach: of the rays; what is further from its camera is not used [m].
+        narrowest: gaps between obstacles that are not wider than this are unknown instead of free, because points on a surface can be as far apart [m].
+        min_opacity: Gaussians that are more transparent are not used.
+
+    Raises:
+        NoFloorError: no floor was found.
+        ValueError: an argument is out of range, or the Gaussians do not belong to pixels of the views and there are no depths.
+    """
+    if not (0 < step < height and resolution > 0 and reach > 0):
+        raise ValueError(
+            f"step is {step}, height {height}, resolution {resolution} and reach {reach}; expected 0 < step < height, and positive others"
+        )
+    level = level_from_world(up)
+    points = gaussians.means.detach().cpu().double().numpy() @ level.T
+    weights = gaussians.opacities.detach().cpu().double().numpy()
+    labels = _labels(gaussians, classes)
+    on_floor = (
+        None if classes is None or FLOOR not in classes.names or labels is None else labels == classes.index(FLOOR)
+    )
+    rays = rays_of(gaussians, cameras, level, depths, depth_spread)
+    floor = floor_height(points[:, 2], weights, rays.origins[:, 2], on_floor)
+    near = _near(points, cameras, level, reach) & (weights >= min_opacity)
+    points, weights = points[near], weights[near]
+    labels, on_floor = (None if one is None else one[near] for one in (labels, on_floor))
+
+    below = int(np.ceil(step / resolution))
+    layers = below + int(np.ceil(height / resolution - 1e-9))
+    plan = np.concatenate((points[:, :2], rays.origins[:, :2]))
+    low = np.floor(plan.min(0) / resolution) - 1
+    across, along = (np.floor(plan.max(0) / resolution) - low + 2).astype(int).tolist()
+    shape = (across, along, layers)
+    if np.prod(shape, dtype=float) > MOST_VOXELS:
+        raise ValueError(
+            f"a grid of {across} x {along} x {layers} voxels; expected at most {MOST_VOXELS:,}: use a larger resolution or a smaller reach"
+        )
+    origin = np.array([*(low * resolution), floor - below * resolution])
+    freed = passes(*free_parts(rays, reach, origin, resolution), shape)
+    inside, hits = _hits(points, origin, resolution, shape)
+    if on_floor is not None:
+        on_floor &= np.abs(points[:, 2] - floor) <= UNEVEN
+    obstacle = np.ones(len(points), bool) if on_floor is None else ~on_floor
+    hit = np.bincount(hits[obstacle[inside]], weights[inside][obstacle[inside]], minlength=freed.size).reshape(shape)
+    occupied = (hit >= FEWEST_HITS) & (hit >= HIT_SHARE * freed)
+    free = (freed > 0) & ~occupied
+    band = slice(2 * below, None)
+    seen_floor = np.abs(points[:, 2] - floor) <= step if on_floor is None else on_floor
+    shown = np.bincount(hits[seen_floor[inside]], minlength=freed.size).reshape(shape) > 0
+    blocked = np.asarray(occupied[:, :, band].any(-1))
+    clear = (free[:, :, : 2 * below] | shown[:, :, : 2 * below]).any(-1) & ~closed(blocked, narrowest / resolution)
+    cells = np.select([blocked, clear], [OCCUPIED, FREE], UNKNOWN).astype(np.int8)
+    voxels = np.select([occupied, free], [OCCUPIED, FREE], UNKNOWN).astype(np.int8)
+    named = _named(hits, weights[inside], None if labels is None else labels[inside], occupied)
+    return Occupancy(
+        cells=cells.T,
+        voxels=voxels.transpose(2, 1, 0),
+        labels=named.transpose(2, 1, 0),
+        origin=(float(origin[0]), float(origin[1]), float(origin[2])),
+        resolution=resolution,
+        floor=floor,
+        level_from_world=level,
+    )
+
+
+FEWEST_HITS = 0.5
+"""An occupied voxel has at least this sum of opacities."""
+
+HIT_SHARE = 0.05
+"""An occupied voxel has at least this sum of opacities for each ray that passes through it."""
+
+
+def closed(blocked: Bool[np.ndarray, "x y"], width: float) -> Bool[np.ndarray, "x y"]:
+    """The blocked cells and the gaps between them into which no disc of this diameter fits (a morphological closing).
+
+    Args:
+        blocked: the plan.
+        width: diameter of the disc [cells].
+    """
+    reach = int(width / 2)
+    offsets = np.arange(-reach, reach + 1)
+    disc = np.hypot(offsets[:, None], offsets) <= width / 2
+    return binary_closing(np.pad(blocked, reach), disc)[reach or None : -reach or None, reach or None : -reach or None]
+
+
+def _labels(gaussians: Gaussians, classes: ClassTable | None) -> Int64[np.ndarray, " g"] | None:
+    """The likeliest class of each Gaussian."""
+    if gaussians.semantic is None or classes is None:
+        return None
+    found = gaussians.semantic.features.shape[-1]
+    if found != len(classes):
+        raise ValueError(f"the Gaussians have {found} classes; expected the {len(classes)} of table {classes.name}")
+    return gaussians.semantic.features.detach().cpu().argmax(-1).numpy()
+
+
+def _near(
+    points: Float64[np.ndarray, "n 3"], cameras: Cameras, level: Float64[np.ndarray, "3 3"], reach: float
+) -> Bool[np.ndarray, " n"]:
+    """Whether points are within reach of a camera."""
+    near = np.zeros(len(points), bool)
+    for eye in cameras.centres.numpy() @ level.T:
+        near |= np.linalg.norm(points - eye, axis=-1) <= reach
+    return near
+
+
+def _hits(
+    points: Float64[np.ndarray, "n 3"],
+    origin: Float64[np.ndarray, " 3"],
+    resolution: float,
+    shape: tuple[int, int, int],
+) -> tuple[Int64[np.ndarray, " i"], Int64[np.ndarray, " i"]]:
+    """The points inside of the grid, and the voxel of each as a position in the flat grid."""
+    places = np.floor((points - origin) / resolution).astype(np.int64)
+    inside = np.flatnonzero(((places >= 0) & (places < shape)).all(-1))
+    return inside, np.ravel_multi_index(tuple(places[inside].T), shape)
+
+
+def _named(
+    hits: Int64[np.ndarray, " i"],
+    weights: Float64[np.ndarray, " i"],
+    labels: Int64[np.ndarray, " i"] | None,
+    occupied: Bool[np.ndarray, "x y z"],
+) -> UInt8[np.ndarray, "x y z"]:
+    """The class with the largest sum of opacities in each occupied voxel."""
+    flat = np.full(occupied.size, IGNORE, np.uint8)
+    if labels is not None and len(hits):
+        pairs, owners = np.unique(np.stack((hits, labels)), axis=1, return_inverse=True)
+        order = np.argsort(np.bincount(owners.reshape(-1), weights), kind="stable")
+        flat[pairs[0][order]] = pairs[1][order]  # the last, with the largest sum, stays
+    return np.where(occupied, flat.reshape(occupied.shape), IGNORE).astype(np.uint8)

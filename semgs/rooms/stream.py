@@ -1,5 +1,0 @@
-"""Old name of `semgs.rooms.sets.stream`; removed in the next release."""
-
-from semgs.rooms.sets.stream import RoomSamples, sample
-
-__all__ = ["RoomSamples", "sample"]

@@ -1,0 +1,1 @@
+"""The process: kernels, compile time, free memory, precision, workers and stopwatch."""

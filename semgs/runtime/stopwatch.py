@@ -1,0 +1,54 @@
+"""Stages of long work: each is shown when it begins, and timed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from time import perf_counter
+
+from semgs.runtime.compile_time import watch_compiling
+
+COMPILE = "compile"
+"""The stage for compiling kernels, in whichever stage it happens. It is absent if all kernels are cached on disk."""
+
+
+class Stages:
+    """A stopwatch for stages.
+
+        stages = Stages()
+        with stages("read", "Reading 3 frames"):
+            ...
+        stages.seconds["read"]
+
+    Args:
+        show: context manager around each stage, given its title, such as a spinner. By default nothing is shown.
+        compiling: called once, when the first kernel is compiled.
+
+    Attributes:
+        seconds: wall-clock seconds of each finished stage, without those of `COMPILE`; repeated stages add up.
+    """
+
+    def __init__(
+        self,
+        show: Callable[[str], AbstractContextManager[object]] = nullcontext,
+        compiling: Callable[[], object] = lambda: None,
+    ) -> None:
+        self._show = show
+        self._compiling = compiling
+        self.seconds: dict[str, float] = {}
+
+    @contextmanager
+    def __call__(self, name: str, title: str) -> Iterator[None]:
+        """Time a stage: `name` is its key in `seconds`, `title` is shown."""
+        with self._show(title), watch_compiling(self._compiling_began) as compiled:
+            start = perf_counter()
+            yield
+            self.seconds[name] = self.seconds.get(name, 0.0) + perf_counter() - start - compiled()
+            if compiled():
+                self.seconds[COMPILE] += compiled()
+
+    def _compiling_began(self) -> None:
+        """Report it, the first time."""
+        if COMPILE not in self.seconds:
+            self.seconds[COMPILE] = 0.0
+            self._compiling()

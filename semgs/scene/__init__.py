@@ -1,0 +1,1 @@
+"""A reconstructed scene, without any network: Gaussians with their depth, views and file."""

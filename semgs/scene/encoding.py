@@ -1,0 +1,345 @@
+"""Encoding: the output of the network."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+from jaxtyping import Float, Int64
+from numpy import ndindex
+from torch import Tensor
+
+from semgs.data.tables.classes import ClassTable
+from semgs.files.images.notebook import depth_row, html
+from semgs.geometry.cameras import Cameras
+from semgs.geometry.fusion import fused
+from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.geometry.summaries import array_of, summary
+from semgs.rendering.render import render
+from semgs.rendering.rendering import Rendering
+from semgs.rendering.temperatures import Temperatures
+
+SUMS_TO_1 = 1e-3
+"""Probabilities sum to 1 up to this."""
+
+
+@dataclass(frozen=True)
+class Places:
+    """The pixels of the input views that Gaussians stand for, if not every pixel has one: scenes merged from several windows.
+
+    Attributes:
+        index: of each Gaussian, in the order view, row, column of all blocks of pixels.
+        stride: pixels along each side of a block.
+    """
+
+    index: Int64[Tensor, " g"]
+    stride: int
+
+    def views(self, size: tuple[int, int]) -> Int64[Tensor, " g"]:
+        """The input view of each Gaussian.
+
+        Args:
+            size: (height, width) of the input views [px].
+        """
+        rows, columns = (-(-side // self.stride) for side in size)
+        return self.index // (rows * columns)
+
+    def __getitem__(self, keep: Tensor) -> Places:
+        """The places of some of the Gaussians."""
+        return Places(self.index[keep], self.stride)
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """The network's output for a set of input views.
+
+    Attributes:
+        gaussians: in the order view, row, column.
+        depths: z-depth of every pixel of the input views, at their full size [m].
+        confidences: the largest probability among the depth candidates, at the same size, 0..1; 1 where a sensor measured the depth.
+        depth_spread: standard deviation of log depth under the candidates' distribution, at the same size: 0.1 is about 10 % of the
+            depth. It carries no gradient.
+        depth_range: near and far of the input views, unchanged, in float64 on the CPU [m].
+        classes: the class table of the Gaussians; None for a colour-only network, or if unknown.
+        temperatures: calibrate the class distributions; None if unknown.
+        places: the pixels that Gaussians stand for; None if every pixel, or every block of pixels, has one.
+    """
+
+    gaussians: Gaussians
+    depths: Float[Tensor, "*batch v h w"]
+    confidences: Float[Tensor, "*batch v h w"]
+    depth_spread: Float[Tensor, "*batch v h w"]
+    depth_range: Float[Tensor, "*batch v 2"]
+    classes: ClassTable | None = None
+    temperatures: Temperatures | None = None
+    places: Places | None = None
+
+    def __repr__(self) -> str:
+        return summary(
+            "Encoding",
+            gaussians=self.gaussians,
+            depths=self.depths,
+            confidences=self.confidences,
+            depth_spread=self.depth_spread,
+            depth_range=self.depth_range,
+            classes=self.classes and f"{self.classes.name}, {len(self.classes)} classes",
+        )
+
+    def _repr_html_(self) -> str:
+        """Depth and its confidence, for notebooks; `render` gives the images."""
+        return html(
+            repr(self),
+            [depth_row("depths", array_of(self.depths)), depth_row("confidences", array_of(self.confidences))],
+        )
+
+    def render(self, cameras: Cameras, **options: Any) -> Rendering:
+        """Render the Gaussians from cameras. The near bound is the smallest of each scene's input views.
+
+        Args:
+            cameras: the views of each scene, [v] or [*batch v].
+            options: as for `semgs.render`; `near` overrides that bound.
+
+        Raises:
+            ValueError, ImportError: as `semgs.render`.
+        """
+        near = self.depth_range[..., 0].amin(-1, keepdim=True)
+        rendering = render(self.gaussians, cameras, **({"near": near} | options))
+        temperature = None if self.temperatures is None else self.temperatures.rendered
+        return replace(rendering, classes=self.classes, temperature=temperature)
+
+    def with_classes(self, distributions: Float[Tensor, "*batch v class h w"], classes: ClassTable) -> Encoding:
+        """The same Gaussians with other classes: each takes the distribution of the pixels that it stands for.
+
+        Semantic Gaussians keep their shapes. Without a semantic branch they take those of the colour Gaussians. The temperatures of the
+        former classes are dropped.
+
+        Args:
+            distributions: over the classes of every pixel of the context views, at their size; summing to 1.
+            classes: the table.
+
+        Raises:
+            ValueError: the maps are not of the context views' size, have other classes than the table, or do not sum to 1.
+        """
+        height, width = self.depths.shape[-2:]
+        expected = (*self.depths.shape[:-2], len(classes), height, width)
+        if tuple(distributions.shape) != expected:
+            raise ValueError(
+                f"distributions are {tuple(distributions.shape)}; expected {expected}: views, the {len(classes)} classes of {classes.name}, height, width"
+            )
+        if not torch.isfinite(distributions).all() or (distributions.sum(-3) - 1).abs().max() > SUMS_TO_1:
+            raise ValueError("the distributions do not sum to 1 over the classes")
+        features = self.per_gaussian(distributions)
+        features = features / features.sum(-1, keepdim=True)
+        shape = self.gaussians.semantic or self.gaussians.colour
+        semantic = replace(shape, features=features)
+        return replace(self, gaussians=replace(self.gaussians, semantic=semantic), classes=classes, temperatures=None)
+
+    def per_gaussian(self, maps: Float[Tensor, "*batch v c h w"]) -> Float[Tensor, "*batch g c"]:
+        """For each Gaussian the mean over the pixels that it stands for.
+
+        Args:
+            maps: of the context views, at their size.
+        """
+        return per_gaussian(maps.to(self.gaussians.means), len(self.gaussians), self.places)
+
+    def with_depths(
+        self,
+        depths: Float[Tensor, "*batch v h w"],
+        cameras: Cameras,
+        *,
+        opacities: Float[Tensor, "*batch v h w"] | None = None,
+        confidences: Float[Tensor, "*batch v h w"] | None = None,
+        depth_spread: Float[Tensor, "*batch v h w"] | None = None,
+    ) -> Encoding:
+        """The same Gaussians at other depths: each moves along its own ray and grows with its depth, as the network's sizes do.
+
+        A Gaussian that stands for several pixels takes the lower median of their depths, so that it lies on one of their surfaces, and the
+        mean of the other maps.
+
+        Args:
+            depths: z-depth of every pixel of the context views, at their size [m].
+            cameras: of the context views.
+            opacities: of the Gaussian at each pixel, 0..1; None leaves them unchanged.
+            confidences, depth_spread: for the encoding; None leaves them unchanged.
+
+        Raises:
+            ValueError: a map is not of the context views' size, or a depth is not a positive number.
+        """
+        for name, maps in (
+            ("depths", depths),
+            ("opacities", opacities),
+            ("confidences", confidences),
+            ("depth_spread", depth_spread),
+        ):
+            if maps is not None and maps.shape != self.depths.shape:
+                raise ValueError(
+                    f"{name} are {tuple(maps.shape)}; expected {tuple(self.depths.shape)}: views, height, width"
+                )
+        if not (torch.isfinite(depths).all() and (depths > 0).all()):
+            raise ValueError("depths contain a number that is not finite or not positive; expected a depth everywhere")
+        stride = self.stride
+        means = self.gaussians.means
+        placed = _lower_median(depths.to(means), stride)
+        ratios = (placed / self._z_depths(cameras)).flatten(-3)
+        centres = cameras.centres.to(means).repeat_interleave(placed.shape[-2] * placed.shape[-1], -2)
+
+        def resized(shape: Appearance) -> Appearance:
+            return replace(shape, scales=shape.scales * ratios[..., None])
+
+        moved = replace(
+            self.gaussians,
+            means=centres + (means - centres) * ratios[..., None],
+            opacities=self.gaussians.opacities
+            if opacities is None
+            else _means(opacities, stride).flatten(-3).to(means),
+            colour=resized(self.gaussians.colour),
+            semantic=None if self.gaussians.semantic is None else resized(self.gaussians.semantic),
+        )
+        return replace(
+            self,
+            gaussians=moved,
+            depths=self._full(placed),
+            confidences=self.confidences if confidences is None else self._full(_means(confidences, stride)),
+            depth_spread=self.depth_spread if depth_spread is None else self._full(_means(depth_spread, stride)),
+        )
+
+    def placed_depths(self, cameras: Cameras) -> Float[Tensor, "*batch v h w"]:
+        """The z-depth of the Gaussian at each pixel of the context views [m].
+
+        This is `depths`, but for MVSplat's conventions, where `depths` are distances along the rays.
+        """
+        return self._full(self._z_depths(cameras))
+
+    def opacity_maps(self) -> Float[Tensor, "*batch v h w"]:
+        """The opacity of the Gaussian at each pixel of the context views."""
+        return self._full(self._maps(self.gaussians.opacities))
+
+    @property
+    def stride(self) -> int:
+        """Pixels along each side of a Gaussian's place."""
+        return block_size(len(self.gaussians), *self.depths.shape[-3:])
+
+    def _maps(self, numbers: Float[Tensor, "*batch g"]) -> Float[Tensor, "*batch v rows columns"]:
+        """A number of each Gaussian, by view, row and column."""
+        views, height, width = self.depths.shape[-3:]
+        rows, columns = (-(-side // self.stride) for side in (height, width))
+        return numbers.reshape(*numbers.shape[:-1], views, rows, columns)
+
+    def _z_depths(self, cameras: Cameras) -> Float[Tensor, "*batch v rows columns"]:
+        """The z-depth of each Gaussian in its own view [m]."""
+        maps = torch.stack([self._maps(one) for one in self.gaussians.means.unbind(-1)], -1)
+        pose = cameras.world_from_camera.to(maps)[..., None, None, :3, :]
+        return ((maps - pose[..., 3]) * pose[..., 2]).sum(-1)
+
+    def _full(self, maps: Float[Tensor, "*batch v rows columns"]) -> Float[Tensor, "*batch v h w"]:
+        """A number for each Gaussian, repeated for the pixels that it stands for."""
+        height, width = self.depths.shape[-2:]
+        return maps.repeat_interleave(self.stride, -2).repeat_interleave(self.stride, -1)[..., :height, :width]
+
+    def class_maps(self) -> Float[Tensor, "*batch v class h w"]:
+        """The class distribution of the Gaussian at each pixel of the input views: what `with_classes` takes.
+
+        Raises:
+            ValueError: the Gaussians have no classes.
+        """
+        if self.gaussians.semantic is None:
+            raise ValueError("the Gaussians have no classes")
+        return self._full(self._class_grid(self.gaussians.semantic.features))
+
+    def fused(self, cameras: Cameras) -> Encoding:
+        """The same Gaussians with classes on which the input views agree, by the rule of `semgs.geometry.fusion`.
+
+        Each Gaussian asks for the class at its place in every other view that sees it there, and takes the mean of the log probabilities.
+
+        Args:
+            cameras: of the input views.
+
+        Raises:
+            ValueError: the Gaussians have no classes, or are not those of whole views.
+        """
+        semantic = self.gaussians.semantic
+        if semantic is None or self.places is not None:
+            raise ValueError("expected Gaussians with classes, one for each pixel or block of pixels of the views")
+        grid, depths = self._class_grid(semantic.features), self._z_depths(cameras)
+        spread = _means(self.depth_spread, self.stride)
+        scale = torch.diag(torch.tensor([1 / self.stride, 1 / self.stride, 1.0], dtype=torch.float64))
+        small = cameras.adjusted(scale, (grid.shape[-2], grid.shape[-1]))
+        scenes = ndindex(*grid.shape[:-4])
+        agreed = torch.stack([fused(grid[at], depths[at], spread[at], small[at]) for at in scenes])
+        features = agreed.movedim(-3, -1).reshape(semantic.features.shape)
+        return replace(self, gaussians=replace(self.gaussians, semantic=replace(semantic, features=features)))
+
+    def _class_grid(self, features: Float[Tensor, "*batch g class"]) -> Float[Tensor, "*batch v class rows columns"]:
+        """The class distribution of each Gaussian, by view, row and column."""
+        return torch.stack([self._maps(share) for share in features.unbind(-1)], -3)
+
+    def map(self, function: Callable[[Tensor], Tensor]) -> Encoding:
+        """The same encoding with `function` applied to each tensor, those of the Gaussians included."""
+        return replace(
+            self,
+            gaussians=self.gaussians.map(function),
+            depths=function(self.depths),
+            confidences=function(self.confidences),
+            depth_spread=function(self.depth_spread),
+            depth_range=function(self.depth_range),
+        )
+
+    def tensors(self) -> list[Tensor]:
+        """Every tensor, those of the Gaussians included."""
+        return [*self.gaussians.tensors().values(), self.depths, self.confidences, self.depth_spread, self.depth_range]
+
+    def to(self, device: torch.device | str, dtype: torch.dtype) -> Encoding:
+        """The same encoding on a device and in a dtype; the near and far bounds stay as they are."""
+        moved = self.map(lambda tensor: tensor.to(device, dtype))
+        return replace(moved, depth_range=self.depth_range)
+
+
+def per_gaussian(
+    maps: Float[Tensor, "*batch v c h w"], gaussians: int, places: Places | None = None
+) -> Float[Tensor, "*batch g c"]:
+    """For each of a scene's Gaussians the mean over the pixels that it stands for.
+
+    Args:
+        maps: of the context views.
+        gaussians: how many there are.
+        places: the pixels that they stand for; None for all.
+
+    Raises:
+        ValueError: they do not stand on a grid of the views' pixels.
+    """
+    views, _, height, width = maps.shape[-4:]
+    stride = block_size(gaussians, views, height, width) if places is None else places.stride
+    blocks = _means(maps, stride).flatten(-2).mT
+    every = blocks.reshape(*maps.shape[:-4], -1, maps.shape[-3])
+    return every if places is None else every[..., places.index.to(every.device), :]
+
+
+def _means(maps: Float[Tensor, "*batch c h w"], stride: int) -> Float[Tensor, "*batch c rows columns"]:
+    """The mean of the pixels that each Gaussian stands for."""
+    pooled = torch.nn.functional.avg_pool2d(maps.reshape(-1, *maps.shape[-3:]), stride, ceil_mode=True)
+    return pooled.reshape(*maps.shape[:-2], *pooled.shape[-2:])
+
+
+def _lower_median(maps: Float[Tensor, "*batch v h w"], stride: int) -> Float[Tensor, "*batch v rows columns"]:
+    """The lower median of the pixels that each Gaussian stands for; at the border only those inside count."""
+    height, width = maps.shape[-2:]
+    padded = torch.nn.functional.pad(maps, (0, -width % stride, 0, -height % stride), value=torch.nan)
+    rows, columns = (side // stride for side in padded.shape[-2:])
+    blocks = padded.reshape(*maps.shape[:-2], rows, stride, columns, stride).transpose(-3, -2)
+    return blocks.flatten(-2).nanmedian(-1).values
+
+
+def block_size(gaussians: int, views: int, height: int, width: int) -> int:
+    """Pixels along each side of a Gaussian's place, from how many there are of both.
+
+    Raises:
+        ValueError: they do not stand on a grid of the views' pixels.
+    """
+    for stride in range(1, min(height, width) + 1):
+        if views * -(-height // stride) * -(-width // stride) == gaussians:
+            return stride
+    raise ValueError(
+        f"{gaussians} Gaussians for {views} views of {height}x{width}; expected one for each pixel or block of pixels"
+    )

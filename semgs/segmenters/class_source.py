@@ -1,0 +1,126 @@
+"""Where the class distributions of frames come from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, final, runtime_checkable
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from semgs.data.frames import Frame
+from semgs.data.scene import Scene
+from semgs.data.tables.classes import ClassTable
+from semgs.geometry.cameras import checked_size
+from semgs.segmenters.class_map_files import MadeBy
+from semgs.segmenters.names import Correspondence
+from semgs.segmenters.networks.cost import Cost, cost_of
+
+
+@runtime_checkable
+class Source(Protocol):
+    """Where the class distributions of frames come from."""
+
+    @property
+    def title(self) -> str:
+        """What it is, with its licence if that is known."""
+        ...
+
+    @property
+    def made_by(self) -> MadeBy | None:
+        """The network that gives them; None if that is unknown."""
+        ...
+
+    @property
+    def classes(self) -> ClassTable:
+        """The table of the distributions."""
+        ...
+
+    @property
+    def known(self) -> Bool[np.ndarray, " class"]:
+        """The classes of the table that it can say."""
+        ...
+
+    def of(self, frame: Frame, size: tuple[int, int]) -> Float[Tensor, "class h w"]:
+        """The distribution over the classes of every pixel of a frame, as `Scene.read` reads it at that size.
+
+        Raises:
+            InputError: a file is missing, damaged or does not belong to the frame.
+        """
+        ...
+
+
+@final
+@dataclass(frozen=True)
+class Translated:
+    """A source in another class table.
+
+    Attributes:
+        source: in its own table.
+        correspondence: from its classes to others.
+    """
+
+    source: Source
+    correspondence: Correspondence
+
+    @property
+    def title(self) -> str:
+        """That of the source."""
+        return self.source.title
+
+    @property
+    def made_by(self) -> MadeBy | None:
+        """That of the source."""
+        return self.source.made_by
+
+    @property
+    def classes(self) -> ClassTable:
+        """The table that the correspondence leads to."""
+        return self.correspondence.classes
+
+    @property
+    def known(self) -> Bool[np.ndarray, " class"]:
+        """The classes that something of the source's table means."""
+        return self.correspondence.table[self.source.known].sum(0) > 0
+
+    def of(self, frame: Frame, size: tuple[int, int]) -> Float[Tensor, "class h w"]:
+        """As `Source.of`.
+
+        Raises:
+            InputError: as `Source.of`.
+        """
+        return self.correspondence(self.source.of(frame, size))
+
+    def cost(self, frames: Sequence[Frame]) -> Cost | None:
+        """As `Costly.cost`.
+
+        Raises:
+            InputError: as `Source.of`.
+        """
+        return cost_of(self.source, frames)
+
+
+def notes_of(source: Source) -> tuple[str, ...]:
+    """What the user should know about a source, a sentence each: which of its class names are unknown."""
+    if not isinstance(source, Translated) or not source.correspondence.unknown:
+        return ()
+    unknown, names = source.correspondence.unknown, source.source.classes.names
+    return (
+        f"{len(unknown)} of the {len(names)} class names of {source.title} are unknown, so they say nothing about the scene's "
+        f"classes: {', '.join(unknown)}.",
+    )
+
+
+def distributions(
+    source: Source, scene: Scene, positions: Sequence[int], size: Sequence[int]
+) -> Float[Tensor, "v class h w"]:
+    """What a source says about frames of a scene, one frame after the other.
+
+    Raises:
+        InputError: as `Source.of`.
+    """
+    height, width = checked_size(size)
+    return torch.stack([source.of(scene.frames[position], (height, width)) for position in positions])

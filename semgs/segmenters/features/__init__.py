@@ -1,0 +1,1 @@
+"""Features of Gaussians, from whatever network looked at the photos."""

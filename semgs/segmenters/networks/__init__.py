@@ -1,0 +1,1 @@
+"""Segmentation networks: exported files and models of the Hugging Face hub."""

@@ -1,0 +1,65 @@
+"""What a network takes to run: time and memory, measured by running it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Protocol, runtime_checkable
+
+from semgs.data.frames import Frame
+from semgs.runtime.free_memory import process_bytes
+
+MEGABYTE = 1e6
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Time and memory of some work.
+
+    Attributes:
+        seconds: time.
+        megabytes: memory beyond what was in use before, at most [10^6 bytes]; None if the system does not say.
+    """
+
+    seconds: float
+    megabytes: float | None = None
+
+    def times(self, count: int) -> Cost:
+        """Of the same work several times, one after the other."""
+        return Cost(count * self.seconds, self.megabytes)
+
+    def __str__(self) -> str:
+        """As part of a sentence."""
+        memory = "" if self.megabytes is None else f" and at most {self.megabytes:.0f} MB more memory"
+        return f"about {self.seconds:.1f} s{memory}"
+
+
+@runtime_checkable
+class Costly(Protocol):
+    """A source of class distributions that computes them."""
+
+    def cost(self, frames: Sequence[Frame]) -> Cost | None:
+        """What those of frames take to compute; None if nothing needs to be computed.
+
+        Raises:
+            InputError: a frame cannot be used.
+        """
+        ...
+
+
+def cost_of(source: object, frames: Sequence[Frame]) -> Cost | None:
+    """What a source's distributions of frames take to compute; None if nothing is computed.
+
+    Raises:
+        InputError: as `Costly.cost`.
+    """
+    return source.cost(frames) if isinstance(source, Costly) else None
+
+
+def measured(work: Callable[[], object]) -> Cost:
+    """The cost of some work, which is done once."""
+    before, start = process_bytes("VmRSS"), perf_counter()
+    work()
+    seconds, peak = perf_counter() - start, process_bytes("VmHWM")
+    return Cost(seconds, None if before is None or peak is None else (peak - before) / MEGABYTE)

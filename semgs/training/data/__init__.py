@@ -1,0 +1,1 @@
+"""What a training sees: samples, batches and augmentation."""

@@ -1,0 +1,176 @@
+"""Batches: what each step of a run sees, prepared ahead in worker processes. Batch k depends on the seed and k alone."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch.utils.data import DataLoader, Dataset
+
+from semgs.data.scenes import scene_paths
+from semgs.data.views import Batch, stack
+from semgs.rooms.assets.asset_library import Library
+from semgs.rooms.assets.splits import Split
+from semgs.rooms.sets.pool import PooledSamples
+from semgs.rooms.sets.room_stream import RoomSamples
+from semgs.runtime.workers import settle_worker
+from semgs.training.data.data_check.data_check import Survey, survey
+from semgs.training.data.data_sources import Source
+from semgs.training.data.image_schedule import Turns
+from semgs.training.data.samples import Folder, Form, Mixture, Samples, TrainingSample
+from semgs.training.data.teacher import teacher_of
+from semgs.training.run.execution import Share
+from semgs.training.training_settings import VALIDATION_SEED, TrainingSettings
+
+COUNTED_ROOMS = 64
+"""Rooms in which classes are counted, in two small views each."""
+
+COUNTED_SIZE = (48, 64)
+
+
+@dataclass(frozen=True)
+class Portion:
+    """What one process sees of a step.
+
+    Attributes:
+        pieces: batches of equal size, whose gradients are averaged.
+        bad: scenes that were skipped because they could not be read: path and reason.
+        failure: the error, if there are no pieces. As a value, because a loader only passes on an error's type and text.
+    """
+
+    pieces: tuple[Batch, ...]
+    bad: tuple[tuple[str, str], ...] = ()
+    failure: Exception | None = None
+
+
+class Portions(Dataset):
+    """The portion of each step, made on request.
+
+    Args:
+        samples: by number; step k takes the next `batch` of them.
+        batch: scenes per step.
+        share: of this process.
+        steps: of the run.
+    """
+
+    def __init__(self, samples: Samples, batch: int, share: Share, steps: int) -> None:
+        share.check(batch)
+        self._samples, self._batch, self._share, self._steps = samples, batch, share, steps
+
+    def __len__(self) -> int:
+        return self._steps
+
+    def __getitem__(self, step: int) -> Portion:
+        """The portion of a step."""
+        try:
+            pieces = [[self._samples[k] for k in piece] for piece in self._share.pieces(step, self._batch)]
+        except Exception as error:
+            error.add_note(f"while preparing step {step}:\n{traceback.format_exc()}")
+            return Portion((), failure=error)
+        bad = dict(one for piece in pieces for sample in piece for one in sample.bad)
+        return Portion(tuple(map(_batch, pieces)), tuple(bad.items()))
+
+
+def training_batches(
+    settings: TrainingSettings, data: Survey, start: int, workers: int, pool: Path, share: Share | None = None
+) -> Iterable[Portion]:
+    """The portions of steps start, start + 1, ..., in order, made by `workers` processes (0: in this one).
+
+    It has its own loader instead of `semgs.runtime.workers.outcomes`, because its workers prepare four steps ahead: steps differ in cost.
+    Rooms that several samples share are saved in the folder `pool`. Assets are not checked here; `semgs.rooms.assets.lock.verify` does
+    that.
+
+    Raises:
+        ValueError: a step cannot be shared equally.
+        InputError: the asset folder is not one.
+    """
+    length = settings.steps * settings.batch
+    weights = [float(source.weight) for source in settings.sources if not source.is_rooms]
+    rooms: RoomSamples | PooledSamples | None = None
+    live = [source for source in settings.sources if source.is_rooms]
+    if live:
+        weights.insert(0, float(sum(source.weight for source in live)))
+        library = _library(settings, "training")
+        rooms = RoomSamples(
+            settings.seed, settings.size, settings.contexts, settings.targets, length,
+            group=settings.batch, library=library,
+        )  # fmt: skip
+        if settings.scene_reuse > 1:
+            # Only some of the samples show rooms, so a room stays in the pool for that many more.
+            served = max(1, round(settings.scene_reuse * sum(weights) / weights[0]))
+            rooms = PooledSamples(pool, rooms, served)
+    mixture = Mixture(rooms, data.folders, tuple(weights))
+    form = Form(
+        settings.size, settings.contexts, settings.targets, data.classes, settings.frames, settings.augmentation,
+        halved=settings.batch * round(settings.half_size * settings.steps),
+    )  # fmt: skip
+    turns = _turns(settings.seed, mixture, settings.batch, length) if settings.single_pictures else None
+    samples = Samples(settings.seed, mixture, form, settings.batch, turns, teacher_of(settings))
+    return DataLoader(
+        Portions(samples, settings.batch, share or Share(), settings.steps),
+        batch_size=None,
+        sampler=range(start, settings.steps),
+        num_workers=workers,
+        # A forked process in which numba has run its threads dies at its next kernel.
+        multiprocessing_context="forkserver" if workers else None,
+        prefetch_factor=4 if workers else None,
+        worker_init_fn=settle_worker,
+    )
+
+
+def surveyed(settings: TrainingSettings, out: Path) -> Survey:
+    """The survey of a run's data (`semgs.training.data.data_check.data_check.survey`)."""
+
+    def rooms() -> RoomSamples:
+        library = _library(settings, "training")
+        return RoomSamples(settings.seed, COUNTED_SIZE, 2, 0, COUNTED_ROOMS, library=library)
+
+    return survey(settings, out, rooms)
+
+
+def validation_batches(settings: TrainingSettings, data: Survey) -> list[Batch]:
+    """The validation samples, one scene per batch, with the fewest input views that the training uses.
+
+    Raises:
+        InputError: the validation scenes cannot be used.
+    """
+    count = settings.validation_scenes
+    if not count:
+        return []
+    fewest = settings.contexts[0]
+    form = Form(settings.size, (fewest, fewest), settings.targets, data.classes, settings.frames)
+    source = Source.parsed(settings.validation)
+    if source.is_rooms:
+        library = _library(settings, "validation")
+        rooms = RoomSamples(VALIDATION_SEED, form.size, form.contexts, form.targets, length=count, library=library)
+        mixture = Mixture(rooms, (), (1.0,))
+    else:
+        mixture = Mixture(None, (Folder(scene_paths(source.path)),), (1.0,))
+    turns = _turns(VALIDATION_SEED, mixture, 1, count) if settings.single_pictures else None
+    samples = Samples(VALIDATION_SEED, mixture, form, 1, turns)
+    return [_batch([samples[k]]) for k in range(count)]
+
+
+def _turns(seed: int, mixture: Mixture, gap: int, length: int) -> Turns:
+    """Which scene each sample of a single image shows."""
+    scenes = [*([] if mixture.rooms is None else [0]), *(len(folder.paths) for folder in mixture.folders)]
+    return Turns(seed, mixture.weights, scenes, gap, length)
+
+
+def _batch(samples: Sequence[TrainingSample]) -> Batch:
+    """Samples as one batch."""
+    taught = [sample.taught for sample in samples if sample.taught is not None]
+    return Batch(
+        stack([sample.context for sample in samples]),
+        stack([sample.target for sample in samples]),
+        tuple(sample.scene for sample in samples),
+        torch.stack(taught) if taught else None,
+    )
+
+
+def _library(settings: TrainingSettings, split: Split) -> Library | None:
+    """The assets of one split; they were checked before."""
+    return Library(settings.assets, split, check=False) if settings.assets else None

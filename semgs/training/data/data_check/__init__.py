@@ -1,0 +1,1 @@
+"""Checks of the scenes before a training starts."""

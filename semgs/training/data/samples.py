@@ -1,0 +1,249 @@
+"""Samples: input and target views of one scene, from generated rooms or from files. Sample k depends on the seed and k alone."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from semgs.data.bounds.depth_range import DepthRange
+from semgs.data.choosing.choice import consecutive, drawn
+from semgs.data.scene import Scene
+from semgs.data.scenes import open_scene
+from semgs.data.tables.classes import IGNORE, ClassTable
+from semgs.data.views import Views, joined
+from semgs.files.errors import InputError
+from semgs.rooms.sets.pool import PooledSamples
+from semgs.rooms.sets.room_stream import RoomSamples
+from semgs.training.data.augmentation import Variation, window
+from semgs.training.data.image_schedule import Turn, Turns, frame_of
+from semgs.training.data.teacher import Teacher, coordinates
+from semgs.training.training_settings import Augmentation
+
+OPEN = 20_000
+"""A process keeps scenes open until they have more frames than this in total (headers, not images)."""
+
+TRIES = 20
+"""Scenes to try for a sample before giving up."""
+
+
+@dataclass(frozen=True)
+class TrainingSample:
+    """One scene of a batch.
+
+    Attributes:
+        context: the input views.
+        target: the target views.
+        scene: its name.
+        bad: scenes that were tried before and could not be read: path and reason.
+        taught: the teacher's class probabilities for the input views [v k h/8 w/8], 0 where it has none; None without a teacher.
+    """
+
+    context: Views
+    target: Views
+    scene: str
+    bad: tuple[tuple[str, str], ...] = ()
+    taught: Tensor | None = None
+
+
+@dataclass(frozen=True)
+class Folder:
+    """The scenes of one source.
+
+    Attributes:
+        paths: where they are.
+        chances: probability of each, adding up to 1; empty if all are equally likely.
+    """
+
+    paths: tuple[Path, ...]
+    chances: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """Where scenes come from.
+
+    Attributes:
+        rooms: generated live or pooled, None for none; their counts of views are those of all samples of the group.
+        folders: the scenes of every other source.
+        weights: of the rooms, if there are any, then of each folder.
+    """
+
+    rooms: RoomSamples | PooledSamples | None
+    folders: tuple[Folder, ...]
+    weights: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Form:
+    """What every sample is made to be.
+
+    Attributes:
+        size: image (height, width) [px].
+        contexts: fewest and most input views; rooms have counts of their own.
+        targets: views to compare with.
+        classes: the table that labels are converted to.
+        frames: which frames of a scene in a folder go together.
+        augmentation: random changes.
+        halved: samples before this number have half the size.
+    """
+
+    size: tuple[int, int]
+    contexts: tuple[int, int]
+    targets: int
+    classes: ClassTable
+    frames: Literal["covisible", "consecutive"] = "covisible"
+    augmentation: Augmentation = field(default_factory=Augmentation)
+    halved: int = 0
+
+
+class Samples:
+    """The samples of a run: the source of sample k is chosen at random by its weight; sample k depends on the seed and k alone.
+
+    Args:
+        seed: of every choice; rooms have one of their own, as their stream has.
+        mixture: where scenes come from.
+        form: what every sample is made to be.
+        group: samples k with equal k // group have equal counts of views.
+        turns: which scene each sample shows, for samples of a single image; None chooses scenes at random.
+        teacher: of single images, if there is one.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        mixture: Mixture,
+        form: Form,
+        group: int,
+        turns: Turns | None = None,
+        teacher: Teacher | None = None,
+    ) -> None:
+        self._seed, self._form, self._group = seed, form, group
+        self._rooms, self._folders = mixture.rooms, mixture.folders
+        self._chances = np.array(mixture.weights, dtype=np.float64) / sum(mixture.weights)
+        self._choose = {"covisible": drawn, "consecutive": consecutive}[form.frames]
+        self._turns, self._teacher = turns, teacher
+        self._open: OrderedDict[Path, tuple[Scene, DepthRange]] = OrderedDict()
+        self._open_frames = 0
+
+    def __getitem__(self, k: int) -> TrainingSample:
+        """TrainingSample k.
+
+        Raises:
+            InputError: twenty scenes in a row could not be read.
+        """
+        turn = None if self._turns is None else self._turns[k]
+        source = int(self._generator(k, 4).choice(len(self._chances), p=self._chances)) if turn is None else turn.source
+        if self._rooms is not None and source == 0:
+            context, target = self._rooms[k]
+            sample = TrainingSample(context, target, f"room {self._rooms.seed}/{k}")
+        else:
+            sample = self._from_files(k, self._folders[source - (self._rooms is not None)], turn)
+        form, vary = self._form, Variation(self._form.augmentation, self._seed, k)
+        size = form.size if k >= form.halved else (form.size[0] // 2, form.size[1] // 2)
+        context, target = (
+            vary(completed(relabelled(views, form.classes)), size) for views in (sample.context, sample.target)
+        )
+        taught = None
+        if self._teacher is not None:
+            taught = self._teacher.followed(sample.taught, vary.placed(coordinates(sample.context), size))
+        return replace(sample, context=context, target=target, taught=taught)
+
+    def counts(self, k: int) -> tuple[int, int]:
+        """How many input and target views sample k has."""
+        if isinstance(self._rooms, RoomSamples):
+            return self._rooms.counts(k)
+        if self._rooms is not None:
+            _, contexts, targets = self._rooms.choice(k)
+            return len(contexts), len(targets)
+        fewest, most = self._form.contexts
+        return int(self._generator(k // self._group, 1).integers(fewest, most + 1)), self._form.targets
+
+    def _from_files(self, k: int, folder: Folder, turn: Turn | None) -> TrainingSample:
+        """Sample k from the first readable scene: the one whose turn it is, then scenes at random."""
+        rng = self._generator(k, 5)
+        bad: dict[str, str] = {}
+        for attempt in range(TRIES):
+            if turn is not None and attempt == 0:
+                path = folder.paths[turn.scene]
+            else:
+                path = folder.paths[int(rng.choice(len(folder.paths), p=folder.chances or None))]
+            try:
+                sample = self._drawn(path, k, rng) if turn is None else self._single(path, turn)
+            except InputError as error:
+                bad[str(path)] = str(error)
+                continue
+            return replace(sample, bad=tuple(bad.items()))
+        first, why = next(iter(bad.items()))
+        raise InputError(first, "a scene that can be read", why)
+
+    def _drawn(self, path: Path, k: int, rng: np.random.Generator) -> TrainingSample:
+        """Frames of a scene that go together, chosen at random."""
+        contexts, targets = self.counts(k)
+        scene, bounds = self._opened(path)
+        choice = self._choose(scene, bounds, contexts, targets, rng)
+        views = self._read(scene, bounds, [*choice.context, *choice.targets])
+        context, target = views.select(range(contexts)), views.select(range(contexts, contexts + targets))
+        return TrainingSample(context, target, scene.name)
+
+    def _single(self, path: Path, turn: Turn) -> TrainingSample:
+        """The frame of a scene whose turn it is, without target views."""
+        scene, bounds = self._opened(path)
+        frame = frame_of(self._seed, turn, len(scene))
+        views = self._read(scene, bounds, [frame], with_depths=False)
+        taught = None if self._teacher is None else self._teacher.maps(scene, frame)
+        return TrainingSample(views, views.select([]), scene.name, taught=taught)
+
+    def _opened(self, path: Path) -> tuple[Scene, DepthRange]:
+        """A scene and its near and far; it stays open for the next time."""
+        if path not in self._open:
+            scene = open_scene(path, needs_cameras=False)
+            self._open[path] = scene, scene.depth_range()
+            self._open_frames += len(scene.frames)
+            while self._open_frames > OPEN and len(self._open) > 1:
+                self._open_frames -= len(self._open.popitem(last=False)[1][0].frames)
+        self._open.move_to_end(path)
+        return self._open[path]
+
+    def _read(self, scene: Scene, bounds: DepthRange, frames: Sequence[int], with_depths: bool = True) -> Views:
+        """Frames of a scene, all at the size of the first."""
+        chosen = [scene.frames[index] for index in frames]
+        if not with_depths:
+            chosen = [replace(frame, depth=None) for frame in chosen]
+        views = [frame.view((bounds.near, bounds.far), scene.classes) for frame in chosen]
+        return scene.local(joined([window(view, views[0].size) for view in views])).checked()
+
+    def _generator(self, k: int, purpose: int) -> np.random.Generator:
+        return np.random.Generator(np.random.PCG64(np.random.SeedSequence((self._seed, k, purpose))))
+
+
+def relabelled(views: Views, table: ClassTable) -> Views:
+    """The views with their labels converted to another table by class name; classes that the table lacks are ignored."""
+    if views.classes == table:
+        return views
+    if views.labels is None:
+        return views.changed(classes=table)
+    places = [table.names.index(name) if name in table.names else IGNORE for name in views.classes.names]
+    lookup = torch.tensor([*places, *[IGNORE] * (256 - len(places))], dtype=torch.uint8)
+    return views.changed(labels=lookup[views.labels.long()], classes=table)
+
+
+def completed(views: Views) -> Views:
+    """The views with labels and depths: 255 and 0 everywhere if they had none, so that different scenes fit in one batch."""
+
+    if views.labels is not None and views.depths is not None:
+        return views
+
+    def filled(maps: Tensor | None, value: int, dtype: torch.dtype) -> Tensor:
+        shape = (*views.images.shape[:-3], *views.images.shape[-2:])
+        return torch.full(shape, value, dtype=dtype) if maps is None else maps
+
+    return views.changed(
+        labels=filled(views.labels, IGNORE, torch.uint8), depths=filled(views.depths, 0, torch.float32)
+    )

@@ -1,0 +1,217 @@
+"""The run folder: its settings, its lock, its network and the weights exported from it."""
+
+from __future__ import annotations
+
+import errno
+import json
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import fields, replace
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from semgs.data.origin.licences import terms_text
+from semgs.data.tables.classes import SCANNET20
+from semgs.files.atomic import is_part_of, write_json
+from semgs.files.errors import InputError
+from semgs.files.paths import check_utf8
+from semgs.files.strict_json import parse_json, read_json
+from semgs.model.semgs import SemGS
+from semgs.model.settings import NetworkSettings
+from semgs.model.switches import Switches
+from semgs.model.weights.initial_weights import start
+from semgs.model.weights.load import DATA_TERMS, SCENES, untrained
+from semgs.model.weights.weights_file import save
+from semgs.rooms.assets.lock import lock_digest
+from semgs.training.data.data_check.scene_record import RECORD, data_terms_of, scenes_of
+from semgs.training.run.checkpoints import Checkpoint, best_checkpoint, newest_checkpoint
+from semgs.training.run.differences import changed, listed
+from semgs.training.state import averaged_weights
+from semgs.training.training_settings import TrainingSettings
+
+SETTINGS = "settings.json"
+WEIGHTS, BEST = "weights.safetensors", "best.safetensors"
+"""The averaged weights of the newest checkpoint and of the best validation."""
+NETWORK = "network.json"
+"""The settings of the network. They may come from a weights file that no longer exists when the run resumes."""
+
+LOCK = "lock"
+"""An empty file, locked by the process that trains into the folder. The file stays, the lock does not."""
+
+
+def claim(out: Path, settings: TrainingSettings) -> None:
+    """Make the folder a run with these settings, or check that it is one. A run with fewer steps will do; `prolong` makes it longer.
+
+    Raises:
+        ValueError: it contains a run with other settings, which are listed.
+        InputError: it contains something else, or its path is not UTF-8.
+    """
+    check_utf8(out, "TensorBoard")
+    record = out / SETTINGS
+    if record.exists():
+        there = read_settings(out)
+        if other := changed(settings, replace(there, steps=max(there.steps, settings.steps))):
+            raise ValueError(
+                f"{out} is a run with other settings: {listed(other, 'requested')}; use the same settings or another folder "
+                "(once a run has started, only steps may change, and only grow)"
+            )
+        return
+    # The record itself may appear at any moment: the other processes of a training start at the same time.
+    if out.exists() and not (
+        out.is_dir() and all(file == record or is_part_of(file, record) for file in out.iterdir())
+    ):
+        raise InputError(out, "a new or empty folder, or a run to resume", "something else", advice="name another")
+    out.mkdir(parents=True, exist_ok=True)
+    write_json(record, settings.as_json())
+
+
+def prolong(out: Path, settings: TrainingSettings) -> None:
+    """Record the number of steps, if the run now has more than it started with.
+
+    Raises:
+        InputError: the folder is not a run.
+    """
+    there = read_settings(out)
+    if settings.steps > there.steps:
+        write_json(out / SETTINGS, replace(there, steps=settings.steps).as_json())
+
+
+def alone(out: Path) -> AbstractContextManager[object]:
+    """Be the only process that trains into a run folder, from this call until the block or the process ends.
+
+    Raises:
+        InputError: another process trains into it.
+    """
+    # The lock is a file of its own: the settings are replaced when the run becomes longer.
+    try:
+        return FileLock(out / LOCK).acquire(timeout=0)
+    except Timeout as error:
+        raise InputError(
+            out, "a run that no process is training", "one that another process is training",
+            advice="end that first, or name another folder",
+        ) from error  # fmt: skip
+    except OSError as error:
+        if error.errno not in (errno.ENOLCK, errno.EOPNOTSUPP):
+            raise
+        return nullcontext()  # a file system without locks
+
+
+def hold_assets(out: Path, folders: Sequence[str]) -> None:
+    """Record which assets a run uses, so that it only resumes with the same ones: an asset folder may have grown.
+
+    Raises:
+        InputError: the run started with other assets.
+    """
+    record = out / "assets.json"
+    locks = [lock_digest(folder) for folder in folders]
+    if not record.exists():
+        if folders:
+            write_json(record, locks)
+        return
+    there = read_json(record, "the locks of the assets of a run")
+    if there != locks:
+        raise InputError(
+            record, f"the requested assets (locks {', '.join(locks)})", f"others, {there}",
+            advice="use those that the run started with, or another run folder",
+        )  # fmt: skip
+
+
+def read_settings(out: Path) -> TrainingSettings:
+    """The settings of a run.
+
+    Raises:
+        InputError: the folder is not a run, or is one that this version cannot read.
+    """
+    record = out / SETTINGS
+    if not record.exists():
+        raise InputError(record, "the settings of a training run", "no such file")
+    saved = read_json(record, "the settings of a training run")
+    try:
+        return TrainingSettings.from_json(saved)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise InputError(record, "the settings of a training run", str(error)) from error
+
+
+def network(out: Path, settings: TrainingSettings) -> SemGS:
+    """The network that a run starts with. If the run has a checkpoint: one of the same shape, to be filled from it.
+
+    Raises:
+        InputError: the initial weights cannot be used, or the run has lost all its checkpoints.
+    """
+    classes = settings.classes or SCANNET20
+    record = out / NETWORK
+    if newest_checkpoint(out / "checkpoints") is None:
+        if lost := [name for name in (WEIGHTS, BEST) if (out / name).exists()]:
+            raise InputError(
+                out, "a checkpoint to resume from", f"none, but {' and '.join(lost)}",
+                advice=f"nothing was changed; train in a new folder, with --init {out / lost[0]} to keep what was learned",
+            )  # fmt: skip
+        model = start(
+            settings.model, settings.init, seed=settings.seed, classes=classes,
+            own_classes=settings.classes is not None, switches=_switched(settings.network),
+            fresh_semantics=settings.semantic_branch == "drawn", backbone=settings.backbone,
+        )  # fmt: skip
+        write_json(record, model.settings.as_json())
+        return model
+    try:
+        return untrained(NetworkSettings.from_json(parse_json(record.read_bytes())), settings.seed, classes)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, ArithmeticError) as error:
+        raise InputError(
+            record, "the settings of a network", f"{type(error).__name__}: {error}",
+            advice="another version of semgs wrote it; resume with that version, or name a new folder",
+        ) from error  # fmt: skip
+
+
+def finished(run: Path) -> bool:
+    """Whether a run's newest intact checkpoint is that of its last step.
+
+    Raises:
+        InputError: the folder is not a run.
+    """
+    checkpoint = newest_checkpoint(run / "checkpoints")
+    return checkpoint is not None and checkpoint.numbers["step"] >= read_settings(run).steps
+
+
+def export_weights(run: Path, path: Path, *, best: bool = False) -> Path:
+    """Write a weights file with the averaged weights of a run's newest checkpoint, or of its best, in bfloat16.
+
+    Its header describes the training: settings, step, seed, terms of the data and, for scenes from files, their names.
+
+    Raises:
+        InputError: the run has no intact checkpoint yet.
+    """
+    settings = read_settings(run)
+    checkpoint: Checkpoint | None = (best_checkpoint if best else newest_checkpoint)(run / "checkpoints")
+    if checkpoint is None:
+        raise InputError(run, "a run with a checkpoint", "none that is intact", advice="train first")
+    model = network(run, settings)
+    model.load_state_dict(averaged_weights(checkpoint.tensors))
+    step = int(checkpoint.numbers["step"])
+    live = all(source.is_rooms for source in settings.sources)
+    data = "generated rooms" if live else ", ".join(Path(source.path).name for source in settings.sources)
+    scenes = scenes_of(run / RECORD)
+    save(
+        path,
+        model,
+        {
+            **({SCENES: json.dumps(scenes)} if scenes else {}),
+            DATA_TERMS: terms_text(data_terms_of(run / RECORD)),
+            "description": f"{settings.model}, {step} of {settings.steps} steps of a training in {data}",
+            "training": json.dumps(settings.published()),
+            "data": f"rooms of seed {settings.seed}, drawn live" if live else ", ".join(settings.published()["data"]),
+            "seed": str(settings.seed),
+            "step": str(step),
+        },
+    )
+    return path
+
+
+def _switched(switches: Switches) -> dict[str, bool | int]:
+    """The switches that differ from their defaults."""
+    usual = Switches()
+    return {
+        one.name: getattr(switches, one.name)
+        for one in fields(switches)
+        if getattr(switches, one.name) != getattr(usual, one.name)
+    }

@@ -1,0 +1,291 @@
+"""Supervision: what a network learns from and how it is validated, one class for each value of the setting."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import torch
+from torch import Tensor, nn
+
+from semgs.data.tables.classes import IGNORE
+from semgs.data.views import Batch, Views
+from semgs.files.errors import InputError
+from semgs.model.classes.semantic import ClassMaps
+from semgs.objectives.depth_losses import depth_losses
+from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
+from semgs.objectives.losses import cross_entropy, depth_error, losses
+from semgs.objectives.metrics import psnr
+from semgs.scene.encoding import Encoding
+from semgs.training.data.teacher import divergence, teacher_of
+from semgs.training.supervision.objective import TERMS, Supervision, all_views, render_targets
+from semgs.training.supervision.strips import class_strip, strip
+from semgs.training.supervision.validation import Comparison, Validation, validate, validate_depth
+from semgs.training.training_settings import TrainingSettings
+
+ONLY_LABELS = "give --supervision rendered"
+"""Advice for scenes without labels, if labels are all that is learned from."""
+
+
+def supervision_of(settings: TrainingSettings) -> Supervision:
+    """The supervision that the settings ask for.
+
+    Raises:
+        ValueError: the class weights are a rule, not numbers; `Survey.class_weights` has the numbers.
+        InputError: the teacher's folder has no maps.
+    """
+    weights = settings.class_weights
+    if isinstance(weights, str):
+        raise ValueError(f"class_weights is {weights}; expected numbers, which the survey of the data computes")
+    if settings.supervision == "labels":
+        return Labels(weights, settings.hold_shared)
+    if settings.supervision == "pictures":
+        teacher = teacher_of(settings)
+        classes = 0 if teacher is None else teacher.classes
+        return Pictures(weights, settings.hold_shared, classes, settings.teacher_weight)
+    if settings.supervision == "depth":
+        return Depth(settings.depth_losses, settings.hold_shared)
+    return Rendered(settings.losses, weights, settings.depth_weight, settings.context_targets)
+
+
+def rate_shares(network: Any, settings: TrainingSettings) -> dict[str, float]:
+    """Learning rates of parameters by name, relative to the setting, for those that differ from 1."""
+    groups = (
+        (network.depth_parameters(), settings.sweep_rate),
+        (network.semantic_parameters(shared=False, alone=True) | network.pretrained_parameters(), settings.class_rate),
+        (network.pretrained_parameters(), settings.backbone_rate),
+    )
+    shares: dict[str, float] = {}
+    for names, rate in groups:
+        shares |= {name: rate * shares.get(name, 1.0) for name in names}
+    return {name: share for name, share in shares.items() if share != 1}
+
+
+@dataclass(frozen=True)
+class Rendered(Supervision):
+    """Learn from rendered views, as in the paper; every parameter learns.
+
+    Attributes:
+        losses: weights of the paper's three terms.
+        class_weights: factor of each class in the cross-entropy; None is 1 for all.
+        depth_weight: weight of the error in log depth of the input views.
+        context_targets: also render and compare the input views.
+    """
+
+    losses: LossWeights = field(default_factory=LossWeights)
+    class_weights: tuple[float, ...] | None = None
+    depth_weight: float = 0.0
+    context_targets: bool = False
+
+    def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
+        """The paper's terms and the depth error; all are NaN if the Gaussians cannot be rendered."""
+        encoding = network(batch.context)
+        if not _can_be_drawn(encoding):
+            return _broken(encoding)
+        rendering, target = render_targets(encoding, batch, self.context_targets)
+        terms = losses(rendering, target, self.losses, class_weights=self.class_weights)
+        depth = torch.zeros_like(terms.total)
+        if self.depth_weight and batch.context.depths is not None:
+            depth = depth_error(encoding.depths, batch.context.depths.to(encoding.depths.device))
+        return _terms(
+            terms.total + self.depth_weight * depth,
+            semantic=terms.semantic,
+            colour=terms.colour,
+            smoothness=terms.smoothness,
+            depth=depth,
+            psnr=psnr(rendering.images, target.images).mean(),
+            unlabelled=terms.total.new_tensor(float(terms.unlabelled)),
+        )
+
+    def learning(self, network: Any) -> set[str]:
+        """All of them."""
+        return {name for name, _ in network.named_parameters()}
+
+    def validate(self, network: Any, batches: Iterable[Batch]) -> Validation:
+        """Scores of the rendered target views."""
+        return validate(network, batches, _rendered)
+
+    @property
+    def without_labels(self) -> str | None:
+        """Leave out the terms that need labels."""
+        classes = self.losses.semantic or self.losses.smoothness
+        return "train colour and depth alone with --losses.semantic 0 --losses.smoothness 0" if classes else None
+
+
+@dataclass(frozen=True)
+class Labels(Supervision):
+    """Learn from the classes of the input views' own pixels. Nothing is rendered, and only the semantic branch learns.
+
+    Attributes:
+        class_weights: factor of each class in the cross-entropy; None is 1 for all.
+        hold_shared: freeze the layers that both branches share.
+    """
+
+    without_labels = ONLY_LABELS
+
+    class_weights: tuple[float, ...] | None = None
+    hold_shared: bool = False
+
+    def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
+        """The cross-entropy of the input views.
+
+        Raises:
+            ValueError: they have no labels.
+        """
+        return _label_terms(network, network.class_maps(batch.context), batch.context, self.class_weights, "labels")
+
+    def learning(self, network: Any) -> set[str]:
+        """The semantic branch, and the shared layers unless they are frozen."""
+        return network.semantic_parameters(not self.hold_shared)
+
+    def validate(self, network: Any, batches: Iterable[Batch]) -> Validation:
+        """Scores of the input views' classes."""
+        return validate(network, batches, lambda model, batch: _classified(model.classify(batch.context), batch))
+
+
+@dataclass(frozen=True)
+class Pictures(Supervision):
+    """Like `Labels`, but for all views of a sample and each on its own, without other views.
+
+    Its batches have enough different images for batch norms to measure statistics.
+
+    Attributes:
+        class_weights, hold_shared: as for `Labels`.
+        teacher_classes: number of classes of a teacher, whose probabilities an extra head learns; 0 for no teacher.
+        teacher_weight: weight of that second loss.
+    """
+
+    measures: ClassVar[bool] = True
+    without_labels = ONLY_LABELS
+
+    class_weights: tuple[float, ...] | None = None
+    hold_shared: bool = False
+    teacher_classes: int = 0
+    teacher_weight: float = 1.0
+
+    def head(self, network: Any) -> nn.Module | None:
+        """A linear layer from the evidence of the network's classes to the teacher's classes; it starts at zero.
+
+        Raises:
+            InputError: the network does not classify each view on its own.
+        """
+        if not self.teacher_classes:
+            return None
+        channels = network.semantic.evidence_channels
+        if not channels:
+            raise InputError(
+                "--teacher", "a network that classifies each view on its own", "one that does not",
+                advice="give --network.class-backbone",
+            )  # fmt: skip
+        head = nn.Conv2d(channels, self.teacher_classes, 1)
+        for parameter in head.parameters():
+            nn.init.zeros_(parameter)
+        return head.to(next(network.parameters()).device)
+
+    def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
+        """The cross-entropy of all views. With a head, `total` includes the divergence from the teacher.
+
+        Raises:
+            ValueError: the views have no labels, or there are no teacher's probabilities.
+        """
+        views = all_views(batch)
+        maps = network.class_maps(views, alone=True)
+        terms = _label_terms(network, maps, views, self.class_weights, "pictures")
+        if head is None:
+            return terms
+        if batch.taught is None:
+            raise ValueError("the batch has no teacher's probabilities; expected them for every image")
+        taught = batch.taught.flatten(end_dim=-4).to(maps.distributions.device)
+        second = divergence(head(maps.evidence), taught).mean()
+        return terms | {"total": terms["total"] + self.teacher_weight * second}
+
+    def learning(self, network: Any) -> set[str]:
+        """The semantic branch without the layers that compare views, and the shared layers unless they are frozen."""
+        return network.semantic_parameters(not self.hold_shared, alone=True)
+
+    def validate(self, network: Any, batches: Iterable[Batch]) -> Validation:
+        """Scores of the input views' classes, each view on its own."""
+        return validate(
+            network, batches, lambda model, batch: _classified(model.classify(batch.context, alone=True), batch)
+        )
+
+
+@dataclass(frozen=True)
+class Depth(Supervision):
+    """Learn depth by plane sweep, before refinement, from the true depth of the input views. Nothing is rendered.
+
+    Only the layers that this depth depends on learn, not the refinement and the heads, so a rendered stage should follow.
+
+    Attributes:
+        losses: weights of the terms.
+        hold_shared: freeze the layers that both branches share.
+    """
+
+    without_labels = None
+    without_depth: ClassVar[str | None] = "leave them out, or give --supervision rendered"
+
+    losses: DepthLossWeights = field(default_factory=DepthLossWeights)
+    hold_shared: bool = False
+
+    def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
+        """The depth terms of the input views; there is no PSNR.
+
+        Raises:
+            ValueError: they have no true depth.
+        """
+        if batch.context.depths is None:
+            raise ValueError("the scenes have no depth; supervision by depth needs it")
+        terms = depth_losses(network.sweep(batch.context), batch.context.depths, self.losses)
+        return _terms(terms.total, depth=terms.log, gradients=terms.gradients, distribution=terms.distribution)
+
+    def learning(self, network: Any) -> set[str]:
+        """The layers of the plane sweep, and the shared layers unless they are frozen."""
+        return network.depth_parameters(not self.hold_shared)
+
+    def validate(self, network: Any, batches: Iterable[Batch]) -> Validation:
+        """Errors of the input views' depth."""
+        return validate_depth(network, batches)
+
+
+def _terms(total: Tensor, **found: Tensor) -> dict[str, Tensor]:
+    """Each of `TERMS`: the total with its gradient, the others without. Missing terms are 0, a missing PSNR is NaN."""
+    none = total.new_zeros(())
+    terms = dict.fromkeys(TERMS, none) | {"psnr": none + torch.nan} | found
+    return {name: term.detach() for name, term in terms.items()} | {"total": total}
+
+
+def _label_terms(
+    network: Any, maps: ClassMaps, views: Views, class_weights: tuple[float, ...] | None, supervision: str
+) -> dict[str, Tensor]:
+    """The terms if only the classes of the views' own pixels count. Nothing is rendered, so there is no PSNR."""
+    if views.labels is None:
+        raise ValueError(f"the scenes have no labels; supervision by {supervision} needs them")
+    distributions = maps.distributions.flatten(end_dim=-4)
+    labels = views.labels.to(distributions.device).flatten(end_dim=-3)
+    total = cross_entropy(distributions, labels, class_weights, network.stride).mean()
+    return _terms(total, semantic=total, unlabelled=(labels == IGNORE).flatten(1).all(1).sum().to(total))
+
+
+def _rendered(network: Any, batch: Batch) -> Comparison:
+    """The rendered target views and the true ones."""
+    rendering, target = render_targets(network(batch.context), batch)
+    decibels = psnr(rendering.images, target.images)
+    return Comparison(target, rendering.semantics, strip(rendering, target), decibels)
+
+
+def _classified(distributions: Tensor, batch: Batch) -> Comparison:
+    """The classes of the input views and the true ones."""
+    return Comparison(batch.context, distributions, class_strip(distributions, batch.context))
+
+
+def _can_be_drawn(encoding: Encoding) -> bool:
+    """Whether every number of the Gaussians is finite."""
+    return all(bool(tensor.detach().isfinite().all()) for tensor in encoding.gaussians.tensors().values())
+
+
+def _broken(encoding: Encoding) -> dict[str, Tensor]:
+    """NaN for every term, with a gradient to every tensor, so that all processes that share the step skip it."""
+    tensors = (encoding.depths, *encoding.gaussians.tensors().values())
+    total = torch.stack([tensor.sum() for tensor in tensors]).sum() * torch.nan
+    return dict.fromkeys(TERMS, total.detach()) | {"total": total}

@@ -1,0 +1,140 @@
+"""Validation: scores of the averaged weights on scenes that are not trained on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from semgs.data.views import Batch, Views
+from semgs.objectives.metrics import accuracy, confusion_matrix, depth_scores, miou
+from semgs.rendering.rendering import likeliest
+from semgs.training.supervision.strips import depth_strip
+
+PICTURED = 4
+"""Scenes in the strip of images."""
+
+
+@dataclass(frozen=True)
+class Validation:
+    """What a validation found.
+
+    Attributes:
+        score: decides which checkpoint is the best; higher is better, NaN if nothing was measured.
+        numbers: for the log, by name.
+        phrases: for the console, one for each number that was measured.
+        pictures: a row of images for each of the first scenes; uint8 [h w 3]; None without scenes.
+    """
+
+    score: float
+    numbers: Mapping[str, float | None]
+    phrases: tuple[str, ...]
+    pictures: np.ndarray | None
+
+
+def validation_of_views(
+    psnr: float, miou: float | None, accuracy: float | None, pictures: np.ndarray | None
+) -> Validation:
+    """Scores of views and their classes. The score that counts is mean IoU, or PSNR without classes.
+
+    Args:
+        psnr: mean over target views [dB]; NaN if nothing was rendered.
+        miou: of all target pixels, from one confusion matrix; None without classes or labels.
+        accuracy: share of labelled target pixels with the right class; None without classes or labels.
+        pictures: columns image, truth, classes, truth, depth, truth.
+    """
+    rendered = [f"PSNR {psnr:.2f} dB"] if math.isfinite(psnr) else []
+    classes = [] if miou is None else [f"mIoU {miou:.3f}", f"accuracy {accuracy:.3f}"]
+    numbers = {"psnr": psnr, "miou": miou, "accuracy": accuracy}
+    return Validation(psnr if miou is None else miou, numbers, (*rendered, *classes), pictures)
+
+
+def validation_of_depth(abs_rel: float, delta_125: float, pictures: np.ndarray | None) -> Validation:
+    """Scores of the depth of input views. The score that counts is minus the relative error.
+
+    Args:
+        abs_rel: mean of |z - truth| / truth over all pixels with true depth; NaN if there are none.
+        delta_125: share of those pixels within a factor of 1.25 of the truth; likewise.
+        pictures: columns image, depth, truth.
+    """
+    numbers = {"depth_abs_rel": abs_rel, "depth_delta_125": delta_125}
+    return Validation(-abs_rel, numbers, (f"AbsRel {abs_rel:.4f}", f"delta < 1.25 {delta_125:.3f}"), pictures)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Predicted and true views of one batch.
+
+    Attributes:
+        target: the true views, on any device.
+        semantics: class distributions of their pixels, on any device; None without classes.
+        row: images of the first view; uint8 [h w 3].
+        psnr: of each view [dB]; None if nothing was rendered.
+    """
+
+    target: Views
+    semantics: Float[Tensor, "*batch v class h w"] | None
+    row: np.ndarray
+    psnr: Float[Tensor, "*batch v"] | None = None
+
+
+@torch.no_grad()
+def validate(model: Any, batches: Iterable[Batch], compare: Callable[[Any, Batch], Comparison]) -> Validation:
+    """Compare each batch with the truth, and score all batches together.
+
+    Args:
+        model: the network, in evaluation mode.
+        batches: of validation.
+        compare: compares one batch.
+    """
+    decibels: list[Tensor] = []
+    confusion = None
+    rows: list[np.ndarray] = []
+    for batch in batches:
+        found = compare(model, batch)
+        if found.psnr is not None:
+            decibels.append(found.psnr.flatten())
+        if found.semantics is not None and found.target.labels is not None:
+            labels = found.target.labels.cpu()
+            counts = confusion_matrix(likeliest(found.semantics).cpu(), labels, len(found.target.classes))
+            confusion = counts if confusion is None else confusion + counts
+        if len(rows) < PICTURED:
+            rows.append(found.row)
+    mean_iou = share = None
+    if confusion is not None and confusion.any():
+        mean_iou, share = float(miou(confusion)), float(accuracy(confusion))
+    return validation_of_views(
+        float(torch.cat(decibels).mean()) if decibels else math.nan,
+        mean_iou,
+        share,
+        np.concatenate(rows) if rows else None,
+    )
+
+
+@torch.no_grad()
+def validate_depth(model: Any, batches: Iterable[Batch]) -> Validation:
+    """Score the plane sweep's depth of the input views, over the pixels of all batches together.
+
+    Args:
+        model: the network, in evaluation mode.
+        batches: of validation.
+    """
+    found: list[Tensor] = []
+    truth: list[Tensor] = []
+    rows: list[np.ndarray] = []
+    for views in (batch.context for batch in batches):
+        depths = model.sweep(views).depths.cpu()
+        if views.depths is not None:
+            found.append(depths.flatten(end_dim=-2))
+            truth.append(views.depths.cpu().flatten(end_dim=-2))
+        if len(rows) < PICTURED:
+            rows.append(depth_strip(depths, views))
+    scores = depth_scores(torch.cat(found), torch.cat(truth)) if found else None
+    errors = (math.nan, math.nan) if scores is None else (scores.abs_rel, scores.delta)
+    return validation_of_depth(*errors, np.concatenate(rows) if rows else None)

@@ -1,1 +1,0 @@
-"""Weights: their file format, included weights, foreign names, loading."""

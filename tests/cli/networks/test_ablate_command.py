@@ -1,0 +1,169 @@
+"""`semgs ablate` as it is typed. The trainings are stand-ins; a whole one with real ones is in `make long`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from semgs.cli.main import main
+from semgs.files.images.pictures import write_png
+from semgs.model.weights.initial_weights import start
+from semgs.model.weights.weights_file import save
+from semgs.training.loop import Outcome
+from semgs.training.presets import small
+from semgs.training.run.execution import Execution
+from semgs.training.run.run_folder import claim, read_settings
+from semgs.training.training_settings import TrainingSettings
+
+LINE = "ablate small --steps 2 --batch 1 --size 32x48 --contexts 2 2 --validation-scenes 0 --views 2 --workers 0"
+
+
+@pytest.fixture
+def labelled(scene: Path) -> Path:
+    """A scene of four frames with labels of two classes."""
+    file = json.loads((scene / "transforms.json").read_text())
+    (scene / "labels").mkdir()
+    for index, frame in enumerate(file["frames"]):
+        write_png(scene / f"labels/{index:03d}.png", np.repeat([0, 1], 32).astype(np.uint8)[None].repeat(48, 0))
+        frame["label_file_path"] = f"labels/{index:03d}.png"
+    (scene / "transforms.json").write_text(json.dumps(file | {"label_set": "scannet20"}))
+    return scene
+
+
+@pytest.fixture
+def trained(monkeypatch) -> list[tuple[str, TrainingSettings]]:
+    """Replaces training by writing untrained weights of the row's network; what was trained is listed."""
+    runs: list[tuple[str, TrainingSettings]] = []
+
+    def train(settings, out, execution, **options):
+        runs.append((out.parent.name, settings))
+        model = start(settings.model, "random", seed=settings.seed, switches=asdict(settings.network))
+        save(out / "weights.safetensors", model, {})
+        return Outcome(settings.steps, True, 0)
+
+    monkeypatch.setattr("semgs.evaluation.scoring.intervals.RESAMPLES", 100)
+    monkeypatch.setattr("semgs.evaluation.run.evaluation_page", lambda *given: "")
+    monkeypatch.setattr("semgs.training.loop.train", train)
+    monkeypatch.setattr("semgs.training.run.run_folder.finished", lambda run: (run / "weights.safetensors").exists())
+    return runs
+
+
+def test_five_rows_are_trained_evaluated_and_tabled_and_go_on_where_they_stopped(tmp_path, labelled, trained, capsys):
+    line = [*LINE.split(), "--test", str(labelled), "--out", str(tmp_path / "out")]
+    assert main(line) == 0
+    told = capsys.readouterr().out
+    assert [name for name, _ in trained] == ["none", "shared", "windows", "camera", "full"]
+    assert [settings.network.shared_layers for _, settings in trained] == [False, True, True, True, True]
+    assert [settings.network.windows for _, settings in trained] == [1, 1, 2, 2, 2]
+    assert [settings.losses.smoothness > 0 for _, settings in trained] == [False, False, False, False, True]
+    assert "Sm-Loss" in told
+    assert "What each part adds" in told
+    table = (tmp_path / "out/ablation.md").read_text()
+    for name, _ in trained:
+        report = tmp_path / f"out/seed_0/{name}/evaluation/report.json"
+        miou = json.loads(report.read_text())["results"][0]["miou"]
+        assert f"{miou:.3f} (" in table
+    assert main(line) == 0
+    assert len(trained) == 5  # nothing is trained or evaluated again
+    assert (tmp_path / "out/ablation.md").read_text() == table
+
+
+def test_other_settings_and_scenes_without_labels_are_refused(tmp_path, room, labelled, trained, capsys):
+    line = [*LINE.split(), "--out", str(tmp_path / "out")]
+    assert main([*line, "--test", str(room)]) == 2
+    assert "labelled scenes" in capsys.readouterr().err.splitlines()[-1]
+    assert main([*line, "--test", str(labelled), "--learning-rate", "0.5"]) == 2
+    assert "learning_rate = 0.001 there, 0.5 requested" in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_rooms_that_are_trained_in_are_refused_before_anything_is_trained(tmp_path, labelled, trained, capsys):
+    for number in (0, 1):
+        (tmp_path / f"data{number}").mkdir()
+        (tmp_path / f"data{number}" / f"scene0007_0{number}").symlink_to(labelled)
+    (tmp_path / "list.txt").write_text("scene0007_01\n")
+    line = [
+        *LINE.split(),
+        "--data",
+        str(tmp_path / "data0"),
+        "--test",
+        str(tmp_path / "data1"),
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    assert main([*line, "--test-scenes", str(tmp_path / "list.txt"), "--protocol", "peers"]) == 2
+    assert "found 1 that were: scene0007_01 (as scene0007_00)" in capsys.readouterr().err
+    assert trained == []
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("--views 1", "--views: expected a whole number, 2 or more"),
+        ("--seeds 1 1", "a seed twice"),
+        ("--losses.smoothness 0", "the full method lacks Sm-Loss"),
+        ("--network.windows 1", "the full method lacks Sw-Trans"),
+        ("--minutes 0", "--minutes: expected more than 0"),
+        ("--accumulate 2", "a step of 1 scenes cannot be shared by 1 processes in 2 pieces each"),
+        ("--nodes 2", "--nodes"),
+        ("--test nowhere", "nowhere"),
+    ],
+)
+def test_what_cannot_be_is_one_line_and_nothing_is_written(tmp_path: Path, line: str, told: str, capsys):
+    assert main([*LINE.split(), "--out", str(tmp_path / "out"), *line.split()]) == 2
+    assert told in capsys.readouterr().err.strip().splitlines()[-1]
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_dry_run_says_what_would_be_trained_and_writes_nothing(tmp_path: Path, monkeypatch, capsys):
+    timed = []
+    monkeypatch.setattr("semgs.training.loop.train", lambda settings, out, execution: timed.append(settings.steps))
+    line = [*LINE.split(), "--out", str(tmp_path / "out"), "--seeds", "3", "4", "--dry-run"]
+    assert main(line) == 0
+    assert "10 trainings of 2 steps of 1 scenes at 32x48 (20 steps)" in capsys.readouterr().out
+    assert timed == [1, 3]
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1500)
+def test_a_whole_ablation_in_rooms(tmp_path: Path, capsys):
+    line = [*LINE.split(), "--views", "4", "--out", str(tmp_path)]
+    assert main(line) == 0
+    assert capsys.readouterr().out.count("–") > 5
+    assert len(list(tmp_path.glob("seed_0/*/evaluation/report.json"))) == 5
+
+
+def test_how_a_training_runs_is_passed_on(tmp_path, labelled, trained, monkeypatch, capsys):
+    given = []
+
+    def apart(run: Path, execution: Execution):
+        given.append((run.parent.name, execution))
+        model = start("small", "random", switches=asdict(read_settings(run).network))
+        save(run / "weights.safetensors", model, {})
+
+    monkeypatch.setattr("semgs.cli.commands.networks.training_runs.train_apart", apart)
+    line = [*LINE.split(), "--test", str(labelled), "--out", str(tmp_path / "out"), "--device", "cpu"]
+    options = "--devices 2 --precision bf16 --accumulate 3 --save-minutes 7 --batch 6"
+    assert main([*line, *options.split()]) == 0
+    assert [name for name, _ in given] == ["none", "shared", "windows", "camera", "full"]
+    assert given[0][1] == Execution("cpu", devices=2, precision="bf16", accumulate=3, workers=0, save_minutes=7.0)
+    assert trained == []
+    assert "Sm-Loss" in capsys.readouterr().out
+
+
+def test_a_finished_run_of_the_full_method_is_evaluated_and_not_trained_again(tmp_path, labelled, trained, capsys):
+    line = [*LINE.split(), "--test", str(labelled), "--out", str(tmp_path / "out"), "--full", str(tmp_path / "table1")]
+    settings = replace(small(), steps=2, batch=1, size=(32, 48), contexts=(2, 2), validation_scenes=0)
+    claim(tmp_path / "table1", settings)
+    assert main(line) == 2
+    assert "is not finished" in capsys.readouterr().err
+    save(tmp_path / "table1" / "weights.safetensors", start("small", "random"), {})
+    assert main([*line, "--steps", "3"]) == 2
+    assert "has other settings: steps = 2 there, 3 here" in " ".join(capsys.readouterr().err.split())
+    assert main(line) == 0
+    assert [name for name, _ in trained] == ["none", "shared", "windows", "camera"]
+    assert (tmp_path / "out/seed_0/full/evaluation/report.json").exists()

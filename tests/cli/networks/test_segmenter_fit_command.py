@@ -1,0 +1,90 @@
+"""`semgs segmenters fit`, and its file in `semgs evaluate`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from scenes_on_disk import write_labelled
+
+from semgs.cli.main import main
+from semgs.data.scenes import open_scene
+from semgs.data.tables.classes import IGNORE
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Path:
+    """Six labelled frames: wall, floor and chair."""
+    return write_labelled(tmp_path / "room", 8)
+
+
+@pytest.fixture
+def renamed(room: Path, tmp_path: Path) -> Path:
+    """True labels of the room under names that mean nothing, reversed: number k stands for ScanNet's class 19 - k."""
+    folder = tmp_path / "maps"
+    for frame in open_scene(room).frames:
+        labels = frame.view((0.1, 10.0), open_scene(room).classes).labels[0].numpy()
+        path = folder / Path(frame.name).with_suffix(".png")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(np.where(labels == IGNORE, IGNORE, 19 - labels).astype(np.uint8)).save(path)
+    listed = [{"name": f"thing {number}", "colour": [number, 0, 0]} for number in range(20)]
+    (folder / "classes.json").write_text(json.dumps({"name": "things", "classes": listed}))
+    return folder
+
+
+def test_a_fit_makes_a_segmenter_of_unknown_names_useful(
+    room: Path, renamed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """The evaluation is refused by names; with the fit, accuracy of what is seen is that of true labels, fused and rendered."""
+    evaluate = [
+        "evaluate",
+        "small",
+        "--data",
+        str(room),
+        "--views",
+        "2",
+        "--size",
+        "32x48",
+        "--segmenter",
+        str(renamed),
+    ]
+    assert main([*evaluate, "--out", str(tmp_path / "first")]) == 2
+    assert "answers in the classes of the labels, scannet20, found things" in capsys.readouterr().err
+    fit = [
+        "segmenters",
+        "fit",
+        str(renamed),
+        "--data",
+        str(room),
+        "--size",
+        "32x48",
+        "--out",
+        str(tmp_path / "fit.json"),
+    ]
+    assert main([*fit, "--weights", "small"]) == 0
+    assert "thing 19             wall 1.00" in capsys.readouterr().out
+    fitted = ["--correspondence", str(tmp_path / "fit.json"), "--with-own-classes"]
+    assert main([*evaluate, *fitted, "--out", str(tmp_path / "second")]) == 0
+    numbers = json.loads((tmp_path / "second/report.json").read_text())
+    assert f"The classes are from {renamed}, and the model; fused over the input views." in numbers["notes"]
+    assert "small + segmenter" in capsys.readouterr().out
+
+
+def test_an_existing_file_is_kept(room: Path, renamed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    (tmp_path / "fit.json").write_text("mine")
+    assert main(["segmenters", "fit", str(renamed), "--data", str(room), "--out", str(tmp_path / "fit.json")]) == 2
+    assert "expected a new file" in capsys.readouterr().err
+    assert (tmp_path / "fit.json").read_text() == "mine"
+
+
+@pytest.mark.parametrize("others", [["--workers", "1"], []])
+def test_a_segmenter_does_not_go_with_workers_or_predictions(
+    room: Path, renamed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], others: list[str]
+):
+    method = ["small"] if others else ["--predictions", str(renamed)]
+    command = ["evaluate", *method, "--data", str(room), "--segmenter", str(renamed), "--out", str(tmp_path / "out")]
+    assert main([*command, *others]) == 2
+    assert "--segmenter cannot go with --" in capsys.readouterr().err

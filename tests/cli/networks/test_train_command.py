@@ -1,0 +1,151 @@
+"""`semgs train` as it is typed."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from semgs.cli.arguments import parse
+from semgs.cli.commands.networks.train import Train
+from semgs.cli.main import main
+from semgs.cli.usage_errors import UsageError
+from semgs.objectives.loss_weights import DepthLossWeights
+from semgs.training.presets import base, from_preset, paper, small
+from semgs.training.training_settings import CLASS_WEIGHTINGS
+
+
+def parsed(line: str) -> Train:
+    return parse(Train, "semgs train", line.split())
+
+
+def test_a_preset_alone_is_the_preset():
+    command = parsed("small --out run")
+    assert command.settings == small()
+    assert command.out == Path("run")
+    assert command.compute.minutes is None
+
+
+def test_options_may_stand_before_and_behind_the_preset_and_override_it():
+    command = parsed("--out run small --steps 70 --size 48x64 --losses.smoothness 0 --contexts 2 4 --minutes 3")
+    assert (command.settings.steps, command.settings.size, command.settings.contexts) == (70, (48, 64), (2, 4))
+    assert command.settings.losses.smoothness == 0
+    assert command.settings.learning_rate == small().learning_rate
+    assert command.compute.minutes == 3
+
+
+def test_supervision_by_depth_has_weights_of_its_own():
+    command = parsed("--out run small --supervision depth --hold-shared --depth-losses.gradients 0.25")
+    assert (command.settings.supervision, command.settings.hold_shared) == ("depth", True)
+    assert command.settings.depth_losses == DepthLossWeights(log=1.3, gradients=0.25, distribution=0.1)
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("small", "--out"),
+        ("small --out run --size 48,64", "expected height x width in pixels"),
+        ("small --out run --contexts 1 2", r"contexts is \(1, 2\)"),
+        ("small --out run --steps 0", "steps is 0; expected at least 1"),
+        ("small --out run --stops 3", "--stops"),
+        ("small --out run --data scans=0", "data is 'scans=0'; expected rooms or DIR"),
+        ("small --out run --class-weights 1 2", "expected 20 factors"),
+        ("small --out run --augmentation.crop 2", "augmentation: crop is 2.0; expected 0.2 to 1"),
+        ("tiny --out run", "tiny"),
+    ],
+)
+def test_what_cannot_be_is_told_on_one_line(line: str, told: str):
+    with pytest.raises(UsageError, match=told) as caught:
+        parsed(line)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("line", ["--minutes 0", "--workers -1", "--save-minutes -2"])
+def test_a_sitting_that_cannot_be_is_refused(line: str, tmp_path: Path):
+    with pytest.raises(UsageError, match=f"{line.split()[0]}: expected .* found"):
+        parsed(f"small --out {tmp_path / 'run'} {line}").run()
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_run_of_other_settings_ends_with_exit_code_2_and_the_difference(tmp_path: Path, capsys, monkeypatch):
+    line = ["train", "small", "--out", str(tmp_path / "run")]
+    monkeypatch.setattr("semgs.training.loop.launched", lambda *args, **options: pytest.skip("the run was accepted"))
+    (tmp_path / "run").mkdir()
+    from semgs.training.run.run_folder import claim
+
+    claim(tmp_path / "run", small())
+    assert main([*line, "--steps", "77"]) == 2
+    told = capsys.readouterr().err.strip().splitlines()
+    assert told[-1].startswith("semgs: error: ")
+    assert f"steps = {small().steps} there, 77 requested" in told[-1]
+
+
+def test_what_differs_from_the_preset_is_told_in_words():
+    settings = parsed("small --out run --steps 77 --seed 5 --augmentation.flip").settings
+    assert from_preset(settings) == [
+        f"steps: 77 (preset small: {small().steps})",
+        "augmentation: Augmentation(colour=0.0, crop=1.0, flip=True, roll=0.0, camera=0.0, exposure=0.0) "
+        "(preset small: Augmentation(colour=0.0, crop=1.0, flip=False, roll=0.0, camera=0.0, exposure=0.0))",
+        "seed: 5 (preset small: 0)",
+    ]
+    assert from_preset(small()) == []
+
+
+def test_a_preset_is_given_by_its_name():
+    assert parsed("small --out run").settings == small()
+    assert parsed("base --out run").settings == base()
+    settings = parsed("paper --out run --data scans rooms=0.5 --init weights.ckpt --devices 4").settings
+    assert settings == replace(paper(), data=("scans", "rooms=0.5"), init="weights.ckpt")
+    assert settings.preset == "paper"
+
+
+def test_a_table_of_classes_travels_in_the_settings(tmp_path: Path):
+    table = {"name": "two", "classes": [{"name": name, "colour": [1, 2, 3]} for name in ("wall", "floor")]}
+    (tmp_path / "table.json").write_text(json.dumps(table))
+    settings = parsed(f"small --out run --init small --classes {tmp_path / 'table.json'}").settings
+    assert settings.classes is not None
+    assert settings.classes.names == ("wall", "floor")
+    assert from_preset(settings)[1] == "classes: two (wall, floor) (preset small: None)"
+
+
+def test_weights_of_classes_are_numbers_or_the_name_of_a_rule():
+    line = "small --out run --class-weights"
+    for rule in CLASS_WEIGHTINGS:
+        assert parsed(f"{line} {rule}").settings.class_weights == rule
+    assert parsed(f"{line} {'2.5 ' * 20}").settings.class_weights == (2.5,) * 20
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("paper --out RUN", "no data: give --data DIR"),
+        ("paper --out RUN --data scans", "no weights to start from: give --init FILE"),
+        ("small --out RUN --devices 3", "a step of 2 scenes cannot be shared by 3 processes"),
+        ("small --out RUN --accumulate 0", "--accumulate: expected a whole number, 1 or more, found '0'"),
+        ("small --out RUN --data nowhere", "nowhere: expected a folder with a scene, found nothing there"),
+        ("small --out RUN --init nowhere.safetensors", "nowhere.safetensors: expected a weights file"),
+        ("small --out RUN --init small --classes TABLE --data nowhere", "TABLE: expected a table of classes as JSON"),
+    ],
+)
+def test_what_a_training_cannot_start_from_ends_with_exit_code_2_and_one_line(line: str, told: str, tmp_path, capsys):
+    table = tmp_path / "table.json"
+    assert main(["train", *line.replace("RUN", str(tmp_path / "run")).replace("TABLE", str(table)).split()]) == 2
+    last = capsys.readouterr().err.strip().splitlines()[-1]
+    assert last.startswith("semgs: error: ")
+    assert told.replace("TABLE", table.name) in last
+
+
+def test_the_help_lists_the_settings_without_torch():
+    lines = [
+        "import sys",
+        "from semgs.cli.main import main",
+        "main(['train', 'small', '--help'])",
+        "print('torch' in sys.modules)",
+    ]
+    told = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=True).stdout
+    assert "--losses.smoothness" in told
+    assert told.splitlines()[-1] == "False"

@@ -1,0 +1,128 @@
+"""Near and far, and what they are taken from."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from landmarks import looking
+from PIL import Image
+
+from semgs.data.bounds.depth_range import FEW_POINTS
+from semgs.data.bounds.parallax import inverse_depths, seen
+from semgs.data.choosing.choice import choose
+from semgs.data.scene import Scene
+from semgs.data.scenes import open_scene
+
+SIZE = (240, 320)
+K = np.array([[280.0, 0, 171.3], [0, 272.0, 113.2], [0, 0, 1]])
+EYES = [(-0.35, -0.1, -3.1), (0.2, 0.15, -2.9), (0.05, -0.2, -3.0)]
+
+
+def plane(pose: np.ndarray) -> np.ndarray:
+    """A picture of the plane z = 0, which carries a random texture, by the homography K [r1 r2 t]."""
+    noise = np.random.default_rng(0).integers(0, 256, (90, 120), dtype=np.uint8)
+    texture = cv2.GaussianBlur(cv2.resize(noise, (960, 720), interpolation=cv2.INTER_CUBIC), (0, 0), 2)
+    world_from_texture = np.array([[0.006, 0, -2.9], [0, 0.006, -2.2], [0, 0, 1]])
+    view = np.linalg.inv(pose)
+    homography = K @ view[:3][:, [0, 1, 3]] @ world_from_texture
+    half = np.array([[1, 0, -0.5], [0, 1, -0.5], [0, 0, 1]])  # OpenCV's first pixel centre is at 0
+    return cv2.warpPerspective(
+        texture, half @ homography @ np.linalg.inv(half), SIZE[::-1], borderMode=cv2.BORDER_REFLECT
+    )
+
+
+def scene(folder: Path, eyes=EYES, scale: float = 1.0, blank: bool = False, **shared: object) -> Scene:
+    """A scene that looks at the plane; lengths are in 1 / `scale` metres."""
+    frames = []
+    for index, eye in enumerate(eyes):
+        pose = looking(eye, (0.1, 0, 0))
+        picture = np.full(SIZE, 90, np.uint8) if blank else plane(pose)
+        Image.fromarray(picture).save(folder / f"{index}.png")
+        cv2.imwrite(str(folder / f"d{index}.png"), np.full(SIZE, 77, np.uint16))
+        pose[:3, 3] *= scale
+        opengl = pose * (1, -1, -1, 1)
+        frames.append(
+            {"file_path": f"{index}.png", "depth_file_path": f"d{index}.png", "transform_matrix": opengl.tolist()}
+        )
+    intrinsics = {"fl_x": K[0, 0], "fl_y": K[1, 1], "cx": K[0, 2], "cy": K[1, 2], "w": SIZE[1], "h": SIZE[0]}
+    (folder / "transforms.json").write_text(json.dumps({**intrinsics, "metric": False, **shared, "frames": frames}))
+    return open_scene(folder)
+
+
+def test_a_metric_scene_has_the_range_of_rooms(tmp_path):
+    bounds = scene(tmp_path, metric=True).depth_range([0, 1])
+    assert (bounds.near, bounds.far, bounds.unit) == (0.5, 10.0, "metric")
+    assert (bounds.median, bounds.typical) == (None, 5**0.5)
+
+
+@pytest.mark.parametrize("asked", [[0, 1], [2, 0], [0, 1, 2], [1], None])
+def test_without_metres_the_pictures_tell_how_far_things_are(tmp_path, asked):
+    bounds = scene(tmp_path).depth_range(asked)
+    assert bounds.unit == "unknown"
+    assert int(bounds.reason.split()[1]) >= FEW_POINTS // 2  # each point is seen twice
+    assert "triangulated" in bounds.reason
+    assert abs(bounds.middle / 3.0 - 1) < 0.1  # the plane, not the 0.077 of the depth maps
+    assert bounds.typical == bounds.median == pytest.approx(3.0, rel=0.1)
+    assert 15 < bounds.far / bounds.near < 40
+
+
+def test_the_range_scales_with_the_world(tmp_path):
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+    one, other = scene(tmp_path / "a").depth_range([0, 1]), scene(tmp_path / "b", scale=7.3).depth_range([0, 1])
+    np.testing.assert_allclose((other.near, other.far), (7.3 * one.near, 7.3 * one.far), rtol=1e-6)
+
+
+def test_triangulated_points_are_at_their_depth(tmp_path):
+    frames = scene(tmp_path).frames
+    inverse = inverse_depths(seen(frames[0]), seen(frames[1]))
+    assert len(inverse) > 100
+    assert abs(np.median(1 / inverse) / 3.05 - 1) < 0.03
+    assert (np.percentile(1 / inverse, (10, 90)) > (2.6, 2.6)).all()
+    assert (np.percentile(1 / inverse, (10, 90)) < (3.6, 3.6)).all()
+
+
+def test_pictures_that_do_not_match_leave_the_baseline(tmp_path):
+    opened = scene(tmp_path, blank=True)
+    bounds = opened.depth_range([0, 1])
+    distance = float(np.linalg.norm(np.subtract(EYES[0], EYES[1])))
+    assert "these cameras" in bounds.reason
+    np.testing.assert_allclose(bounds.middle, 10 * distance, rtol=1e-9)
+    assert "the scene's cameras" in opened.depth_range([1]).reason
+
+
+def test_cameras_at_one_place_tell_no_scale(tmp_path):
+    bounds = scene(tmp_path, eyes=[EYES[0]] * 3).depth_range([0, 1])
+    assert (bounds.near, bounds.far, bounds.unit) == (0.5, 10.0, "unknown")
+    assert "the scale is unknown" in bounds.reason
+
+
+def test_all_views_that_are_read_get_the_same_range(tmp_path):
+    opened = scene(tmp_path)
+    bounds = opened.depth_range([2, 0])
+    assert opened.read([2, 0], size=(48, 64)).depth_range.tolist() == [[bounds.near, bounds.far]] * 2
+
+
+@pytest.mark.parametrize("asked", [[3, 4], [5]])
+def test_the_fox_is_between_near_and_far(shared, asked):
+    bounds = open_scene(shared / "data" / "fox").depth_range(asked)
+    assert bounds.unit == "unknown"
+    assert bounds.near < 3.5  # its nose, from the nearest camera
+    assert 9 < bounds.far < 60  # the wall behind it
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_a_choice_has_the_range_of_its_contexts_and_no_frame_is_looked_at_twice(shared, monkeypatch, count):
+    fox, looked = open_scene(shared / "data" / "fox"), []
+    monkeypatch.setattr("semgs.data.bounds.depth_range.seen", lambda frame: looked.append(frame.name) or seen(frame))
+    choice = choose(fox, count)
+    assert len(looked) == len(set(looked))
+    assert choice.depth_range == fox.depth_range(choice.context)
+    looked.clear()
+    target = fox.read(choice.targets, (64, 36), choice.depth_range)
+    assert target.depth_range.tolist() == [[choice.depth_range.near, choice.depth_range.far]] * len(choice.targets)
+    assert looked == []

@@ -1,0 +1,283 @@
+"""Choice of views: by what they see and from where."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from landmarks import looking
+
+from semgs.data.cameras.lens import Lens
+from semgs.data.choosing.choice import around, choose, consecutive, drawn, given, preference
+from semgs.data.frames import Frame
+from semgs.data.maps import InMemory
+from semgs.data.scene import Scene
+from semgs.data.scenes import open_scene
+from semgs.files.errors import InputError
+
+LENS = Lens((120, 170), (150.0, 143.0), (91.3, 55.2))
+MIDDLE = 5**0.5
+"""The middle depth of a metric scene: of 0.5 and 10 m [m]."""
+
+
+def scene(poses: Sequence[np.ndarray], unit: str = "metric") -> Scene:
+    """A scene of cameras alone."""
+    frames = tuple(Frame(f"{n:04d}.png", Path("nowhere"), LENS, pose) for n, pose in enumerate(poses))
+    return Scene(Path("nowhere"), "scene", "transforms.json", unit, frames)
+
+
+def beside(*places: float) -> list[np.ndarray]:
+    """Cameras side by side, looking the same way, at these parts of the middle depth."""
+    return [looking((place * MIDDLE, 0.1, 0), (place * MIDDLE, 0.1, 5)) for place in places]
+
+
+def test_a_baseline_in_the_band_is_preferred_to_a_shorter_and_a_longer_one():
+    assert choose(scene(beside(0.0, 0.01, 0.11, 0.9)), 2).context in [(0, 2), (1, 2)]
+    assert choose(scene(beside(0.9, 0.0, 0.005, 0.1)), 2).context in [(1, 3), (2, 3)]
+    for relative in (0.05, 0.1, 0.15):
+        assert choose(scene(beside(0.0, relative, 1.1, 1.11)), 2).context == (0, 1)
+
+
+def test_thepreference_is_one_in_the_middle_of_the_band_three_quarters_at_its_ends_and_a_tenth_far_from_it():
+    """exp(-(ln(b / 0.0866) / 0.72)^2 / 2): the logarithms are 0, ln 3^0.5 = 0.549 and 1.545."""
+    relative = np.array([0.0866, 0.05, 0.15, 0.0185, 0.406])
+    assert preference(relative) == pytest.approx([1.0, 0.7475, 0.7475, 0.1, 0.1], rel=5e-3)
+
+
+def test_frames_that_look_elsewhere_are_not_chosen_whatever_their_baseline():
+    away = looking((0.1 * MIDDLE, 0.1, 0), (0.1 * MIDDLE, 0.1, -5))
+    aside = looking((0.09 * MIDDLE, 0.1, 0), (5, 0.1, 0.5))
+    assert choose(scene([*beside(0.0), away, aside, *beside(0.2)]), 2).context == (0, 3)
+
+
+def test_cameras_that_face_each_other_share_nothing():
+    face_to_face = [looking((0, 0.1, 0), (0, 0.1, 5)), looking((0, 0.1, 2 * MIDDLE), (0, 0.1, 0))]
+    assert choose(scene([*face_to_face, *beside(0.3)]), 2).context == (0, 2)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_the_order_of_the_file_does_not_matter(count):
+    generator = np.random.default_rng(3)
+    poses = [looking(eye, (0, 0, 4)) for eye in generator.normal(0, 0.5, (12, 3))]
+    chosen = {tuple(poses[n][:3, 3]) for n in choose(scene(poses), count).context}
+    for _ in range(3):
+        shuffled = [poses[n] for n in generator.permutation(12)]
+        choice = choose(scene(shuffled), count)
+        assert {tuple(shuffled[n][:3, 3]) for n in choice.context} == chosen
+        assert list(choice.context) == sorted(choice.context)
+
+
+def test_further_views_are_added_beside_those_chosen():
+    choice = choose(scene(beside(*np.arange(12) * 0.03)), 4)
+    assert set(np.diff(choice.context)) == {3}
+
+
+def test_the_frames_left_between_are_the_targets():
+    choice = choose(scene(beside(0.0, 0.03, 0.06, 0.09, 1.5)), 2)
+    assert choice.context == (0, 3)
+    assert choice.targets == (1, 2)
+
+
+def test_many_frames_between_give_a_few_targets_spread_over_them():
+    choice = given(scene(beside(*np.linspace(0, 0.2, 41))), (0, 40))
+    assert choice.targets == (1, 14, 26, 39)
+
+
+def test_without_frames_between_the_nearest_others_are_the_targets():
+    assert given(scene(beside(0.0, 0.1, 0.2, 0.3, 3.0)), (1, 2)).targets == (0, 3)
+
+
+def test_frames_that_see_something_else_are_no_targets():
+    away = looking((0.05 * MIDDLE, 0.1, 0), (0.05 * MIDDLE, 0.1, -5))
+    assert given(scene([*beside(0.0), away, *beside(0.06, 0.1)]), (0, 3)).targets == (2,)
+
+
+def test_a_frame_between_that_looks_aside_is_passed_over_for_one_that_is_covered():
+    """The first looks 24 degrees aside and shares about half; the second is outside of the contexts but sees what they see."""
+    aside = looking((0.05 * MIDDLE, 0.1, 0), (0.05 * MIDDLE + 2.2, 0.1, 5))
+    choice = given(scene([*beside(0.0), aside, *beside(0.1, 0.12)]), (0, 2))
+    assert choice.targets == (3,)
+    assert choice.notes == ()
+    alone = given(scene([*beside(0.0), aside, *beside(0.1)]), (0, 2))
+    assert alone.targets == (1,)
+    assert alone.notes == (
+        "The input views see less than 90% of each held-out frame, so compare the scores over the seen pixels.",
+    )
+
+
+def test_a_frame_that_shares_too_little_is_not_taken_and_fewer_go_in():
+    choice = choose(scene(beside(0.0, 0.05, 0.1, 5.0, 9.0)), 4)
+    assert choice.context == (0, 1, 2)
+    assert choice.notes == ("3 input views instead of 4: no other frame shares 30% of what it sees with them.",)
+
+
+def test_contexts_leave_a_frame_that_they_cover():
+    """The pair that looks aside is the best by 0.92 to 0.8, with its baseline of 8.66 % to 12 %, and leaves no frame that it sees."""
+    aside = [looking((0.1, 0.1, z), (5, 0.1, z)) for z in (0.0, 0.0866 * MIDDLE)]
+    assert choose(scene([*beside(0.03, 0.15), *aside]), 2).context == (2, 3)
+    choice = choose(scene([*beside(0.0, 0.03, 0.15), *aside]), 2)
+    assert (choice.context, choice.targets) == ((1, 2), (0,))
+
+
+def measured(wall: float, places: Sequence[float]) -> Scene:
+    """Cameras side by side at these metres that measured a wall [m]."""
+    depths = np.full(LENS.size, wall, np.float32)
+    poses = [looking((place, 0.1, 0), (place, 0.1, 5), roll=0.0) for place in places]
+    bare = scene(poses)
+    return replace(bare, frames=tuple(replace(frame, depth=InMemory(depths)) for frame in bare.frames))
+
+
+def test_the_baseline_is_judged_by_measured_depth():
+    """Near a wall at 1 m 0.09 m is 9 %; where nothing is measured the depth of rooms, 2.2 m, wants 0.2 m."""
+    near = measured(1.0, (0.0, 0.05, 0.09, 0.25))
+    choice = choose(near, 2)
+    assert (choice.context, choice.targets) == ((0, 2), (1,))
+    assert "by measured depth with a median of 1 m, and are 0.09 m (9% of it) apart" in choice.reason
+    bare = replace(near, frames=tuple(replace(frame, depth=None) for frame in near.frames))
+    assert choose(bare, 2).context == (1, 3)
+
+
+def test_without_two_frames_that_share_enough_there_is_one_clear_error():
+    """A picture is 170 / 150 m wide at 1 m: 0.5 m to the side leaves 56 %, 1 m 12 %."""
+    assert choose(measured(1.0, (0.0, 0.5)), 2).context == (0, 1)
+    with pytest.raises(
+        InputError, match=r"expected two frames that share 30% of what they see, found \d+% at most; .*--context"
+    ):
+        choose(measured(1.0, (0.0, 1.0)), 2)
+
+
+def test_the_office_holds_out_what_its_input_views_cover(shared):
+    """By its depth maps, frame 3 is the only one that views beside it cover; 1 and 2, between 0 and 3, are covered to two thirds."""
+    office = open_scene(shared / "data" / "hololens_office")
+    for count, context in ((2, (0, 4)), (3, (0, 4, 5)), (4, (0, 4, 5, 6))):
+        choice = choose(office, count)
+        assert (choice.context, choice.targets, choice.notes) == (context, (3,), ())
+
+
+def test_all_frames_may_be_contexts():
+    assert choose(scene(beside(0.0, 0.1, 0.2)), 3).targets == ()
+
+
+@pytest.mark.parametrize("count", [-1, 0, 1, 4, 10**9])
+def test_absurd_numbers_of_views_are_refused(count):
+    with pytest.raises(ValueError, match="expected 2 to 3, the number of usable frames"):
+        choose(scene(beside(0.0, 0.1, 0.2)), count)
+
+
+@pytest.mark.parametrize(
+    ("context", "message"), [((1,), "2 to 3"), ((1, 1), "different"), ((0, 3), "no frame 3"), ((0, "x.png"), "x.png")]
+)
+def test_contexts_that_cannot_be_are_refused(context, message):
+    with pytest.raises(ValueError, match=message):
+        given(scene(beside(0.0, 0.1, 0.2)), context)
+
+
+def test_named_contexts_are_taken_in_the_order_given():
+    choice = given(scene(beside(0.0, 0.1, 0.2)), ("0002.png", 0))
+    assert choice.context == (2, 0)
+    assert choice.targets == (1,)
+
+
+def test_the_reason_has_the_figures():
+    reason = given(scene(beside(0.0, 0.1)), (0, 1)).reason
+    for part in ("0 (0000.png), 1 (0001.png)", "share 9", "middle depth of 2.2 m", "0.22 m (10% of it)"):
+        assert part in reason
+    assert "no parallax" not in reason
+
+
+def test_a_camera_that_only_turns_is_told_to_have_no_parallax():
+    turning = [looking((1, 2, 3), (1 + step, 2, 8)) for step in (0.0, 0.3, 0.6)]
+    assert "no parallax" in choose(scene(turning), 2).reason
+
+
+def test_thousands_of_frames_are_no_burden():
+    choice = choose(scene(beside(*np.linspace(0, 20, 3000))), 3)
+    relative = np.diff(choice.context) * 20 / 2999
+    assert ((relative > 0.05) & (relative < 0.15)).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [("hololens_office", 2), ("hololens_office", 4), ("small_house/living", 3), ("fox", 2), ("fox", 3)],
+)
+def test_real_scenes_get_views_that_belong_together(shared, name, count):
+    real = open_scene(shared / "data" / name)
+    choice = choose(real, count)
+    assert len(choice.context) == count
+    assert choice.targets
+    middle = real.depth_range().middle
+    centres = np.stack([real.frames[n].world_from_camera[:3, 3] for n in choice.context])
+    distances = np.linalg.norm(centres[:, None] - centres, axis=-1) + 9 * np.eye(count)
+    assert ((distances.min(axis=1) / middle > 0.03) & (distances.min(axis=1) / middle < 0.2)).all()
+    if name != "fox":
+        assert " m " in choice.reason
+
+
+def test_frames_for_training_are_drawn_by_what_they_share():
+    away = looking((0.1 * MIDDLE, 0.1, 0), (0.1 * MIDDLE, 0.1, -5))
+    room = scene([*beside(*np.arange(0, 0.6, 0.02)), away])
+    bounds = room.depth_range()
+    baselines, seen = [], set()
+    for draw in range(60):
+        choice = drawn(room, bounds, 3, 2, np.random.default_rng(draw))
+        assert (len(set(choice.context)), len(set(choice.targets))) == (3, 2)
+        assert not set(choice.context) & set(choice.targets)
+        seen |= {*choice.context, *choice.targets}
+        if 30 not in choice.context:
+            assert 30 not in choice.targets
+            baselines += list(0.02 * np.diff(choice.context))
+    assert len(seen) > 25, "all frames have their turn"
+    assert 0.05 < np.median(baselines) < 0.15, "the baselines are those that choose prefers"
+
+
+def test_targets_lie_between_the_contexts_and_around_them():
+    room = scene(beside(*np.arange(0, 0.6, 0.02)))
+    bounds = room.depth_range()
+    inside = []
+    for draw in range(40):
+        choice = drawn(room, bounds, 2, 2, np.random.default_rng(draw))
+        inside += [min(choice.context) < target < max(choice.context) for target in choice.targets]
+    assert 0.05 < np.mean(inside) < 0.8
+
+
+def test_the_same_numbers_draw_the_same_frames_and_few_frames_are_all_drawn():
+    room = scene(beside(0.0, 0.1, 5.0, 9.0))
+    bounds = room.depth_range()
+    one, two = (drawn(room, bounds, 2, 2, np.random.default_rng(4)) for _ in range(2))
+    assert one == two
+    assert sorted((*one.context, *one.targets)) == [0, 1, 2, 3]
+    with pytest.raises(InputError, match="at least 5 usable frames, for 3 input views and 2 to compare with, found 4"):
+        drawn(room, bounds, 3, 2, np.random.default_rng(4))
+
+
+def test_the_nearest_in_file_order_alternate_and_one_side_fills_for_the_other():
+    assert around(3, 8, 5) == (2, 4, 1, 5, 0)
+    assert around(3, 8, 5, forward=True) == (4, 2, 5, 1, 6)
+    assert around(1, 8, 4) == (0, 2, 3, 4)
+    assert around(0, 2, 1) == (1,)
+
+
+def test_consecutive_frames_are_a_target_the_contexts_around_it_and_targets_beside_them():
+    """Of eight frames, whatever they see: N = 2 with one target more is t-1, t+1 and t-2 or t+2 (0 or 7 at the ends fill in order)."""
+    room = scene(beside(*np.arange(0, 0.8, 0.1)))
+    found = set()
+    for draw in range(60):
+        choice = consecutive(room, room.depth_range(), 2, 2, np.random.default_rng(draw))
+        found.add((choice.context, choice.targets))
+    inner = {((t - 1, t + 1), targets) for t in range(2, 6) for targets in ((t - 2, t), (t, t + 2))}
+    ends = {((0, 2), (1, 3)), ((5, 7), (4, 6))}
+    assert found == inner | ends
+    four = consecutive(room, room.depth_range(), 4, 1, np.random.default_rng(0))
+    (target,) = four.targets
+    assert sorted((*four.context, target)) == list(range(min(four.context), min(four.context) + 5))
+
+
+def test_consecutive_frames_need_as_many_and_an_inner_one():
+    room = scene(beside(0.0, 0.1))
+    with pytest.raises(
+        InputError, match="at least 3 usable frames, for 1 input views around one to compare with, found 2"
+    ):
+        consecutive(room, room.depth_range(), 1, 1, np.random.default_rng(0))

@@ -1,0 +1,39 @@
+"""Reconstruct frames of the embedded room and tell what was planned and what the process held at most,
+libraries included.
+
+    python tests/model/memory/peak_of_process.py NETWORK VIEWS HEIGHT WIDTH [FREE_GB]
+
+With FREE_GB the plan believes that so much is free.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict
+
+from semgs.bench.bench_inputs import network
+from semgs.bench.peak_memory import peak_mb
+from semgs.data.choosing.choice import given
+from semgs.data.scenes import open_scene
+from semgs.model.memory import memory_plan
+from semgs.reconstruction.pipeline import reconstruct
+from semgs.rooms.sets.demo_room import demo_scene
+from semgs.runtime.allocator import keep_freed_memory
+from semgs.runtime.free_memory import process_bytes
+
+
+def main(name: str, views: str, height: str, width: str, free_gb: str = "") -> None:
+    keep_freed_memory()  # as the command does
+    if free_gb:
+        memory_plan.free_bytes = lambda: 1e9 * float(free_gb)
+    scene, count = open_scene(demo_scene()), int(views)
+    choice = given(scene, list(range(count)))
+    result = reconstruct(scene, choice, network(name), (int(height), int(width)))
+    assert result.plan is not None
+    told = asdict(result.plan) | {"measured_bytes": 1e6 * peak_mb(), "mapped_bytes": process_bytes("RssFile")}
+    print(json.dumps({key: value for key, value in told.items() if key != "available_bytes"}))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,151 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from blocks import BLOCKS, room_of_blocks, turned
+
+import semgs
+from semgs.data.tables.classes import IGNORE, SCANNET20
+from semgs.geometry.rotations import matrix_from_quaternion
+from semgs.robotics.floor import NoFloorError, floor_height
+from semgs.robotics.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy, closed, occupancy
+
+
+def at(found: Occupancy, x: float, y: float) -> int:
+    """The cell at a position."""
+    column, row = (
+        int(np.floor((side - low) / found.resolution)) for side, low in zip((x, y), found.origin, strict=False)
+    )
+    return int(found.cells[row, column])
+
+
+def voxel(found: Occupancy, x: float, y: float, z: float) -> tuple[int, int, int]:
+    """The index of the voxel at a position."""
+    column, row, layer = (
+        int(np.floor((side - low) / found.resolution)) for side, low in zip((x, y, z), found.origin, strict=True)
+    )
+    return layer, row, column
+
+
+@pytest.fixture(scope="module")
+def found() -> Occupancy:
+    scene = room_of_blocks()
+    return occupancy(scene.gaussians, scene.cameras)
+
+
+def test_the_floor_is_free_the_wall_and_the_chair_are_occupied_and_their_shadows_are_unknown(found: Occupancy) -> None:
+    assert found.floor == pytest.approx(0, abs=1e-6)
+    assert found.resolution == 0.05
+    assert at(found, 1.6, -0.1) == FREE
+    assert at(found, 3.0, -0.1) == FREE  # between the chairs
+    assert at(found, 2.03, 0.5) == OCCUPIED  # the front of the first chair
+    assert at(found, 4.03, -0.1) == OCCUPIED  # the wall
+    assert (
+        at(found, 2.9, 0.75) == UNKNOWN
+    )  # behind a chair: 0.78 m high and seen from 1.2 m, it hides 2.48 m / 1.2 m * 0.78 m behind it
+    assert at(found, 0.3, 0.0) == UNKNOWN  # below the camera, out of its picture
+
+
+def test_what_no_ray_reached_is_never_free(found: Occupancy) -> None:
+    column = int((4.1 - found.origin[0]) / found.resolution)
+    assert column < found.cells.shape[1]
+    assert not (found.cells[:, column:] == FREE).any()  # behind the wall
+    assert not (found.voxels[:, :, column:] == FREE).any()
+    assert found.voxels[voxel(found, 2.25, 0.55, 0.4)] == UNKNOWN  # inside the chair
+
+
+def test_voxels_know_their_class_and_have_one_only_if_they_are_occupied(found: Occupancy) -> None:
+    layer, row, column = voxel(found, 2.03, 0.5, 0.4)
+    assert found.voxels[layer, row, column] == OCCUPIED
+    assert found.labels[layer, row, column] == SCANNET20.index("chair")
+    assert (found.labels[found.voxels != OCCUPIED] == IGNORE).all()
+    assert found.voxels[voxel(found, 1.5, 0.0, 0.5)] == FREE
+    # From 0.1 m below the floor to 1.5 m above it: 32 layers of 5 cm.
+    assert found.voxels.shape[0] == 32
+    assert found.origin[2] == pytest.approx(-0.1, abs=1e-6)
+
+
+def test_what_is_below_the_step_or_above_the_robot_is_no_obstacle() -> None:
+    plate = ("table", (1.4, -0.4, 0.0), (1.8, 0.4, 0.08))
+    scene = room_of_blocks((*BLOCKS[:2], plate))
+    assert at(occupancy(scene.gaussians, scene.cameras), 1.6, 0.0) != OCCUPIED
+    assert at(occupancy(scene.gaussians, scene.cameras, step=0.05), 1.6, 0.0) == OCCUPIED
+    scene = room_of_blocks()
+    low = occupancy(scene.gaussians, scene.cameras, step=0.05, height=0.4)
+    assert at(low, 2.03, 0.5) == OCCUPIED
+    assert not (low.labels[low.voxels == OCCUPIED][:, None] == SCANNET20.index("floor")).all()
+
+
+def test_a_world_that_lies_on_its_side_gives_the_same_plan_with_its_up(found: Occupancy) -> None:
+    scene = room_of_blocks()
+    side = torch.eye(4, dtype=torch.float64)
+    side[:3, :3] = matrix_from_quaternion(torch.tensor([0.6, 0.5, -0.2, 0.3], dtype=torch.float64))
+    moved = turned(scene, side)
+    again = occupancy(moved.gaussians, moved.cameras, up=side[:3, 2].tolist())
+    assert again.floor == pytest.approx(0, abs=1e-5)
+    for content, within in (
+        (FREE, 0.08),
+        (OCCUPIED, 0.2),
+    ):  # the grid is turned about z, so a thin wall takes other cells
+        assert (again.cells == content).sum() == pytest.approx((found.cells == content).sum(), rel=within)
+
+
+def test_uncertain_depth_frees_less_and_gaussians_in_no_order_need_depths(found: Occupancy) -> None:
+    scene = room_of_blocks()
+    spread = torch.full_like(scene.depths, 0.5)
+    less = occupancy(scene.gaussians, scene.cameras, depth_spread=spread)
+    assert (less.voxels == FREE).sum() < 0.6 * (found.voxels == FREE).sum()
+    order = torch.randperm(len(scene.gaussians), generator=torch.Generator().manual_seed(1))[:-7]
+    merged = scene.gaussians.map(lambda tensor: tensor[order])
+    with pytest.raises(ValueError, match="expected one for each pixel"):
+        occupancy(merged, scene.cameras)
+    again = occupancy(merged, scene.cameras, depths=scene.depths)
+    assert (again.cells != found.cells).mean() < 0.01
+
+
+def test_the_floor_is_the_fullest_level_of_its_class_and_without_classes_the_lowest_full_one() -> None:
+    heights = np.concatenate(
+        (np.full(300, 0.72), np.full(200, 0.03), np.full(10, -0.6))
+    )  # a table, the floor, and noise
+    weights, eyes = np.ones(510), np.array([1.2])
+    assert floor_height(heights, weights, eyes) == pytest.approx(0.03)
+    assert floor_height(heights, weights, eyes, heights < 0.5) == pytest.approx(0.03)
+    with pytest.raises(NoFloorError, match="41% of the Gaussians are below what looks most like one"):
+        floor_height(
+            heights, weights, eyes, heights > 0.5
+        )  # a table that has the class of a floor: 210 of 510 are below it
+    assert floor_height(heights, np.where(heights < 0.5, 0.05, 1.0), eyes, heights > 0.5) == pytest.approx(0.72)
+    with pytest.raises(NoFloorError, match="fewer than 1% of the Gaussians are below the cameras with the class floor"):
+        floor_height(heights, weights, eyes, heights > 5)
+    with pytest.raises(NoFloorError, match="below the cameras"):
+        floor_height(heights + 2, weights, eyes)
+
+
+def test_gaps_that_no_disc_fits_into_are_closed() -> None:
+    blocked = np.zeros((9, 13), bool)
+    blocked[:, [2, 6, 12]] = True  # gaps of three and of five cells
+    assert closed(blocked, 4.0)[4].tolist() == [bool(n) for n in (0, 0, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 1)]
+    np.testing.assert_array_equal(closed(blocked, 1.0), blocked)
+
+
+def test_a_scene_without_classes_and_the_public_name_work() -> None:
+    scene = room_of_blocks(classes=False)
+    plain = semgs.occupancy(scene.gaussians, scene.cameras, resolution=0.1)
+    assert at(plain, 1.6, -0.1) == FREE
+    assert at(plain, 4.03, -0.1) == OCCUPIED
+    assert (plain.labels == IGNORE).all()
+
+
+def test_arguments_out_of_range_are_refused() -> None:
+    scene = room_of_blocks()
+    for options in ({"step": 2.0}, {"step": 0.0}, {"resolution": 0.0}, {"reach": -1.0}):
+        with pytest.raises(ValueError, match="expected 0 < step < height"):
+            occupancy(scene.gaussians, scene.cameras, **options)
+    with pytest.raises(ValueError, match="use a larger resolution"):
+        occupancy(scene.gaussians, scene.cameras, resolution=0.001)
+    two = replace(SCANNET20, name="two", names=("a", "floor"), colours=((0, 0, 0),) * 2, raw_ids=(1, 2))
+    with pytest.raises(ValueError, match="expected the 2 of table two"):
+        occupancy(scene.gaussians, scene.cameras, classes=two)

@@ -1,0 +1,160 @@
+"""Autocast is for layers: cameras, depth and Gaussians keep float32, on the CPU and on CUDA, and both devices agree."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from golden import fill_golden
+from networks import preset
+from posed import posed_cameras, posed_views
+
+from semgs import load, open_scene
+from semgs.data.resampling import resized
+from semgs.data.views import Views
+from semgs.geometry.cameras import Cameras, project
+from semgs.geometry.plane_sweep import depth_candidates
+from semgs.model.attention.camera_attention import token_transforms
+from semgs.model.sweep.cost_volume import cost_volume
+from semgs.rooms.sets.demo_room import demo_scene
+from semgs.scene.encoding import Encoding
+
+SIZE = (32, 48)
+
+
+@pytest.fixture(scope="module")
+def room() -> Views:
+    """Two photos of the embedded room, small."""
+    return resized(open_scene(demo_scene()).read([1, 3], size=None), (48, 64))
+
+
+def difference(a: torch.Tensor, b: torch.Tensor) -> float:
+    """Norm of the difference over the norm."""
+    return float((a.cpu().double() - b.cpu().double()).norm() / b.double().norm())
+
+
+def farthest(a: Encoding, b: Encoding) -> float:
+    """The largest difference among depth, opacities, and the means, sizes and features of both branches."""
+    pairs = [(a.depths, b.depths), (a.gaussians.opacities, b.gaussians.opacities)]
+    pairs.append((a.gaussians.means, b.gaussians.means))
+    for one, other in ((a.gaussians.colour, b.gaussians.colour), (a.gaussians.semantic, b.gaussians.semantic)):
+        pairs += [(one.scales, other.scales), (one.features, other.features)]
+    return max(difference(one, other) for one, other in pairs)
+
+
+def dtypes(encoding: Encoding) -> set[torch.dtype]:
+    found = {encoding.depths.dtype, encoding.confidences.dtype, encoding.depth_spread.dtype}
+    encoding.gaussians.map(lambda tensor: found.add(tensor.dtype) or tensor)
+    return found
+
+
+def test_autocast_leaves_cameras_alone(device) -> None:
+    one = posed_cameras(3, SIZE)
+    cameras = Cameras(one.world_from_camera[None], one.intrinsics[None], SIZE)
+    generator = torch.Generator().manual_seed(0)
+    tokens = torch.randn(1, 3, 4, 6, 16, generator=generator).to(device)
+    features = torch.randn(1, 3, 8, 8, 12, generator=generator).to(device)
+    near = torch.full((1, 3), 0.5, dtype=torch.float64)
+    candidates = depth_candidates(torch.tensor([0.5, 10.0]).expand(1, 3, 2), 9).to(device)
+
+    def geometry() -> list[torch.Tensor]:
+        transforms = token_transforms(cameras, near[:, 0], (4, 6), 16, tokens)
+        return [
+            transforms.projection,
+            transforms.queries(tokens),
+            transforms.keys(tokens),
+            transforms.outputs(tokens),
+            cost_volume(features, cameras, near, candidates, fused=False),
+            cost_volume(features, cameras, near, candidates),
+        ]
+
+    plain = geometry()
+    with torch.autocast(device.type, torch.bfloat16):
+        inside = geometry()
+    for found, expected in zip(inside, plain, strict=True):
+        assert expected.dtype == torch.float32
+        assert torch.equal(found, expected)
+
+
+@pytest.mark.parametrize("name", ["small", "base"])
+def test_under_autocast_gaussians_are_float32_and_lie_at_their_depth(device, name: str) -> None:
+    model = fill_golden(preset(name)).to(device)
+    views = posed_views(2, SIZE)
+    with torch.no_grad(), torch.autocast(device.type, torch.bfloat16):
+        encoding = model(views)
+    assert dtypes(encoding) == {torch.float32}
+    assert encoding.depths.device.type == device.type
+    depths = project(encoding.gaussians.means.cpu().double().reshape(2, -1, 3), views.cameras)[..., 2]
+    pixels = encoding.depths[:, :: model.stride, :: model.stride].cpu().double()
+    assert ((depths - pixels.flatten(1)) / pixels.flatten(1)).abs().max() < 1e-5
+
+
+@pytest.mark.parametrize("paper_heads", [False, True])
+def test_logits_of_depth_disparity_and_opacity_are_float32_under_autocast(paper_heads: bool) -> None:
+    model = fill_golden(preset("small", paper_heads=paper_heads))
+    last = [
+        "colour.depth.regressor.head.2",
+        "colour.heads.opacity.2" if paper_heads else "colour.heads.refinement.to_disparity.2",
+    ]
+    given = {}
+    for name in [*last, "colour.heads.colour.2"]:
+        model.get_submodule(name).register_forward_hook(
+            lambda layer, inputs, output, name=name: given.__setitem__(name, (inputs[0], output))
+        )
+    with torch.no_grad(), torch.autocast("cpu", torch.bfloat16):
+        model(posed_views(2, SIZE))
+    assert {name: output.dtype for name, (_, output) in given.items()} == {
+        **dict.fromkeys(last, torch.float32), "colour.heads.colour.2": torch.bfloat16
+    }  # fmt: skip
+    for name in last:  # not only their type: a layer that rounds its products to eight bits would differ by 1e-3
+        layer, (seen, output) = model.get_submodule(name), given[name]
+        exact = torch.nn.functional.conv2d(
+            seen.double(), layer.weight.detach().double(), layer.bias.detach().double(), padding=layer.padding
+        )
+        assert difference(output, exact) < 1e-5
+
+
+def test_trained_weights_bear_bfloat16(device, room) -> None:
+    model = load("small").eval()
+    model.fuses = False
+    with torch.no_grad():
+        exact = model(room)
+        with torch.autocast(device.type, torch.bfloat16):
+            rounded = model.to(device)(room)
+    assert 1e-5 < farthest(rounded, exact) < 2e-2
+
+
+def test_rounding_changes_the_class_of_few_gaussians_on_which_views_agree(device, room) -> None:
+    """Where a view is at the limit of having a say, rounding decides."""
+    model = load("small").eval()
+    assert model.fuses
+    with torch.no_grad():
+        exact = model(room).gaussians.semantic.features.argmax(-1)
+        with torch.autocast(device.type, torch.bfloat16):
+            rounded = model.to(device)(room).gaussians.semantic.features.argmax(-1).cpu()
+    assert (exact != rounded).float().mean() < 0.02
+
+
+@pytest.mark.gpu
+@pytest.mark.parametrize("views", [2, 3, 4])
+@pytest.mark.parametrize("name", ["small", "base"])
+def test_the_whole_network_on_cuda_equals_the_cpu(cuda, name: str, views: int) -> None:
+    model = fill_golden(preset(name))
+    pictures = posed_views(views, SIZE)
+    with torch.no_grad():
+        here = model(pictures)
+        there = model.to(cuda)(pictures)
+    assert there.depths.device.type == "cuda"
+    assert farthest(there, here) < 1e-4
+
+
+@pytest.mark.gpu
+def test_gradients_on_cuda_equal_the_cpus(cuda) -> None:
+    pictures = posed_views(2, SIZE)
+    gradients = []
+    for device in ("cpu", cuda):
+        model = fill_golden(preset("small")).to(device)
+        encoding = model(pictures)
+        (encoding.depths.log().mean() + encoding.gaussians.colour.features.square().mean()).backward()
+        gradients.append([one.grad.cpu() for one in model.parameters() if one.grad is not None])
+    for on_cpu, on_cuda in zip(*gradients, strict=True):
+        assert difference(on_cuda, on_cpu) < 1e-2 or on_cpu.norm() < 1e-6

@@ -1,0 +1,59 @@
+"""What the network returns, and what it looks like from cameras."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+from golden import fill_golden
+from networks import preset
+from posed import posed_views
+
+from semgs.data.views import stack
+from semgs.model.layers.chunks import Chunks
+from semgs.rendering.render import render
+from semgs.scene.encoding import Places
+
+SIZE = (32, 48)
+
+
+def test_the_near_bound_of_a_scene_is_the_smallest_of_its_views() -> None:
+    views = posed_views(3, SIZE)
+    with torch.inference_mode():
+        encoding = fill_golden(preset("small"))(views, Chunks(heads=2))
+        assert torch.equal(encoding.depth_range, views.depth_range)
+        # Bounds whose near planes, a fifth of them, lie among the Gaussians.
+        bounds = 5 * float(encoding.depths.median()) * torch.tensor([[0.9, 9.0], [0.4, 8.0], [0.7, 7.0]])
+        encoding = replace(encoding, depth_range=bounds)
+        found = encoding.render(views.cameras).images
+        for near in bounds[:, 0].tolist():
+            expected = render(encoding.gaussians, views.cameras, near=near).images
+            assert torch.equal(found, expected) == (near == min(bounds[:, 0].tolist()))
+            assert torch.equal(encoding.render(views.cameras, near=near).images, expected)
+
+
+def test_each_scene_of_a_batch_has_its_own_near_bound() -> None:
+    one, other = posed_views(2, SIZE, seed=1), posed_views(2, SIZE, seed=5)
+    other = other.changed(depth_range=2 * other.depth_range)
+    model = fill_golden(preset("small"))
+    with torch.inference_mode():
+        encoding = model(stack([one, other]))
+        together = encoding.render(stack([one, other]).cameras)
+        for index, views in enumerate((one, other)):
+            alone = encoding.map(lambda tensor, index=index: tensor[index]).render(views.cameras)
+            assert torch.equal(together.images[index], alone.images)
+    assert torch.equal(encoding.depth_range, torch.stack([one.depth_range, other.depth_range]))
+
+
+def test_bounds_stay_where_they_are_when_an_encoding_moves() -> None:
+    with torch.inference_mode():
+        encoding = fill_golden(preset("small"))(posed_views(2, SIZE))
+    moved = encoding.to("cpu", torch.float16)
+    assert (moved.depths.dtype, moved.gaussians.means.dtype) == (torch.float16, torch.float16)
+    assert moved.depth_range.dtype == torch.float64
+
+
+def test_blocks_at_the_edge_count_when_places_are_counted_over_the_views() -> None:
+    """5x8 px in blocks of 2x2 are 3 rows of 4 blocks."""
+    places = Places(torch.tensor([0, 11, 12, 35]), 2)
+    assert places.views((5, 8)).tolist() == [0, 0, 1, 2]
