@@ -89,3 +89,8 @@ def test_the_folder_contains_the_report_and_the_classes_of_every_pixel(images: S
 def test_a_size_applies_to_all_images(images: Scene):
     frames = score_single_images(by_colour(), [images], (16, 16))
     assert [int(frame.truth.sum()) for frame in frames if frame.truth is not None] == [128, 256]
+
+
+def test_each_image_without_a_camera_counts_as_a_scene(images: Scene):
+    frames = score_single_images(by_colour(), [images])
+    assert [(frame.scene, frame.target) for frame in frames] == [("two/floor", "floor"), ("two/walls", "walls")]
