@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import json
 import os
 import re
 import sys
@@ -11,8 +12,10 @@ from docutils import nodes
 from latex2mathml.converter import convert
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 os.environ["COLUMNS"] = "100"
+
+import mutants  # noqa: E402
 
 from semgs import __version__  # noqa: E402
 from semgs.cli.main import COMMANDS, main  # noqa: E402
@@ -105,6 +108,31 @@ def commands() -> str:
     return "\n".join(parts)
 
 
+def table(columns: list[str], rows: list[list[str | float | None]]) -> str:
+    """A table in Markdown; numbers are on the right."""
+    texts = [
+        ["" if cell is None else f"{cell:,}" if isinstance(cell, int) else str(cell) for cell in row] for row in rows
+    ]
+    rules = ["---" if any(isinstance(cell, str) for cell in column) else "---:" for column in zip(*rows, strict=True)]
+    return "\n".join(f"| {' | '.join(row)} |" for row in (columns, rules, *texts))
+
+
+def measurements() -> str:
+    """The files of measurements in docs/lab, a section each."""
+    parts = []
+    for path in sorted((ROOT / "docs" / "lab").glob("*.json")):
+        measured = json.loads(path.read_text())
+        parts.append(f"## {measured['title']}")
+        for part in measured["parts"]:
+            if "commands" in part:
+                parts.append("```sh\n" + "\n".join(part["commands"]) + "\n```")
+            elif "columns" in part:
+                parts.append(table(part["columns"], part["rows"]))
+            else:
+                parts.append(part["text"])
+    return "\n\n".join(parts)
+
+
 def written_at_build(app: object, page: str, source: list[str]) -> None:
     """Fill the pages whose text exists elsewhere, and link files of the repository that are no pages as downloads."""
     if page == "index":
@@ -113,6 +141,10 @@ def written_at_build(app: object, page: str, source: list[str]) -> None:
         source[0] = from_root("CHANGELOG.md")
     elif page == "commands":
         source[0] += commands()
+    elif page == "lab/measurements":
+        source[0] += "\n" + measurements()
+    elif page == "planted_errors":
+        source[0] = mutants.page()
     source[0] = source[0].replace("](../CHANGELOG.md)", "](changelog.md)")
     if "/" not in page:
         source[0] = re.sub(r"\]\((\.\./[^)#]+\.md)\)", r"](path:\1)", source[0])

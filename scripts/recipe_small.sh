@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# How the included weights were trained, in homes of the first edition (docs/rooms.md) and last of the second, in about nineteen core-hours without the rooms (docs/experiments.md); SHARE=5 takes 5 % of the steps. `semgs recipe` runs the
+# How the included weights were trained, in homes of the first edition (docs/rooms.md) and last of the second, in about nineteen core-hours without the rooms (docs/lab/experiments.md); SHARE=5 takes 5 % of the steps. `semgs recipe` runs the
 # same three stages with settings of one size each; this script keeps the exact runs.
 #
 #   scripts/recipe_small.sh FOLDER ASSETS BACKBONE [TEACHER [PHOTOS]]

@@ -2,7 +2,6 @@
 
     python tests/mutants.py               all of them (`make mutants`)
     python tests/mutants.py depth swin    those whose name or file holds one of these words
-    python tests/mutants.py --page        the page docs/planted_errors.md
 
 There is a copy for each of two runs at a time, in build/mutants. Before anything is planted the named tests must pass in
 each, which also fills its caches. Tests run in processes that are forked off one that has imported torch, which takes
@@ -107,15 +106,11 @@ def main() -> int:
     """Run what is asked for and print a table; 1 if too many errors survive, 2 if tests fail without one."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("words", nargs="*", help="parts of names or files; none is all")
-    parser.add_argument("--page", action="store_true", help="print docs/planted_errors.md and exit")
     parser.add_argument(
         "--seconds", type=float, default=SECONDS, help="the longest that the tests of one error may take"
     )
     parser.add_argument("--jobs", type=int, default=2, help="how many errors to try at a time")
     given = parser.parse_args()
-    if given.page:
-        print(page(), end="")
-        return 0
     mutants = [one for one in MUTANTS if not given.words or any(word in one.name + one.file for word in given.words)]
     for mutant in mutants:
         planted(mutant, ROOT)
@@ -288,12 +283,11 @@ def copied(folder: Path) -> Path:
 
 
 def page() -> str:
-    """The page `docs/planted_errors.md`."""
+    """All errors as a page of the docs; docs/conf.py calls this when the site is built."""
     packages = {one.file.split("/")[1] for one in MUTANTS}
     parts = [
         "# Planted errors",
-        f"`make mutants` plants each of these {len(MUTANTS)} errors, one at a time, and checks that a test fails ([Testing](testing.md#planted-errors)).\n"
-        "`python tests/mutants.py --page` prints this page.",
+        f"`make mutants` plants each of these {len(MUTANTS)} errors, one at a time, and checks that a test fails ([Testing](testing.md#planted-errors)).",
     ]
     for package in sorted(packages):
         rows = ["| error | planted in | caught by |", "|---|---|---|"]

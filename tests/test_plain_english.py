@@ -21,7 +21,8 @@ PHRASES = (
 
 PAGES = (
     "README.md", "CHANGELOG.md",
-    *(str(path.relative_to(ROOT)) for folder in ("docs", "docs/examples") for path in sorted((ROOT / folder).glob("*.md"))),
+    *(str(path.relative_to(ROOT)) for folder in ("docs", "docs/examples", "docs/lab") for path in sorted((ROOT / folder).glob("*.md"))),
+    *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs/lab").glob("*.json"))),
 )  # fmt: skip
 """All pages of the docs."""
 

@@ -36,6 +36,8 @@ from semgs.segmenters.networks.exported import read_description
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = (ROOT / "README.md", *sorted(path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts))
+MEASUREMENTS = tuple(sorted((ROOT / "docs" / "lab").glob("*.json")))
+"""Tables of numbers with the commands that measured them."""
 
 SKIPPED = {
     "python train.py": "the trainer of 3D Gaussian splatting's authors needs CUDA, and is on no index",
@@ -105,7 +107,9 @@ def the_other_method(*inputs: object) -> np.ndarray:
 
 
 def read(path: Path) -> list[Example]:
-    """The examples of a page, in its order."""
+    """The examples of a page, or the commands of a file of measurements, in its order."""
+    if path.suffix == ".json":
+        return list(Document.parse(str(path), measuring_commands))
     parsers = (command_lines, CodeBlockParser("python", python), CodeBlockParser("json", described))
     return list(Document.parse(str(path), *parsers))
 
@@ -117,6 +121,14 @@ def command_lines(document: Document) -> Iterator[Region]:
         for line in re.finditer(r"(?:[^\n]*\\\n)*[^\n]*\n?", block.parsed):
             if shlex.split(line[0], comments=True):
                 yield Region(start + line.start(), start + line.end(), line[0], shell)
+
+
+def measuring_commands(document: Document) -> Iterator[Region]:
+    """The commands of a file of measurements."""
+    for part in json.loads(document.text)["parts"]:
+        for command in part.get("commands", ()):
+            start = document.text.index(written := json.dumps(command, ensure_ascii=False))
+            yield Region(start, start + len(written), command, shell)
 
 
 def name(example: Example) -> str:

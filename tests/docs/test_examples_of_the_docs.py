@@ -1,4 +1,4 @@
-"""Every command line and every block of Python and JSON in README and docs does what the page says, on the disk of a reader."""
+"""Every command line and every block of Python and JSON in README, docs and files of measurements does what the page says, on the disk of a reader."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 import reader_disk
 from asset_folders import asset_folder, box_mesh, write_mesh
 from doc_examples import (
+    MEASUREMENTS,
     PAGES,
     SKIPPED,
     SLOW,
@@ -38,7 +39,7 @@ PUBLISHED = ("re10k.ckpt", "deeplabv3plus", "mosaic_ade32")
 """Words of examples that need files of others."""
 LONG = [pytest.mark.long, pytest.mark.timeout(900)]
 
-EXAMPLES = [example for page in PAGES for example in read(page)]
+EXAMPLES = [example for page in (*PAGES, *MEASUREMENTS) for example in read(page)]
 CHECKED = [example for example in EXAMPLES if not skipped(example)]
 QUICK = {name(example) for example in quick(CHECKED)}
 RUN = [pytest.param(example, id=name(example), marks=[] if name(example) in QUICK else LONG) for example in CHECKED]

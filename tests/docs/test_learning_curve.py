@@ -1,4 +1,4 @@
-"""docs/learning_curve.py: the curve over core-hours and what the page says of it."""
+"""docs/lab/learning_curve.py: the curve over core-hours and what the page says of it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-DOCS = Path(__file__).parents[2] / "docs"
-CURVE = runpy.run_path(str(DOCS / "learning_curve.py"))
+LAB = Path(__file__).parents[2] / "docs" / "lab"
+CURVE = runpy.run_path(str(LAB / "learning_curve.py"))
 
 
 def test_a_score_that_gains_a_tenth_at_each_doubling():
@@ -23,6 +23,6 @@ def test_the_page_says_what_the_table_gives():
     fits = [CURVE["doublings"](rows[:, 0], scores) for scores in rows[:, 1:].T]
     gains = [f"{gain:.3f}" for gain, _ in fits]
     next_ones = [f"{start + gain * np.log2(2 * rows[-1, 0]):.2f}" for gain, start in fits]
-    page = (DOCS / "experiments.md").read_text("utf-8")
+    page = (LAB / "experiments.md").read_text("utf-8")
     assert f"A doubling gave {gains[0]}, {gains[1]} and {gains[2]}." in page
     assert f"would lead to about {next_ones[0]}, {next_ones[1]} and {next_ones[2]}." in page

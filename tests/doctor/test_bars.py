@@ -1,4 +1,4 @@
-"""The table of docs/benchmarks.md on a few generated rooms: how often a planted mistake is named."""
+"""The table of docs/lab/doctor.json on a few generated rooms: how often a planted mistake is named."""
 
 from __future__ import annotations
 

@@ -28,7 +28,15 @@ def test_every_page_is_listed_once():
     pages = {
         path.relative_to(DOCS).with_suffix("").as_posix() for path in DOCS.rglob("*.md") if "_build" not in path.parts
     }
-    assert sorted(listed()) == sorted(pages - {"index"})
+    lab = {page for page in pages if page.startswith("lab/")}
+    assert sorted(listed()) == sorted(pages - {"index"} - lab)
+
+
+def test_pages_of_the_laboratory_are_in_no_menu_but_a_listed_page_links_to_each():
+    linked = "".join((DOCS / f"{page}.md").read_text() for page in listed())
+    for path in (DOCS / "lab").glob("*.md"):
+        assert path.read_text().startswith("---\norphan: true\n---\n")
+        assert f"](lab/{path.name}" in linked, path
 
 
 def test_the_reference_has_every_public_name():

@@ -1,7 +1,7 @@
 """Memory plan: how much memory a scene needs, computed before it is encoded, and how many views to process at a time.
 
 The memory of each stage is the sum in `semgs.model.memory.stage_memory`, plus libraries and their compiler (`LIBRARIES`) and the gaps between tensors
-that the allocator cannot release (`HOLES`). Both were measured; docs/benchmarks.md says how, and compares the plan with real peaks.
+that the allocator cannot release (`HOLES`). Both were measured; docs/benchmarks.md says how, and docs/lab/memory.json compares the plan with real peaks.
 """
 
 from __future__ import annotations

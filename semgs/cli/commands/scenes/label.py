@@ -50,7 +50,7 @@ class Label:
     """Height x width of the images, in pixels; swapped for portrait images. Other aspect ratios are centre-cropped."""
     every: Count = 1
     """Keep each n-th frame."""
-    scenes: Annotated[str, tyro.conf.arg(metavar="LIST", aliases=["--list"], help_behavior_hint="")] = ""
+    scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
     """Only the scenes of a list, as for semgs prepare."""
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 

@@ -47,7 +47,7 @@ class Prepare:
     """Height x width of the images, in pixels; swapped for portrait images. Other aspect ratios are centre-cropped."""
     every: Count = 1
     """Keep each n-th frame."""
-    scenes: Annotated[str, tyro.conf.arg(metavar="LIST", aliases=["--list"], help_behavior_hint="")] = ""
+    scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
     """Only the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line; see docs/data.md."""
     workers: Annotated[WorkersOrCores, tyro.conf.arg(help_behavior_hint="")] = None
     """Worker processes; by default one per core, 0 for none."""

@@ -1,4 +1,4 @@
-"""Draw the curve over core-hours of docs/experiments.md from the table there, and print what a doubling gave: python docs/learning_curve.py
+"""Draw the curve over core-hours of docs/lab/experiments.md from the table there, and print what a doubling gave: python docs/lab/learning_curve.py
 
 It needs matplotlib (extra figures).
 """
@@ -12,12 +12,12 @@ import numpy as np
 from semgs.figures.plotting import new_figure
 
 HEADING = "## The curve over core-hours"
-DOCS = Path(__file__).parent
+LAB = Path(__file__).resolve().parent
 
 
 def table() -> tuple[list[str], np.ndarray]:
     """The names of the scores, and rows of core-hours and scores."""
-    section = (DOCS / "experiments.md").read_text("utf-8").partition(HEADING)[2].partition("\n## ")[0]
+    section = (LAB / "experiments.md").read_text("utf-8").partition(HEADING)[2].partition("\n## ")[0]
     rows = [
         [cell.strip() for cell in line.strip("|").split("|")] for line in section.splitlines() if line.startswith("|")
     ]
@@ -47,7 +47,7 @@ def main() -> None:
     axes.set_xticks([1, 2, 4, 8, 16], ["1", "2", "4", "8", "16"])
     axes.set(xlabel="core-hours of the class branch", ylabel="mIoU", ylim=(0, 0.8))
     axes.legend(frameon=False, fontsize=8, loc="lower right")
-    figure.savefig(DOCS / "images" / "plot_core_hours.png", dpi=120)
+    figure.savefig(LAB.parent / "images" / "plot_core_hours.png", dpi=120)
 
 
 if __name__ == "__main__":
