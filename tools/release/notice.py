@@ -46,7 +46,12 @@ the addresses at Flickr that COCO states.
 """
 """Heading of the labelled photos."""
 
-COCO_LICENCES = {4: "CC BY 2.0", 5: "CC BY-SA 2.0", 7: "no known copyright restrictions", 8: "United States government work"}
+COCO_LICENCES = {
+    4: "CC BY 2.0",
+    5: "CC BY-SA 2.0",
+    7: "no known copyright restrictions",
+    8: "United States government work",
+}
 """Licences of COCO's images by their number."""
 
 IDS_IN_A_LINE = 8
