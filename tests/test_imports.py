@@ -30,7 +30,7 @@ LAYOUTS = "semgs.data.layouts"
 LAYOUT_FLOORS = (
     ("parts",),
     ("colmap", "scannet"),
-    ("scannetpp", "replica", "ros", "rgbd", "phones", "transforms_json"),
+    ("scannetpp", "replica", "ros", "rgbd", "phones", "transforms_json", "labelled_images"),
     ("zoo",),
 )
 """Inside `semgs.data.layouts`: what readers share, formats that other data sets use too, the rest, which know nothing of one another, and what reads
@@ -49,7 +49,7 @@ FLOOR = {package: floor for floor, packages in enumerate(FLOORS) for package in 
 
 FOLDERS = {
     "rooms": ("pieces", "assets", "plans", "drawing", "sets"),
-    "evaluation": ("frames", "scoring", "tables", "page", "run"),
+    "evaluation": ("frames", "scoring", "tables", "page", "run", "single_images"),
     "model": (
         "layers", "settings", "switches", "networks", "attention", "classes", "sweep", "gaussians", "memory", "stages", "semgs", "build",
         "weights", "encode",

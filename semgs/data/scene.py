@@ -17,7 +17,7 @@ from semgs.data.frames import Frame
 from semgs.data.origin.labeller import Labeller
 from semgs.data.resampling import Fit, default_size
 from semgs.data.tables.classes import ClassTable
-from semgs.data.views import FAR_OUT, Views, joined
+from semgs.data.views import FAR_OUT, INDOOR_DEPTH_RANGE, Views, joined
 from semgs.files.errors import InputError
 from semgs.files.images.notebook import MOST, Strip, html, subsample
 from semgs.geometry.cameras import Cameras
@@ -46,6 +46,7 @@ class Scene:
         applied_scale: nerfstudio's scale between the two, or None.
         splits: positions of the frames in each split of the data set ("train", "test").
         labeller: the network that the labels are from; None for the labels of the scene's files.
+        posed: whether the cameras are known. If not, each image stands alone: intrinsics and poses are placeholders.
     """
 
     path: Path
@@ -62,9 +63,10 @@ class Scene:
     applied_scale: float | None = None
     splits: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     labeller: Labeller | None = None
+    posed: bool = True
 
     def __post_init__(self) -> None:
-        if len(self.frames) < 2:
+        if len(self.frames) < 2 and self.posed:
             listed = len(self.frames) + len(self.absent)
             raise InputError(
                 self.path,
@@ -164,6 +166,8 @@ class Scene:
             ValueError: no frame has that position or name, or the list is empty.
             InputError: the scale has to be found from images, and one cannot be read.
         """
+        if not self.posed:
+            return DepthRange(*INDOOR_DEPTH_RANGE, self.unit, "the range of rooms, as the cameras are unknown")
         return depth_range(self.frames, self._positions(frames), self.unit, self.points, features)
 
     def _positions(self, frames: Sequence[int | str] | None) -> Sequence[int]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from semgs.data.layouts import transforms_json
+from semgs.data.layouts import labelled_images, transforms_json
 from semgs.data.layouts.colmap import colmap_scene as colmap
 from semgs.data.layouts.parts.usable_frames import PICTURES
 from semgs.data.layouts.phones import polycam, record3d
@@ -70,6 +70,7 @@ LAYOUTS = (
     Layout(
         frame_files.recognises, frame_files.open_frame_files, frame_files.LOOKED_FOR, details_used=frame_files.DETAILS
     ),
+    Layout(labelled_images.recognises, labelled_images.open_labelled_images, labelled_images.LOOKED_FOR),
 )
 """The known layouts. If a folder has several, the first one counts."""
 
@@ -94,6 +95,7 @@ def open_scene(
     depth_unit: float | None = None,
     scenezoo: str | None = None,
     needs_labels: bool = True,
+    needs_cameras: bool = True,
 ) -> Scene:
     """The scene at a path; its layout is detected automatically.
 
@@ -102,26 +104,30 @@ def open_scene(
         as_peers: names from `semgs.data.paper_variants.READINGS`: read files the way another paper's code does.
         camera, world, body, intrinsics, depth_unit, scenezoo: details that the files may not state, see `semgs.data.scene_details.SceneDetails`.
         needs_labels: whether labels that cannot be read are an error; if not, they are left out and a note says why.
+        needs_cameras: whether labelled images without cameras are an error.
 
     Raises:
         InputError: nothing is there, no layout is recognised (the error lists the known ones), the scene's files are damaged, the class
             table of its labels is unknown or damaged (if they are needed), or the layout does not support a reading or a detail.
         ValueError: a reading is unknown, or a detail is invalid.
     """
-    return open_with_details(
-        path, as_peers, SceneDetails(camera, world, body, intrinsics, depth_unit, scenezoo), needs_labels
-    )
+    details = SceneDetails(camera, world, body, intrinsics, depth_unit, scenezoo)
+    return open_with_details(path, as_peers, details, needs_labels, needs_cameras)
 
 
 def open_with_details(
-    path: str | Path, as_peers: Collection[str], details: SceneDetails, needs_labels: bool = True
+    path: str | Path,
+    as_peers: Collection[str],
+    details: SceneDetails,
+    needs_labels: bool = True,
+    needs_cameras: bool = True,
 ) -> Scene:
     """As `open_scene`, with the details in one object."""
     check_readings(as_peers)
     path = typed_path(path)
     existing_folder(path)
     with readable(path):
-        scene = _open_known(path, as_peers, details, needs_labels)
+        scene = _open_known(path, as_peers, details, needs_labels, needs_cameras)
         if scene is None:
             raise _unknown_layout(path, "a scene")
     return scene
@@ -132,6 +138,7 @@ def open_scenes(
     as_peers: Collection[str] = (),
     details: SceneDetails | None = None,
     wanted: SceneList | None = None,
+    needs_cameras: bool = True,
 ) -> tuple[Scene, ...]:
     """The scene at a path, or the scenes in that folder, or else those one level below, sorted by name.
 
@@ -142,6 +149,7 @@ def open_scenes(
         as_peers: as for `open_scene`, for all scenes.
         details: details that apply to all scenes.
         wanted: the scenes to open; None for all.
+        needs_cameras: as for `open_scene`.
 
     Raises:
         InputError: as `open_scene`; there is no scene, or one in `wanted` is missing; or two have the same name.
@@ -151,7 +159,8 @@ def open_scenes(
     details = details or SceneDetails()
     paths = (typed_path(path),) if details.scenezoo else scene_paths(path, wanted)
     with readable(path):
-        scenes = tuple(scene for place in paths if (scene := _open_known(place, as_peers, details)) is not None)
+        known = (_open_known(place, as_peers, details, needs_cameras=needs_cameras) for place in paths)
+        scenes = tuple(scene for scene in known if scene is not None)
     names: dict[str, Path] = {}
     for scene in scenes:
         if scene.name in names:
@@ -200,13 +209,22 @@ def _find_scenes(path: Path) -> tuple[Path, ...]:
 
 
 def _open_known(
-    path: Path, as_peers: Collection[str], details: SceneDetails, needs_labels: bool = True
+    path: Path,
+    as_peers: Collection[str],
+    details: SceneDetails,
+    needs_labels: bool = True,
+    needs_cameras: bool = True,
 ) -> Scene | None:
     """The scene at a path, None if it has no known layout."""
     layout = ZOO if details.scenezoo else next((known for known in LAYOUTS if known.recognises(path)), None)
     if layout is None:
         return None
     scene = layout.scene(path, as_peers, details)
+    if needs_cameras and not scene.posed:
+        raise InputError(
+            path, "images with cameras", f"{scene.layout}, which have none",
+            advice="they are for semgs train --supervision pictures and semgs evaluate --single",
+        )  # fmt: skip
     if scene.unread_labels is None:
         return scene
     if needs_labels:

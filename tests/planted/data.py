@@ -36,6 +36,16 @@ def of_scannetpp(name: str) -> tuple[str, ...]:
 
 DATA = (
     Mutant(
+        "what is none of ScanNet's 20 classes becomes a wall", "semgs/data/tables/class_files.py",
+        "labels[number] = IGNORE if name is None", "labels[number] = 0 if name is None",
+        ("tests/data/tables/test_class_files.py::test_a_file_may_say_which_of_scannets_classes_a_number_is",),
+    ),
+    Mutant(
+        "images without cameras are scenes to reconstruct", "semgs/data/scenes.py",
+        "if needs_cameras and not scene.posed:", "if needs_cameras and not scene.frames:",
+        ("tests/data/layouts/test_labelled_images.py::test_without_cameras_it_is_no_scene_to_reconstruct",),
+    ),
+    Mutant(
         "the centre of ScanNet's first pixel stays at 0", SCANNET,
         "(cx + HALF, cy + HALF)", "(cx, cy)",
         of_scannet("a_point_is_where_scannets_own_formula_puts_it"),

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from semgs.data.layouts import labelled_images
 from semgs.data.layouts.replica import sequence as replica
 from semgs.data.layouts.scannet import scannet_scan as scannet
 from semgs.data.layouts.scannetpp import scannetpp_scan as scannetpp
@@ -15,6 +16,7 @@ from semgs.data.layouts.zoo.data_sets import DATA_SETS, LAYOUT
 from semgs.data.origin.labeller import Labeller
 from semgs.data.origin.prepared_record import read_record
 from semgs.data.scene import Scene
+from semgs.data.tables.class_files import read_class_file
 from semgs.files.strict_json import parse_json
 
 ROOM = "room.json"
@@ -95,6 +97,8 @@ def terms_of_photos(scene: Scene) -> Terms:
         if "terms" in record:
             return Terms(**record["terms"])
         layout = str(record.get("source", {}).get("layout", layout))
+    if layout == labelled_images.LAYOUT and (stated := read_class_file(scene.path / labelled_images.CLASSES).terms):
+        return Terms(f"{scene.name}: {stated}")
     if known := _of_layout(layout):
         return known
     folder = scene.path if scene.path.is_dir() else scene.path.parent

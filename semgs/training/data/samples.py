@@ -211,7 +211,7 @@ class Samples:
     def _open_scene(self, path: Path) -> tuple[Scene, DepthRange]:
         """A scene and its near and far; it stays open for the next time."""
         if path not in self._open:
-            scene = open_scene(path)
+            scene = open_scene(path, needs_cameras=False)
             self._open[path] = scene, scene.depth_range()
             self._open_frames += len(scene.frames)
             while self._open_frames > OPEN and len(self._open) > 1:

@@ -65,7 +65,7 @@ def open_source(source: Source, paths: Sequence[Path], contexts: int, targets: i
     needed = contexts + targets
     for path in paths:
         try:
-            scene = open_scene(path)
+            scene = open_scene(path, needs_cameras=False)
             if len(scene) < needed:
                 raise InputError(
                     path,
