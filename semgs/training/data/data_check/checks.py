@@ -27,7 +27,7 @@ def check_scenes(scenes: Sequence[Scene], settings: DataSettings, learning: Supe
         if not scene.posed and not learning.single_images:
             raise InputError(
                 scene.path, f"images with cameras, for --supervision {learning.supervision}",
-                f"{scene.layout}, which have none", advice="train on single images: --supervision pictures",
+                f"{scene.layout}, which have none", advice="to train on single images, give --supervision pictures",
             )  # fmt: skip
     for scene in scenes if learning.uses_labels else ():
         if scene.classes is None:
