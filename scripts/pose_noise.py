@@ -22,6 +22,7 @@ import numpy as np
 import torch
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
+from shared import markdown
 
 from semgs.data.scene import Scene
 from semgs.evaluation.frames.frame_plan import Task, make_plan
@@ -116,7 +117,7 @@ class WithNoise:
         given = noisy(true, self.condition.turn_deg, self.condition.shift, generator)
         if self.condition.then == "aligned":
             given = aligned(given, true)
-        scene = _with_poses(scene, dict(zip(order, given, strict=True)))
+        scene = with_poses(scene, dict(zip(order, given, strict=True)))
         camera = inputs.camera
         if self.condition.then.startswith("refined"):
             held_out = [sample.target] * (self.condition.then != "refined")
@@ -126,7 +127,7 @@ class WithNoise:
         return self.method.predict(Inputs(replace(inputs.task, scene=scene), contexts, camera))
 
 
-def _with_poses(scene: Scene, poses: dict[int, np.ndarray]) -> Scene:
+def with_poses(scene: Scene, poses: dict[int, np.ndarray]) -> Scene:
     """The scene with other cameras at some positions."""
     frames = [
         replace(frame, world_from_camera=poses[index]) if index in poses else frame
@@ -157,11 +158,11 @@ def some(scene: Scene, views: int, targets: int) -> list[TargetSample]:
 def table(name: str, found: dict[int, dict[Condition, dict[str, float]]]) -> str:
     """The scores of a set of rooms by noise, as Markdown."""
     heads = [f"{title}, N = {views}" for views in found for title in METRICS.values()]
-    lines = [[f"{name}: noise", *heads], ["---", *["---:"] * len(heads)]]
+    rows = []
     for condition in next(iter(found.values())):
         numbers = [found[views][condition][metric] for views in found for metric in METRICS]
-        lines.append([str(condition), *[f"{number:.{2 if number > 5 else 3}f}" for number in numbers]])
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+        rows.append([str(condition), *[f"{number:.{2 if number > 5 else 3}f}" for number in numbers]])
+    return markdown([f"{name}: noise", *heads], rows)
 
 
 def plot(found: dict[str, dict[int, dict[Condition, dict[str, float]]]]) -> bytes:

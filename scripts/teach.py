@@ -64,11 +64,10 @@ class Segmenter:
         return found / found.sum(-1, keepdims=True)
 
 
-def predicted(views: Views, segmenter: Segmenter) -> np.ndarray:
-    """Class probabilities of a view at an eighth of its size, float16 [1 rows columns class]."""
+def predicted(views: Views, segmenter: Segmenter, size: tuple[int, int]) -> np.ndarray:
+    """Class probabilities of a view at a size (rows, columns), float16 [1 rows columns class]."""
     image = np.rint(255 * views.images[0].permute(1, 2, 0).numpy()).astype(np.uint8)
     found = segmenter.probabilities(np.ascontiguousarray(image))
-    size = [side // STRIDE for side in views.size]
     maps = torch.from_numpy(found).permute(2, 0, 1)[None]
     small = torch.nn.functional.interpolate(maps, size=size, mode="area")
     return small.permute(0, 2, 3, 1).numpy().astype(np.float16)
@@ -83,11 +82,13 @@ if __name__ == "__main__":
     torch.set_num_threads(1)
     segmenter, count, began = Segmenter(given.network), 0, time.process_time()
     for path in [path for scenes in given.scenes for path in scene_paths(scenes)]:
-        scene = open_scene(path.absolute())
+        scene = open_scene(path.absolute(), needs_cameras=False)
         file = Teacher(given.out, 0).path(scene)
         if file.exists():
             continue
-        found = np.concatenate([predicted(frame.view((1, 2)), segmenter) for frame in scene.frames])
+        height, width = scene.frames[0].lens.size
+        size = height // STRIDE, width // STRIDE
+        found = np.concatenate([predicted(frame.view((1, 2)), segmenter, size) for frame in scene.frames])
         file.parent.mkdir(parents=True, exist_ok=True)
         data = io.BytesIO()
         np.save(data, found)

@@ -20,7 +20,7 @@ import torch
 
 from semgs.data.choosing.choice import choose
 from semgs.data.scenes import open_scene
-from semgs.geometry.rigid import cameras_in, gaussians_in
+from semgs.geometry.rigid import move_cameras, move_gaussians
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.model.weights.load import load
 from semgs.rooms.sets.carried_cameras import draw_camera, draw_habit, draw_path
@@ -61,7 +61,9 @@ def main() -> None:
         turn = torch.eye(4, dtype=torch.float64)
         quaternion = torch.randn(4, generator=torch.Generator().manual_seed(index), dtype=torch.float64)
         turn[:3, :3] = matrix_from_quaternion(quaternion / quaternion.norm())
-        turned = replace(saved, gaussians=gaussians_in(turn, saved.gaussians), cameras=cameras_in(turn, saved.cameras))
+        turned = replace(
+            saved, gaussians=move_gaussians(turn, saved.gaussians), cameras=move_cameras(turn, saved.cameras)
+        )
         found = up_of(turned)
         errors.append(torch.rad2deg(torch.acos((found.direction @ turn[:3, 2]).clamp(-1, 1))).item())
         print(f"{index:2d}  {errors[-1]:5.2f} degrees  {'' if found.certain else 'uncertain'}", flush=True)

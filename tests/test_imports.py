@@ -30,7 +30,7 @@ LAYOUTS = "semgs.data.layouts"
 LAYOUT_FLOORS = (
     ("parts",),
     ("colmap", "scannet"),
-    ("scannetpp", "replica", "ros", "rgbd", "phones", "transforms_json"),
+    ("scannetpp", "replica", "ros", "rgbd", "phones", "transforms_json", "labelled_images"),
     ("zoo",),
 )
 """Inside `semgs.data.layouts`: what readers share, formats that other data sets use too, the rest, which know nothing of one another, and what reads
@@ -49,7 +49,7 @@ FLOOR = {package: floor for floor, packages in enumerate(FLOORS) for package in 
 
 FOLDERS = {
     "rooms": ("pieces", "assets", "plans", "drawing", "sets"),
-    "evaluation": ("frames", "scoring", "tables", "page", "run"),
+    "evaluation": ("frames", "scoring", "tables", "page", "run", "single_images"),
     "model": (
         "layers", "settings", "switches", "networks", "attention", "classes", "sweep", "gaussians", "memory", "stages", "semgs", "build",
         "weights", "encode",
@@ -237,7 +237,7 @@ def test_layouts_share_parts_and_know_nothing_of_one_another():
     [
         ("data/layouts/parts/pose_files.py", "from semgs.data.layouts.colmap.colmap_files import read_images"),
         ("data/layouts/replica/sequence.py", "from semgs.data.layouts.rgbd.tum import open_tum"),
-        ("training/loop.py", "from semgs.data.layouts.scannet.scannet_scan import open_scan"),
+        ("training/loop.py", "from semgs.data.layouts.scannet.scannet_scan import open_scannet"),
     ],
 )
 def test_a_planted_arrow_between_layouts_is_found(tmp_path: Path, module: str, line: str):

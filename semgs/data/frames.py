@@ -51,22 +51,6 @@ class Frame:
         """The camera of the undistorted image, at its full size."""
         return Cameras(self.world_from_camera, self.lens.intrinsics, self.lens.size)
 
-    def read(
-        self,
-        depth_range: tuple[float, float],
-        classes: ClassTable | None = None,
-        *,
-        size: Sequence[int] | None = None,
-        fit: Fit = "stretch",
-    ) -> Views:
-        """As `view`, with every number checked.
-
-        Raises:
-            InputError, ImportError: as `view`.
-            ValueError: as `Views`.
-        """
-        return self.view(depth_range, classes, size=size, fit=fit).checked()
-
     def view(
         self,
         depth_range: tuple[float, float],

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from semgs.data.scene import Scene
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 from semgs.data.scene_lists import read_list
 from semgs.data.scenes import open_scenes
 from semgs.data.tables.classes import ClassTable
@@ -35,6 +35,7 @@ from semgs.files.atomic import write_json, write_text
 from semgs.files.errors import InputError
 from semgs.files.folders import own_folder
 from semgs.files.hashes import sha256
+from semgs.model.semgs import SemGS
 from semgs.model.weights.load import find, load, table_of
 from semgs.scene.nearest import NearestViews
 from semgs.segmenters.labelling import Labelling
@@ -95,10 +96,11 @@ class Job:
 def open_labelled_scenes(
     path: Path,
     as_peers: Collection[str] = (),
-    asked: Asked | None = None,
+    asked: SceneDetails | None = None,
     wanted: str = "",
     *,
     needs_labels: bool = False,
+    needs_cameras: bool = True,
 ) -> LabelledScenes:
     """Open the scenes at a path, or those of a list.
 
@@ -107,11 +109,12 @@ def open_labelled_scenes(
         as_peers, asked: as for `semgs.data.scenes.open_scenes`.
         wanted: a list of scenes, as for `semgs.data.scene_lists.read_list`; "" for all.
         needs_labels: refuse scenes of which none has labels.
+        needs_cameras: as for `semgs.data.scenes.open_scenes`.
 
     Raises:
         InputError: there are none, one of the list is missing, none has labels, or their labels have different class tables.
     """
-    scenes = open_scenes(path, as_peers, asked, read_list(wanted) if wanted else None)
+    scenes = open_scenes(path, as_peers, asked, read_list(wanted) if wanted else None, needs_cameras)
     labelled = [scene for scene in scenes if scene.classes is not None]
     if needs_labels and not labelled:
         raise InputError(path, "labelled scenes", "none with labels")
@@ -178,12 +181,17 @@ def load_candidate(
         ValueError: there are no included weights of that name, or `nearest` is not positive.
         InputError: the file cannot be used, or has another class table.
     """
-    network, path = find(weights)
-    model = load(network, path, classes=(None if labelling else classes) or table_of(path))
-    parameters = sum(parameter.numel() for parameter in model.parameters())
-    subject = EvaluatedMethod(name or model.name, "weights", model.origin, sha256(path), parameters)
+    model, subject = open_network(weights, None if labelling else classes, name)
     chosen = None if nearest is None else NearestViews(nearest, model.placer.shrink_seen)
-    return Candidate(NetworkMethod(model.eval(), device, subject.name, labelling, chosen), subject, device)
+    return Candidate(NetworkMethod(model, device, subject.name, labelling, chosen), subject, device)
+
+
+def open_network(weights: str | Path, classes: ClassTable | None, name: str = "") -> tuple[SemGS, EvaluatedMethod]:
+    """A network in evaluation mode, and its description; arguments and errors as for `load_candidate`."""
+    network, path = find(weights)
+    model = load(network, path, classes=classes or table_of(path))
+    parameters = sum(parameter.numel() for parameter in model.parameters())
+    return model.eval(), EvaluatedMethod(name or model.name, "weights", model.origin, sha256(path), parameters)
 
 
 def open_predictions(folder: Path, plan: FramePlan, device: str, name: str = "") -> Candidate:

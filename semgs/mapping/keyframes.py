@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semgs.data.choosing.choice import IDEAL_BASELINE, LEAST_SHARED, preference
-from semgs.data.choosing.covisibility import GRID, WIDEST_ANGLE, Covisibility, DepthGrid, flat, points_of
+from semgs.data.choosing.covisibility import GRID, WIDEST_ANGLE, Covisibility, DepthGrid, flat_grid, world_points
 from semgs.geometry.cameras import Cameras
 
 COVERED = 0.9
@@ -68,16 +68,16 @@ def predict_depths(camera: Cameras, known: Sequence[Known], typical: float) -> D
         known: keyframes.
         typical: the depth if they saw nothing of what it sees.
     """
-    points = [points_of(one.grid, one.camera) for one in known if one.grid is not None]
+    points = [world_points(one.grid, one.camera) for one in known if one.grid is not None]
     if not points:
-        return flat(typical)
+        return flat_grid(typical)
     pose, (height, width) = camera.world_from_camera.numpy(), camera.size
     own = (np.concatenate(points) - pose[:3, 3]) @ pose[:3, :3]
     own = own[own[:, 2] > 0]
     places = own @ camera.intrinsics.numpy().T / own[:, 2:] * (GRID / width, GRID / height, 1)
     inside = ((places[:, :2] >= 0) & (places[:, :2] < GRID)).all(axis=1)
     if not inside.any():
-        return flat(typical)
+        return flat_grid(typical)
     depths, places = own[inside, 2], places[inside].astype(np.int64)
     cells = np.full(GRID * GRID, np.inf)
     np.minimum.at(cells, places[:, 1] * GRID + places[:, 0], depths)
@@ -101,8 +101,8 @@ def judge_frame(camera: Cameras, known: Sequence[Known], partners: int, typical:
     if not some:
         return Verdict(True, (), 0.0)
     grid = predict_depths(camera, [known[index] for index in some], typical)
-    grids = [grid, *(known[index].grid or flat(grid.median) for index in some)]
-    together = Covisibility.between([camera, *(known[index].camera for index in some)], grids)
+    grids = [grid, *(known[index].grid or flat_grid(grid.median) for index in some)]
+    together = Covisibility([camera, *(known[index].camera for index in some)], grids)
     with_gaussians = [place for place, index in enumerate(some, 1) if known[index].grid is not None]
     covered = float(together.covered(with_gaussians)[0]) if with_gaussians else 0.0
     if covered >= COVERED:

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from semgs.data.bounds.depth_range import DepthRange
-from semgs.data.choosing.covisibility import flat, grid_of
+from semgs.data.choosing.covisibility import flat_grid, grid_of
 from semgs.data.views import Views, joined
 from semgs.geometry.cameras import Cameras
 from semgs.mapping import merging
@@ -208,7 +208,7 @@ class Mapper:
                 continue
             judged_part = judged_part.judged_by(other.part.sheet)
             found.append(replace(other, part=other.part.judged_by(part.sheet)))
-        grid = grid_of(maps[0].numpy(), "") or flat(self._bounds.typical)
+        grid = grid_of(maps[0].numpy(), "") or flat_grid(self._bounds.typical)
         found[index] = replace(one, part=judged_part, maps=maps, known=replace(one.known, grid=grid))
         return found
 

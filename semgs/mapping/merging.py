@@ -28,7 +28,7 @@ from torch import Tensor
 
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras, project
-from semgs.geometry.fusion import LEAST, SPREAD, TOLERANCE, deviation
+from semgs.geometry.fusion import LEAST, SPREAD, TOLERANCE, depth_deviation
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.scene.encoding import Encoding, per_gaussian
 from semgs.scene.nearest import inside
@@ -251,9 +251,9 @@ def votes_of(part: Part, other: Sheet) -> Votes:
     found = other.sightings(means)
     within, z, place = found.numbers, found.z, found.places
     seen, spread = other.depths.flatten()[place], other.spread.flatten()[place]
-    apart = deviation(z, seen, part.spread[within], spread)
+    apart = depth_deviation(z, seen, part.spread[within], spread)
     agrees = apart.abs() <= TOLERANCE
-    free = deviation(z, other.nearest.flatten()[place], part.spread[within], spread) < -TOLERANCE
+    free = depth_deviation(z, other.nearest.flatten()[place], part.spread[within], spread) < -TOLERANCE
     level = sharpness(seen, other.focal_px)
     first = (level < part.level[within]) | ((level == part.level[within]) & (other.number < part.sheet.number))
     weight = agrees / (spread.square() + SPREAD**2)
@@ -295,7 +295,9 @@ def compare_photos(part: Part, other: Sheet) -> tuple[Float[Tensor, "g step"], F
     column, row = ((torch.where(within, one, 0) / other.stride).long() for one in (x, y))
     place = row * other.depths.shape[1] + column
     spread = part.spread[:, None].expand_as(z)
-    apart = deviation(torch.where(within, z, 1), other.depths.flatten()[place], spread, other.spread.flatten()[place])
+    apart = depth_deviation(
+        torch.where(within, z, 1), other.depths.flatten()[place], spread, other.spread.flatten()[place]
+    )
     visible = within & (apart <= TOLERANCE)
     own = part.sheet.colours.flatten(0, 1)[part.index][:, None].expand(-1, STEPS, -1)
     same = outside(own, other, place) <= SAME_COLOUR + exposure(part.sheet, other)
@@ -312,7 +314,7 @@ def exposure(one: Sheet, other: Sheet) -> float:
     """By how much the photos of two keyframes differ where their depths agree: the third quartile; 1 if they agree nowhere."""
     found = other.sightings(one.points.flatten(0, 1))
     within, place = found.numbers, found.places
-    apart = deviation(
+    apart = depth_deviation(
         found.z, other.depths.flatten()[place], one.spread.flatten()[within], other.spread.flatten()[place]
     )
     agree = apart.abs() <= TOLERANCE

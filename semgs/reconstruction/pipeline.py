@@ -19,7 +19,7 @@ from semgs.reconstruction.recording import Walk, map_walk
 from semgs.reconstruction.result import Reconstruction, RenderedViews, Role
 from semgs.reconstruction.scores import scores
 from semgs.reconstruction.sensor_depth import DepthSource, Placement, place_gaussians, read_measured
-from semgs.rendering.depth_spread import rendered_depth_spread
+from semgs.rendering.depth_spread import render_depth_spread
 from semgs.rendering.rendering import check_may_be_unknown, confidence_maps, label_maps
 from semgs.runtime.stopwatch import Stages
 from semgs.scene.encoding import Encoding
@@ -236,7 +236,7 @@ def render_views(
         views,
         rendering,
         scores(rendering, comparable),
-        rendered_depth_spread(encoding.gaussians, spread, views.cameras, near=near),
+        render_depth_spread(encoding.gaussians, spread, views.cameras, near=near),
         label_maps(rendering, min_confidence) if semantic else None,
         confidence_maps(rendering) if semantic else None,
     )

@@ -14,9 +14,9 @@ from torch import Tensor
 from semgs.data.tables.classes import ClassTable
 from semgs.files.images.notebook import depth_row, html
 from semgs.geometry.cameras import Cameras
-from semgs.geometry.fusion import fused
+from semgs.geometry.fusion import fuse_classes
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.summaries import array_of, summary
+from semgs.geometry.summaries import array_of, describe
 from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
 from semgs.rendering.temperatures import Temperatures
@@ -54,7 +54,7 @@ class Encoding:
     places: Int64[Tensor, " g"] | None = None
 
     def __repr__(self) -> str:
-        return summary(
+        return describe(
             "Encoding",
             gaussians=self.gaussians,
             depths=self.depths,
@@ -243,7 +243,7 @@ class Encoding:
         scale = torch.diag(torch.tensor([1 / self.stride, 1 / self.stride, 1.0], dtype=torch.float64))
         small = cameras.adjusted(scale, (grid.shape[-2], grid.shape[-1]))
         scenes = ndindex(*grid.shape[:-4])
-        agreed = torch.stack([fused(grid[at], depths[at], spread[at], small[at]) for at in scenes])
+        agreed = torch.stack([fuse_classes(grid[at], depths[at], spread[at], small[at]) for at in scenes])
         features = agreed.movedim(-3, -1).reshape(semantic.features.shape)
         return replace(self, gaussians=replace(self.gaussians, semantic=replace(semantic, features=features)))
 

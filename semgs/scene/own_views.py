@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float, Float64, Int64
 from torch import Tensor
 
-from semgs.geometry.cameras import back_project, shrunk
+from semgs.geometry.cameras import back_project, shrink_cameras
 from semgs.geometry.harmonics import colours_from_harmonics
 from semgs.scene.scene_file import SavedScene
 
@@ -28,7 +28,7 @@ def own_images(scene: SavedScene) -> Float[Tensor, "v rows columns 3"]:
     """What the Gaussians show in their own input views, a pixel for each place; merged scenes, which have gaps there, are rendered."""
     if scene.places is None:
         return own_colours(scene).reshape(*scene.grid, 3)
-    images = scene.render(shrunk(scene.cameras, scene.stride)).images
+    images = scene.render(shrink_cameras(scene.cameras, scene.stride)).images
     return images.movedim(-3, -1)
 
 

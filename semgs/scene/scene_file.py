@@ -34,11 +34,12 @@ from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError, input_error
+from semgs.files.records import make_record
 from semgs.files.strict_json import parse_json
-from semgs.files.tensor_files import opened_tensors
+from semgs.files.tensor_files import open_tensors
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.summaries import summary
+from semgs.geometry.summaries import describe
 from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
 from semgs.rendering.temperatures import Temperatures
@@ -182,7 +183,7 @@ class SavedScene:
         )
 
     def __repr__(self) -> str:
-        return summary(
+        return describe(
             "SavedScene",
             gaussians=self.gaussians,
             cameras=self.cameras,
@@ -300,7 +301,7 @@ def load_scene(path: str | Path) -> SavedScene:
         raise InputError(
             file, "a scene file", "no such file", advice="give the folder or file that `semgs reconstruct --out` wrote"
         )
-    with opened_tensors(file, "a complete safetensors file") as opened:
+    with open_tensors(file, "a complete safetensors file") as opened:
         header = _header(file, (opened.metadata() or {}).get("semgs"))
         tensors = {name: opened.get_tensor(name).clone() for name in opened.keys()}  # noqa: SIM118 - not a dict
     try:
@@ -357,7 +358,7 @@ def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
         confidences=tensors["confidences"],
         depth_range=tensors["depth_range"],
         unit=header["unit"],
-        classes=None if table is None else ClassTable.from_json(table),
+        classes=None if table is None else make_record(ClassTable, table),
         frames=tuple(header["frames"]),
         source=header["source"],
         model=header["model"],

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from semgs.data.scene import Scene
 from semgs.data.views import Views
-from semgs.geometry.fusion import LEAST, fused
+from semgs.geometry.fusion import LEAST, fuse_classes
 from semgs.scene.encoding import Encoding
 from semgs.segmenters.class_source import ClassSource, Translated, notes_of, read_distributions
 from semgs.segmenters.networks.network_source import Photos
@@ -88,7 +88,7 @@ class Labelling:
             else:
                 maps = weigh(maps, encoding.class_maps(), self.votes)
         if self.fusion:
-            maps = fused(maps, encoding.depths, encoding.depth_spread, views.cameras)
+            maps = fuse_classes(maps, encoding.depths, encoding.depth_spread, views.cameras)
         return encoding.with_classes(maps, self.source.classes)
 
 

@@ -23,7 +23,7 @@ from semgs.cli.commands.scenes.demo import Demo
 from semgs.cli.main import main
 from semgs.cli.terminal import Printable
 from semgs.cli.usage_errors import line_for
-from semgs.files.folders import alone
+from semgs.files.folders import lock_folder
 
 Told = Callable[..., str]
 
@@ -85,7 +85,7 @@ def test_a_second_prepare_into_a_folder_is_told_before_it_works(room: Path, tmp_
     assert main([str(one) for one in command]) == 0
     part = out / ".room.zip.0123abcd.part"
     part.touch()
-    with alone(out / "settings.json", "", ""):
+    with lock_folder(out / "settings.json", "", ""):
         assert told(*command) == (
             f"{out}: expected a folder that no other process prepares scenes into, found one in use; "
             "stop that process first, or name another folder"

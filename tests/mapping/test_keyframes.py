@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mapping_walls import INTRINSICS, SIZE, WALL, pose
 
-from semgs.data.choosing.covisibility import flat
+from semgs.data.choosing.covisibility import flat_grid
 from semgs.geometry.cameras import Cameras
 from semgs.mapping.keyframes import NEIGHBOURS, Known, judge_frame, near, predict_depths
 
@@ -31,7 +31,7 @@ def test_a_frame_waits_for_baseline_as_long_as_most_is_shared():
 
 def test_a_frame_that_shows_nothing_new_is_not_used():
     """Between two keyframes with Gaussians, all is seen; one and a half metres to the right, a third of the image is new."""
-    known = [Known(at(x), flat(WALL)) for x in (0.0, 0.6)]
+    known = [Known(at(x), flat_grid(WALL)) for x in (0.0, 0.6)]
     assert judge_frame(at(0.3), known, 1, 4.0).covered == 1.0
     beside = judge_frame(at(1.9), known, 2, 4.0)
     assert beside.use
@@ -40,7 +40,7 @@ def test_a_frame_that_shows_nothing_new_is_not_used():
 
 
 def test_a_frame_that_shares_nothing_becomes_a_keyframe_of_its_own():
-    verdict = judge_frame(at(0.0, yaw=math.pi), [Known(at(0.0), flat(WALL))], 1, 4.0)
+    verdict = judge_frame(at(0.0, yaw=math.pi), [Known(at(0.0), flat_grid(WALL))], 1, 4.0)
     assert (verdict.use, verdict.partners) == (True, ())
 
 
@@ -52,6 +52,6 @@ def test_neighbours_are_the_nearest_that_look_a_similar_way():
 def test_predicted_depth_is_that_of_the_wall_from_another_place():
     """A keyframe 4 m from the wall says 3 m to a camera that is 1 m closer, everywhere."""
     closer = Cameras(pose(0.2, z=1.0), INTRINSICS, SIZE)
-    grid = predict_depths(closer, [Known(at(0.0), flat(WALL))], 9.0)
+    grid = predict_depths(closer, [Known(at(0.0), flat_grid(WALL))], 9.0)
     np.testing.assert_allclose(grid.depths, 3.0)
     assert predict_depths(closer, [], 9.0).median == pytest.approx(9.0)

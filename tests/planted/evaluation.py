@@ -6,6 +6,16 @@ from planted.mutant import Mutant
 
 EVALUATION = (
     Mutant(
+        "single images have the temperature of rendered pixels", "semgs/evaluation/single_images.py",
+        "network.temperatures.gaussians", "network.temperatures.rendered",
+        ("tests/evaluation/test_single_images.py::test_the_temperature_of_single_gaussians_changes_confidence_alone",),
+    ),
+    Mutant(
+        "all photos count as one scene for intervals", "semgs/evaluation/single_images.py",
+        'scene=scene.name if scene.posed else f"{scene.name}/{stem}"', "scene=scene.name",
+        ("tests/evaluation/test_single_images.py::test_each_image_without_a_camera_counts_as_a_scene",),
+    ),
+    Mutant(
         "mean IoU of images is that of their sum", "semgs/evaluation/scoring/summary.py",
         "each, shown = torch.from_numpy(confusions),", "each, shown = torch.from_numpy(0 * confusions + confusions.sum(0)),",
         ("tests/evaluation/scoring/test_summary.py",),

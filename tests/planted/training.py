@@ -6,6 +6,16 @@ from planted.mutant import Mutant
 
 TRAINING = (
     Mutant(
+        "images without cameras teach depth", "semgs/training/data/data_check/checks.py",
+        "if not scene.posed and not learning.single_images:", "if not scene.posed and learning.single_images:",
+        ("tests/training/data/test_images_without_cameras.py::test_any_other_supervision_refuses_them_by_name",),
+    ),
+    Mutant(
+        "classes are counted in four images of hundreds", "semgs/training/data/data_check/counts.py",
+        "FRAMES_COUNTED if scene.posed else len(scene)", "FRAMES_COUNTED",
+        ("tests/training/data/test_images_without_cameras.py::test_classes_are_counted_in_every_image",),
+    ),
+    Mutant(
         "validation scores the mean of scenes for that of pixels", "semgs/training/supervision/validation.py",
         "counts if confusion is None else confusion + counts", "counts", ("tests/training/supervision/test_validation.py",),
     ),

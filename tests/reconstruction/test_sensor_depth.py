@@ -11,7 +11,7 @@ import pytest
 import torch
 from reconstruction.conftest import SIZE, Oracle
 
-from semgs.data.choosing.choice import given
+from semgs.data.choosing.choice import choose_named
 from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.files.errors import InputError
@@ -45,7 +45,7 @@ def views(wall_scene: Callable[..., Scene]) -> Views:
 def test_a_sensor_puts_the_wall_where_it_is(wall_scene: Callable[..., Scene]):
     scene = wall_scene()
     by_source = {
-        source: reconstruct(scene, given(scene, [0, 3]), Mistaken(), depth=source)  # type: ignore[arg-type]
+        source: reconstruct(scene, choose_named(scene, [0, 3]), Mistaken(), depth=source)  # type: ignore[arg-type]
         for source in ("network", "sensor", "both")
     }
     errors = {source: result.target.scores[0].depth_abs_rel for source, result in by_source.items() if result.target}
@@ -99,7 +99,7 @@ def test_both_weighs_log_depths_by_their_inverse_variances(views: Views):
 
 def test_the_summary_the_report_and_the_scene_file_tell_of_it(wall_scene: Callable[..., Scene], tmp_path: Path):
     scene = wall_scene()
-    result = reconstruct(scene, given(scene, [0, 3]), Mistaken(), depth="sensor")
+    result = reconstruct(scene, choose_named(scene, [0, 3]), Mistaken(), depth="sensor")
     told = summary(result, {"read": 1.0}, tmp_path)
     assert "images/00.png: 100 % measured; 1 / sensor = 1.250 / network +0.000, typical difference 0 %" in told
     numbers = json.loads(json.dumps(report_numbers(result, ORIGIN, {}), allow_nan=False))["depth"]
@@ -119,7 +119,7 @@ def test_the_summary_the_report_and_the_scene_file_tell_of_it(wall_scene: Callab
 
 def test_without_a_sensor_the_report_says_that_depth_is_the_networks(wall_scene: Callable[..., Scene]):
     scene = wall_scene()
-    result = reconstruct(scene, given(scene, [0, 3]), Oracle())
+    result = reconstruct(scene, choose_named(scene, [0, 3]), Oracle())
     assert report_numbers(result, ORIGIN, {})["depth"] == {"source": "network", "fits": [], "shift_px": None}
 
 
@@ -135,7 +135,7 @@ def test_depth_in_another_unit_is_noted(views: Views, factor: float):
 
 def test_depth_that_lies_beside_the_image_is_noted(wall_scene: Callable[..., Scene]):
     scene = wall_scene()
-    result = reconstruct(scene, given(scene, [0, 3]), Oracle(), depth="both")
+    result = reconstruct(scene, choose_named(scene, [0, 3]), Oracle(), depth="both")
     assert result.placement is not None
     assert result.placement.notes(["a.png", "b.png"]) == ()
     beside = replace(result.placement, registration=Registration(right=10, down=-4, gain=2.0, pixels=5000))
@@ -155,10 +155,10 @@ def test_depth_for_too_few_pixels_is_refused_by_the_name_of_its_frame(wall_scene
     with pytest.raises(
         InputError, match=r"transforms.json: images/03.png: expected a measured depth at 50 % .*, found 38 %"
     ):
-        reconstruct(scene, given(scene, [0, 3]), Oracle(), SIZE, depth="both")
+        reconstruct(scene, choose_named(scene, [0, 3]), Oracle(), SIZE, depth="both")
     counts[15:20] = 1976
     write_png(depth_file, counts)
-    assert reconstruct(scene, given(scene, [0, 3]), Oracle(), SIZE, depth="both").placement is not None
+    assert reconstruct(scene, choose_named(scene, [0, 3]), Oracle(), SIZE, depth="both").placement is not None
 
 
 def test_views_without_depth_are_refused(views: Views):

@@ -16,7 +16,7 @@ from training_data import run_data
 from semgs.data.origin.labeller import Labeller
 from semgs.data.origin.licences import ROOMS, Terms, labeller_of, terms_of, terms_of_photos
 from semgs.data.preparation.archive import Preparation, prepare_scene
-from semgs.data.preparation.prepared_set import PreparedSet, Reading, sources
+from semgs.data.preparation.prepared_set import PreparedSet, Reading, find_sources
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.segmenters.class_map_files import MadeBy
@@ -92,7 +92,7 @@ def test_a_photo_is_segmented_whole_but_its_distributions_stay_small():
 
 def test_a_set_is_labelled_once_and_carries_the_teachers_name_and_licence(scans: Path, tmp_path: Path):
     segmenter, out = Columns(), tmp_path / "out"
-    index = PreparedSet(out, Preparation(SIZE), fake(segmenter)).prepare(sources(scans))
+    index = PreparedSet(out, Preparation(SIZE), fake(segmenter)).prepare(find_sources(scans))
     assert (index["frames"], index["failed"], segmenter.calls) == (6, [], [(*SIZE, 3)] * 6)
     assert index["pixels"] == {"cup": 1152, "mug": 1152, "tin": 1152, "jar": 1152, "ignored": 0}
     scene = open_scene(out / "office.zip")
@@ -106,14 +106,14 @@ def test_a_set_is_labelled_once_and_carries_the_teachers_name_and_licence(scans:
     assert terms_of(scene) == Terms(f"{photos.text}; labels by columns.onnx (licence cc-by-nc-4.0)", own=True)
     prepare_scene(scene, tmp_path / "twice.zip", Preparation(SIZE))
     assert terms_of(open_scene(tmp_path / "twice.zip")) == terms_of(scene)
-    PreparedSet(out, Preparation(SIZE), fake(segmenter)).prepare(sources(scans))
+    PreparedSet(out, Preparation(SIZE), fake(segmenter)).prepare(find_sources(scans))
     assert len(segmenter.calls) == 6, "nothing is segmented again"
     with pytest.raises(ValueError, match=r"other settings: confidence is 0\.5 there, not 0\.7"):
-        PreparedSet(out, Preparation(SIZE), fake(segmenter, 0.7)).prepare(sources(scans))
+        PreparedSet(out, Preparation(SIZE), fake(segmenter, 0.7)).prepare(find_sources(scans))
 
 
 def test_pixels_below_the_confidence_are_ignored(scans: Path, tmp_path: Path):
-    index = PreparedSet(tmp_path / "out", Preparation(SIZE), fake(Columns(sure=0.6), 0.61)).prepare(sources(scans))
+    index = PreparedSet(tmp_path / "out", Preparation(SIZE), fake(Columns(sure=0.6), 0.61)).prepare(find_sources(scans))
     assert index["pixels"] == {"cup": 0, "mug": 0, "tin": 0, "jar": 0, "ignored": 6 * 24 * 32}
 
 
@@ -121,7 +121,7 @@ def test_a_student_has_the_terms_of_its_teacher_and_rooms_stay_rooms(tmp_path: P
     write_labelled(tmp_path / "rooms" / "scene_00000", 3, frames=4)
     (tmp_path / "rooms" / "scene_00000" / "room.json").write_text('{"kind": "kitchen"}')
     teacher = Columns(SCANNET20, MadeBy("teacher.onnx", "7e", "Apache-2.0"))
-    PreparedSet(tmp_path / "taught", Preparation(SIZE), fake(teacher, 0.2)).prepare(sources(tmp_path / "rooms"))
+    PreparedSet(tmp_path / "taught", Preparation(SIZE), fake(teacher, 0.2)).prepare(find_sources(tmp_path / "rooms"))
     settings = TrainingSettings(
         model="small_plain", steps=3, size=(16, 32), contexts=(2, 2), targets=1, validation_scenes=0, data=(str(tmp_path / "taught"),)
     )  # fmt: skip
@@ -155,7 +155,7 @@ def test_class_maps_of_several_scenes_share_a_table_or_have_their_own(scans: Pat
     write_table(maps, "wall", "floor", "sky", "chair")
     write_table(maps / "office", "floor", "wall")
     found = open_relabelling(str(maps), Reading(), "scannet20")
-    index = PreparedSet(tmp_path / "out", Preparation(SIZE), found).prepare(sources(scans))
+    index = PreparedSet(tmp_path / "out", Preparation(SIZE), found).prepare(find_sources(scans))
     assert index["failed"] == []
     kitchen, office = (open_scene(tmp_path / "out" / f"{name}.zip") for name in ("kitchen", "office"))
     labels = [one.read([0, 1], "native").labels[0, 3] for one in (kitchen, office)]

@@ -59,7 +59,7 @@ def spoiled(scene: Scene, turn_deg: float, shift: float) -> Scene:
     order = sorted(FRAMES)
     poses = np.stack([scene.frames[index].world_from_camera for index in order])
     moved = SCRIPT["noisy"](poses, turn_deg, shift, np.random.default_rng(2))
-    return SCRIPT["_with_poses"](scene, dict(zip(order, moved, strict=True)))
+    return SCRIPT["with_poses"](scene, dict(zip(order, moved, strict=True)))
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@
     python -m tools.release ship runs/small/best.safetensors small --description "..."   add weights to the package
     python -m tools.release failures                                         update the failures in the model card
     python -m tools.release failures small --data SCENES --out look.jpg      show failures in other labelled scenes instead
-    python -m tools.release notice ROOMS/ATTRIBUTION.md [...]                update NOTICE for the rooms that weights are trained on
+    python -m tools.release notice ROOMS/ATTRIBUTION.md [...] --photos FILE   update NOTICE for the rooms and photos that weights are trained on
     python -m tools.release demo OUT                                         update docs/images/demo.png from `semgs demo --out OUT`
     python -m tools.release audit                                            vulnerabilities, hashes, licences of what is installed
     python -m tools.release platforms                                        where every package of the base set has a wheel
@@ -63,7 +63,8 @@ def _parser() -> argparse.ArgumentParser:
     failures.set_defaults(run=lambda given: print(write_failures(given.weights, given.data, given.out)))
     notice = tasks.add_parser("notice")
     notice.add_argument("attributions", nargs="+", type=Path, metavar="ATTRIBUTION.md")
-    notice.set_defaults(run=lambda given: write_notice(given.attributions))
+    notice.add_argument("--photos", required=True, type=Path, metavar="sources.json")
+    notice.set_defaults(run=lambda given: write_notice(given.attributions, given.photos))
     tasks.add_parser("platforms").set_defaults(run=lambda given: check_platforms())
     audit = tasks.add_parser("audit")
     audit.add_argument("--lock", type=Path, default=Path("requirements.lock"), metavar="FILE")

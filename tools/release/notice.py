@@ -1,17 +1,19 @@
-"""Write NOTICE: works whose licences require attribution in the rooms that weights are trained on, and published networks.
+"""Write NOTICE: works whose licences require attribution in the rooms that weights are trained on, labelled photos, and published networks.
 
 The works come from ATTRIBUTION.md, which `semgs rooms --assets` writes next to its scenes. Rooms that training generates from the same
-seed and assets contain the same works.
+seed and assets contain the same works. The photos come from sources.json, a list of their images with set, path, licence and address.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from pathlib import Path
+from pathlib import Path, PurePath
+from typing import Any
 
 from semgs.files.atomic import write_text
 from semgs.files.errors import InputError
+from semgs.files.strict_json import read_json
 from tools.release.pages import ROOT
 
 ASKS = "CC-BY"
@@ -37,6 +39,23 @@ Apache-2.0 (MLCommons Association License), github.com/mlcommons/mobile_open@86a
 """
 """Published networks from which the included weights were initialised or distilled."""
 
+PHOTOS = """
+The class branch of the weights of SemGS was also trained on labelled photos of real rooms, which are not in this package. The labels are CC0, drawn for SemGS. Photos of
+Poly Haven's panoramas are CC0. Those under other licences are named here: their authors are in the metadata of Open Images V4 (storage.googleapis.com/openimages, image ids below), and behind
+the addresses at Flickr that COCO states.
+"""
+"""Heading of the labelled photos."""
+
+COCO_LICENCES = {
+    4: "CC BY 2.0",
+    5: "CC BY-SA 2.0",
+    7: "no known copyright restrictions",
+    8: "United States government work",
+}
+"""Licences of COCO's images by their number."""
+
+IDS_IN_A_LINE = 8
+
 VIDEOS = """
 Videos of `semgs render` are encoded by PyAV (BSD-3-Clause), an optional dependency that SemGS neither contains nor distributes. PyAV's wheels on the Python Package
 Index contain FFmpeg built with x264 and x265, which are under the GPL-2.0-or-later: whoever passes on such a wheel, in an image of a container for example, has to keep to its terms.
@@ -44,17 +63,38 @@ Index contain FFmpeg built with x264 and x265, which are under the GPL-2.0-or-la
 """An optional dependency whose wheel contains works under the GPL."""
 
 
-def write_notice(attributions: Sequence[Path]) -> None:
-    """Write NOTICE from files `ATTRIBUTION.md`.
+def write_notice(attributions: Sequence[Path], sources: Path) -> None:
+    """Write NOTICE.
+
+    Args:
+        attributions: files `ATTRIBUTION.md`.
+        sources: `sources.json` of the labelled photos.
 
     Raises:
-        InputError: one of them cannot be read or is no ATTRIBUTION.md.
+        InputError: one of them cannot be read, or is something else.
     """
     try:
         text = notice([path.read_text(encoding="utf-8") for path in attributions])
     except (OSError, ValueError) as error:
         raise InputError(", ".join(map(str, attributions)), "ATTRIBUTION.md of semgs rooms", str(error)) from error
-    write_text(ROOT / "NOTICE", text + NETWORKS + VIDEOS)
+    listed = read_json(sources, "a list of photos")
+    write_text(ROOT / "NOTICE", text + NETWORKS + photos(listed) + VIDEOS)
+
+
+def photos(listed: Any) -> str:
+    """The section of NOTICE on labelled photos.
+
+    Args:
+        listed: the content of `sources.json`.
+    """
+    ids = sorted(PurePath(one["path"]).stem for one in listed if one["set"].startswith("openimages"))
+    coco = sorted((one["licence_id"], one["flickr_url"]) for one in listed if one["set"].startswith("coco"))
+    lines = [PHOTOS, f"CC BY 2.0, Open Images V4, by way of MiguelARD/DoorDetect-Dataset ({len(ids)} photos)"]
+    lines += [f"  {' '.join(ids[start : start + IDS_IN_A_LINE])}" for start in range(0, len(ids), IDS_IN_A_LINE)]
+    for number, licence in COCO_LICENCES.items():
+        if addresses := [address for known, address in coco if known == number]:
+            lines += ["", f"{licence}, COCO", *(f"  - {address}" for address in addresses)]
+    return "\n".join([*lines, ""])
 
 
 def notice(attributions: Sequence[str]) -> str:

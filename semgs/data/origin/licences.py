@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from semgs.data.layouts import labelled_images
 from semgs.data.layouts.replica import sequence as replica
 from semgs.data.layouts.scannet import scannet_scan as scannet
 from semgs.data.layouts.scannetpp import scannetpp_scan as scannetpp
@@ -15,6 +16,7 @@ from semgs.data.layouts.zoo.data_sets import DATA_SETS, LAYOUT
 from semgs.data.origin.labeller import Labeller
 from semgs.data.origin.prepared_record import read_record
 from semgs.data.scene import Scene
+from semgs.data.tables.class_files import read_class_file
 from semgs.files.strict_json import parse_json
 
 ROOM = "room.json"
@@ -95,6 +97,8 @@ def terms_of_photos(scene: Scene) -> Terms:
         if "terms" in record:
             return Terms(**record["terms"])
         layout = str(record.get("source", {}).get("layout", layout))
+    if layout == labelled_images.LAYOUT and (stated := read_class_file(scene.path / labelled_images.CLASSES).terms):
+        return Terms(f"{scene.name}: {stated}")
     if known := _of_layout(layout):
         return known
     folder = scene.path if scene.path.is_dir() else scene.path.parent
@@ -130,14 +134,12 @@ def _record(scene: Scene) -> dict[str, Any] | None:
 
 def _of_layout(layout: str) -> Terms | None:
     """The terms of a data set with a layout of its own."""
-    if layout == scannet.LAYOUT:
-        return SCANNET
     if layout.startswith(scannetpp.LAYOUT):
         return SCANNETPP
     if layout.startswith(f"{LAYOUT} "):
-        title = next(one.title for one in DATA_SETS if layout == f"{LAYOUT} {one.name}")
+        title = next(data.title for data in DATA_SETS if layout == f"{LAYOUT} {data.name}")
         return Terms(f"{title}: the terms of use of the data set", own=True)
-    return REPLICA if layout == replica.LAYOUT else None
+    return {scannet.LAYOUT: SCANNET, replica.LAYOUT: REPLICA}.get(layout)
 
 
 def _has_assets(room: Path) -> bool:

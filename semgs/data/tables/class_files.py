@@ -6,7 +6,16 @@
      "ignored": [0]}
 
 If no class has `ids`, the numbers are positions in the list, from 0. `ignored` lists the numbers of unlabelled pixels; 255 is always
-ignored. Any other number in a label image is an error. No torch.
+ignored. Any other number in a label image is an error.
+
+Or it says which of ScanNet's 20 classes each number is; pixels of a class that is none of them (null), or of `unknown`, are unlabelled:
+
+    {"classes": [{"id": 0, "name": "wall", "scannet20": "wall"},
+                 {"id": 20, "name": "dresser", "scannet20": "cabinet"},
+                 {"id": 23, "name": "ceiling", "scannet20": null}],
+     "unknown": 255}
+
+Both may have `terms`: the terms of use of the labels and their images, which weights that learn from them repeat. No torch.
 """
 
 from __future__ import annotations
@@ -15,7 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from semgs.data.tables.classes import IGNORE, ClassTable
+from semgs.data.tables.classes import IGNORE, SCANNET20, ClassTable
 from semgs.files.errors import InputError, input_error
 from semgs.files.paths import typed_path
 from semgs.files.stored import Stored
@@ -29,10 +38,12 @@ class LabelSet:
     Attributes:
         table: the classes.
         meaning: the label of each number from 0 to 255: 255 for none, None for a number that must not occur.
+        terms: the terms of use that the file states; "" if it states none.
     """
 
     table: ClassTable
     meaning: tuple[int | None, ...]
+    terms: str = ""
 
 
 def read_class_file(path: str | Stored) -> LabelSet:
@@ -46,9 +57,14 @@ def read_class_file(path: str | Stored) -> LabelSet:
     content = read_json(path, expected)
     if not isinstance(content, dict) or not isinstance(content.get("classes"), list) or not content["classes"]:
         raise InputError(path, 'an object with a list "classes"', "something else", advice="see docs/train.md")
-    if unknown := sorted(content.keys() - {"name", "classes", "ignored"}):
-        raise InputError(path, "name, classes, ignored", repr(unknown[0]))
     listed = content["classes"]
+    terms = content.get("terms", "")
+    if not isinstance(terms, str):
+        raise InputError(path, "text", repr(terms), key="terms")
+    if any(isinstance(one, dict) and "scannet20" in one for one in listed):
+        return LabelSet(SCANNET20, _scannet20_labels(path, content), terms)
+    if unknown := sorted(content.keys() - {"name", "classes", "ignored", "terms"}):
+        raise InputError(path, "name, classes, ignored, terms", repr(unknown[0]))
     numbered = any(isinstance(one, dict) and "ids" in one for one in listed)
     names, colours, ids = [], [], []
     for index, one in enumerate(listed):
@@ -79,7 +95,29 @@ def read_class_file(path: str | Stored) -> LabelSet:
         table = ClassTable(
             str(content.get("name", Path(path.name).stem)), tuple(names), tuple(colours), tuple(own[0] for own in ids)
         )
-    return LabelSet(table, tuple(meaning))
+    return LabelSet(table, tuple(meaning), terms)
+
+
+def _scannet20_labels(path: Path | Stored, content: dict[str, Any]) -> tuple[int | None, ...]:
+    """The label in ScanNet's 20 classes of each number, from a file that states it with `scannet20`."""
+    if unknown := sorted(content.keys() - {"name", "classes", "unknown", "terms"}):
+        raise InputError(path, "name, classes, unknown, terms", repr(unknown[0]))
+    labels: dict[Any, int] = {IGNORE: IGNORE, content.get("unknown", IGNORE): IGNORE}
+    for index, entry in enumerate(content["classes"]):
+        key = f"classes[{index}]"
+        if not isinstance(entry, dict) or entry.keys() - {"name"} != {"id", "scannet20"}:
+            raise InputError(path, "an object with id, scannet20 and a name", repr(entry), key=key)
+        number, name = entry["id"], entry["scannet20"]
+        if not _numbers([number]):
+            raise InputError(path, "a number from 0 to 255", repr(number), key=f"{key}.id")
+        if number in labels:
+            raise InputError(path, "each number once", f"{number} twice", key=f"{key}.id")
+        if name is not None and name not in SCANNET20.names:
+            raise InputError(path, "one of ScanNet's 20 classes, or null", repr(name), key=f"{key}.scannet20")
+        labels[number] = IGNORE if name is None else SCANNET20.index(name)
+    if not _numbers(list(labels)):
+        raise InputError(path, "a number from 0 to 255", repr(content["unknown"]), key="unknown")
+    return tuple(labels.get(number) for number in range(256))
 
 
 def class_file(table: ClassTable) -> dict[str, Any]:

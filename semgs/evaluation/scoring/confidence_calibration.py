@@ -80,9 +80,11 @@ def collect_statements(
             encoding = encode(network, inputs.contexts).encoding
             rendering = encoding.render(inputs.camera)
         if rendering.semantics is not None:
-            found["rendered"] += _drawn(rendering.semantics, [views[task.sample.target].labels], pixels, generator)
+            found["rendered"] += sample_statements(
+                rendering.semantics, [views[task.sample.target].labels], pixels, generator
+            )
         labels = [views[position].labels for position in task.sample.contexts]
-        found["gaussians"] += _drawn(encoding.class_maps(), labels, pixels, generator)
+        found["gaussians"] += sample_statements(encoding.class_maps(), labels, pixels, generator)
         done(index + 1)
     return {kind: _joined(some, len(network.classes or ())) for kind, some in found.items()}
 
@@ -105,7 +107,7 @@ def measure_temperature(said: Statements, temperature: float | None = None) -> T
     )
 
 
-def _drawn(
+def sample_statements(
     distributions: Float[Tensor, "v class h w"], labels: list[Tensor | None], pixels: int, generator: torch.Generator
 ) -> list[Statements]:
     """Sampled pixels of each labelled view."""

@@ -8,9 +8,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from semgs.geometry.cameras import Cameras, pixel_centres, shrunk
+from semgs.geometry.cameras import Cameras, pixel_centres, shrink_cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.harmonics_rotation import rotated_harmonics
+from semgs.geometry.harmonics_rotation import rotate_harmonics
 from semgs.geometry.rotations import quaternion_from_matrix, quaternion_product
 from semgs.model.gaussians.heads import RawGaussians
 from semgs.model.layers.conventions import Conventions
@@ -134,7 +134,7 @@ def colour_appearance(
     terms = harmonics.shape[-2]
     degrees = torch.arange(terms, device=raw.device, dtype=raw.dtype).sqrt().floor()
     damping = torch.where(degrees == 0, 1, 0.1 * 0.25**degrees)
-    harmonics = rotated_harmonics(
+    harmonics = rotate_harmonics(
         (harmonics * damping[:, None]).flatten(1, 2), rays.rotation, mvsplat_basis=not conventions.standard_harmonics
     )
     if images is not None:
@@ -176,7 +176,7 @@ class Placer:
             size: (height, width) of the images before padding [px].
             like: a tensor with the device and dtype of the result.
         """
-        rays = Rays.of(shrunk(inputs.cameras, self.stride).flatten(), like)
+        rays = Rays.of(shrink_cameras(inputs.cameras, self.stride).flatten(), like)
         if self.shrink_seen == 0 or inputs.views <= PAIR:
             return rays
         return replace(rays, others=Others.of(inputs.cameras, size, like))

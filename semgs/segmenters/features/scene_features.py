@@ -20,9 +20,9 @@ from semgs.data.views import Views
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError, input_error
 from semgs.files.strict_json import parse_json
-from semgs.files.tensor_files import opened_tensors
+from semgs.files.tensor_files import open_tensors
 from semgs.geometry.cameras import Cameras
-from semgs.geometry.fusion import pooled
+from semgs.geometry.fusion import pool_views
 from semgs.geometry.gaussians import Gaussians
 from semgs.rendering.render_features import render_features
 from semgs.scene.encoding import Encoding
@@ -188,7 +188,7 @@ class Featuring:
             plane = coordinates.mT.unflatten(1, values.shape[1:])
             maps.append(resampled(plane, frame, views.size, undistorted=False))
         coordinates = torch.stack(maps).to(encoding.depths)
-        coordinates = pooled(coordinates, encoding.depths, encoding.depth_spread, views.cameras)
+        coordinates = pool_views(coordinates, encoding.depths, encoding.depth_spread, views.cameras)
         return SceneFeatures(
             compression,
             compression.codes(encoding.per_gaussian(coordinates).cpu().float()),
@@ -295,7 +295,7 @@ def load_features(path: str | Path) -> SceneFeatures:
     if not file.is_file():
         advice = "give the folder that `semgs reconstruct --features DIR --out` wrote"
         raise InputError(file, "features of a scene", "no such file", advice=advice)
-    with opened_tensors(file, "features of a scene") as opened:
+    with open_tensors(file, "features of a scene") as opened:
         with input_error(file, "JSON", key="metadata.semgs"):
             header = parse_json((opened.metadata() or {}).get("semgs", "null"))
         tensors = {name: opened.get_tensor(name).clone() for name in opened.keys()}  # noqa: SIM118 - not a dict

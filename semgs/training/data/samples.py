@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from semgs.data.bounds.depth_range import DepthRange
-from semgs.data.choosing.choice import consecutive, drawn
+from semgs.data.choosing.choice import draw_consecutive, draw_sample
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import IGNORE, ClassTable
@@ -134,7 +134,7 @@ class Samples:
         self._seed, self._form, self._group = seed, form, group
         self._rooms, self._folders = mixture.rooms, mixture.folders
         self._chances = np.array(mixture.weights, dtype=np.float64) / sum(mixture.weights)
-        self._choose = {"covisible": drawn, "consecutive": consecutive}[form.frames]
+        self._choose = {"covisible": draw_sample, "consecutive": draw_consecutive}[form.frames]
         self._schedule, self._teacher = schedule, teacher
         self._open: OrderedDict[Path, tuple[Scene, DepthRange]] = OrderedDict()
         self._open_frames = 0
@@ -211,7 +211,7 @@ class Samples:
     def _open_scene(self, path: Path) -> tuple[Scene, DepthRange]:
         """A scene and its near and far; it stays open for the next time."""
         if path not in self._open:
-            scene = open_scene(path)
+            scene = open_scene(path, needs_cameras=False)
             self._open[path] = scene, scene.depth_range()
             self._open_frames += len(scene.frames)
             while self._open_frames > OPEN and len(self._open) > 1:

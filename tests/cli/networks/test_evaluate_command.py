@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from image_sets import random_numbers, write_image_set
 
 from semgs.cli.main import main
 from semgs.data.scenes import LAYOUTS
@@ -373,3 +374,26 @@ def test_reports_that_cannot_be_compared(done: tuple[Path, str], tmp_path: Path)
         assert (code, out) == (2, "")
         assert told in errors
         assert errors.count("\n") == 1
+
+
+def test_single_images_are_scored_without_cameras(done: tuple[Path, str], tmp_path: Path):
+    folder, _ = done
+    photos = write_image_set(tmp_path / "photos", {f"{k}": random_numbers(k, (32, 48)) for k in range(2)})
+    arguments = ("--single", "--size", "48x64", "--name", "noise")
+    for data, images, label in ((photos, 2, "photos"), (folder / "scenes", 4, "room")):
+        code, told, errors = run(
+            "evaluate", folder / "random.safetensors", "--data", data, "--out", tmp_path / f"of {label}", *arguments
+        )
+        assert (code, errors) == (0, "")
+        report = numbers(tmp_path / f"of {label}")
+        assert (report["format"], report["images"]) == ("semgs.report.single", images)
+        assert f"{images} images" in told
+        assert f"{report['miou']:.3f}" in told
+        assert len(list((tmp_path / f"of {label}" / "predictions" / label).iterdir())) == images
+
+
+def test_options_for_several_views_cannot_go_with_single(refused: Refused, tmp_path: Path):
+    photos = write_image_set(tmp_path / "photos", {"a": random_numbers(0, (32, 48))})
+    told = refused("small", "--single", "--views", "2", "--workers", "2", data=photos)
+    assert "--single classifies each image by itself, so it cannot go with --views, --workers" in told
+    assert "images with cameras, found labelled images" in refused("small", data=photos)

@@ -12,6 +12,7 @@ from test_transforms_json import DEPTHS, SIZE, with_maps
 
 from semgs.data.scenes import open_scene
 from semgs.data.tables.class_files import read_class_file
+from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError
 
 FIVE = {
@@ -62,6 +63,50 @@ def test_without_numbers_classes_are_counted_from_0(tmp_path):
 )
 def test_what_is_wrong_is_named(tmp_path, change, told):
     table = json.loads(json.dumps(FIVE))
+    change(table)
+    with pytest.raises(InputError, match=told):
+        read_class_file(written(tmp_path / "t.json", table))
+
+
+MAPPED = {
+    "classes": [
+        {"id": 0, "name": "wall", "scannet20": "wall"},
+        {"id": 20, "name": "dresser", "scannet20": "cabinet"},
+        {"id": 23, "scannet20": None},
+    ],
+    "unknown": 99,
+    "terms": "CC BY 2.0",
+}
+
+
+def test_a_file_may_say_which_of_scannets_classes_a_number_is(tmp_path):
+    found = read_class_file(written(tmp_path / "t.json", MAPPED))
+    assert found.table == SCANNET20
+    assert [found.meaning[number] for number in (0, 20, 23, 99, 255, 1)] == [0, 2, 255, 255, 255, None]
+    assert found.terms == "CC BY 2.0"
+    assert read_class_file(written(tmp_path / "five.json", FIVE)).terms == ""
+    assert read_class_file(written(tmp_path / "five.json", FIVE | {"terms": "ours"})).terms == "ours"
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda t: t.update(name="t", ignored=[1]), "'ignored'"),
+        (lambda t: t.update(terms=3), "terms: expected text"),
+        (lambda t: t.update(unknown=256), "unknown: expected a number from 0 to 255, found 256"),
+        (lambda t: t.update(unknown="none"), "unknown"),
+        (lambda t: t.update(unknown=20), r"classes\[1\]\.id: expected each number once, found 20 twice"),
+        (lambda t: t["classes"].append({"id": 0, "scannet20": "door"}), r"classes\[3\]\.id: .*found 0 twice"),
+        (lambda t: t["classes"].append({"id": -1, "scannet20": "door"}), r"classes\[3\]\.id: expected a number"),
+        (lambda t: t["classes"].append({"id": 3, "scannet20": "ceiling"}), r"classes\[3\]\.scannet20: .*'ceiling'"),
+        (
+            lambda t: t["classes"].append({"id": 3, "name": "door"}),
+            r"classes\[3\]: expected an object with id, scannet20",
+        ),
+    ],
+)
+def test_what_is_wrong_with_such_a_file_is_named(tmp_path, change, told):
+    table = json.loads(json.dumps(MAPPED))
     change(table)
     with pytest.raises(InputError, match=told):
         read_class_file(written(tmp_path / "t.json", table))

@@ -22,7 +22,7 @@ from posed import posed_views
 from torch.autograd.profiler import profile, record_function
 
 from semgs.cli.main import main
-from semgs.data.choosing.choice import given
+from semgs.data.choosing.choice import choose_named
 from semgs.data.scene import Scene
 from semgs.model.encode import Network
 from semgs.model.layers.chunks import WHOLE, Chunks
@@ -200,7 +200,7 @@ def test_reconstruction_follows_its_plan_and_says_so(
     wall_scene: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene, model = wall_scene(), model_of("small_plain")
-    choice = given(scene, [0, 1, 2, 3])
+    choice = choose_named(scene, [0, 1, 2, 3])
     whole = reconstruct(scene, choice, model)
     assert whole.plan is not None
     assert whole.plan.chunks == WHOLE
@@ -218,7 +218,7 @@ def test_reconstruction_follows_its_plan_and_says_so(
 
 def test_other_networks_are_run_without_a_plan(wall_scene: Callable[..., Scene], oracle: Network) -> None:
     scene = wall_scene()
-    assert reconstruct(scene, given(scene, [0, 3]), oracle).plan is None
+    assert reconstruct(scene, choose_named(scene, [0, 3]), oracle).plan is None
 
 
 def test_the_command_ends_with_one_line_and_code_2_where_nothing_fits(

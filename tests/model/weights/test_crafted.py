@@ -13,7 +13,7 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from semgs.files.errors import InputError
-from semgs.files.tensor_files import opened_tensors
+from semgs.files.tensor_files import open_tensors
 from semgs.model import networks
 from semgs.model.weights.load import find, load, shipped
 from semgs.model.weights.weights_file import CHECKSUM, checksum, is_ours, read_header, read_tensors, restate
@@ -66,7 +66,7 @@ def test_one_flipped_bit_of_a_tensor_is_noticed_and_files_without_a_checksum_loa
     older = stored(tmp_path / "older", load_file(path))
     assert read_tensors(older)["a"].shape == (2, 3)
     restate(older, older, {"licence": "CC0"})
-    with opened_tensors(older, "weights") as file:
+    with open_tensors(older, "weights") as file:
         assert file.metadata()[CHECKSUM] == checksum(load_file(path))
 
 

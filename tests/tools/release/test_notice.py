@@ -8,7 +8,7 @@ import pytest
 
 from semgs.rooms.assets.catalogue import Origin
 from semgs.rooms.assets.lock import LockEntry, attribution, read_lock
-from tools.release.notice import HEAD, notice
+from tools.release.notice import HEAD, PHOTOS, notice, photos
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -28,6 +28,19 @@ def test_works_that_ask_for_it_are_named_once_each_by_licence_and_author():
             "CC-BY-4.0, by Ann", "  - a.glb: owner/a@0123456789ab, in/a.glb", "  - c.glb: owner/c@0123456789ab, in/c.glb", "",
         ]
     )  # fmt: skip
+
+
+def test_photos_are_named_by_licence_with_what_leads_to_their_authors():
+    listed = [
+        {"set": "coco_permissive", "path": "a/9.jpg", "licence_id": 5, "flickr_url": "http://farm/9.jpg"},
+        {"set": "openimages_doordetect", "path": "images/b2.jpg"},
+        {"set": "polyhaven_hdri_crops", "path": "hdri/c.hdr"},
+        {"set": "openimages_doordetect", "path": "images/a1.jpg"},
+    ]
+    assert photos(listed).removeprefix(PHOTOS).splitlines() == [
+        "", "CC BY 2.0, Open Images V4, by way of MiguelARD/DoorDetect-Dataset (2 photos)", "  a1 b2",
+        "", "CC BY-SA 2.0, COCO", "  - http://farm/9.jpg",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("text", ["", "# Attribution\n", "- `a`: o/a@1, `p`\n", "## CC-BY-4.0\n\n- somebody's chair\n"])

@@ -19,7 +19,7 @@ from tools.release.demo import demo_picture
         ("ship {0}/none.safetensors small --description x", "none.safetensors"),
         ("failures nowhere.safetensors --data {0} --out {0}/a.jpg", "scene"),
         ("failures small --data {0}", "expected --data and --out together"),
-        ("notice {0}/ATTRIBUTION.md", "ATTRIBUTION.md"),
+        ("notice {0}/ATTRIBUTION.md --photos {0}/sources.json", "ATTRIBUTION.md"),
         ("demo {0}", "a folder that semgs demo wrote"),
     ],
 )

@@ -12,7 +12,7 @@ from scenes_on_disk import SIZE, write_labelled
 from training_data import run_data, run_portions, run_validation
 
 from semgs.data.preparation.archive import Preparation
-from semgs.data.preparation.prepared_set import PreparedSet, Reading, sources
+from semgs.data.preparation.prepared_set import PreparedSet, Reading, find_sources
 from semgs.data.views import Batch, Views
 from semgs.files.errors import InputError
 from semgs.model.weights.load import load, trained_scenes
@@ -40,7 +40,7 @@ def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def archives(scans: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same, prepared: a folder with an archive each, and an index beside them."""
     out = tmp_path_factory.mktemp("prepared") / "set"
-    PreparedSet(out, Preparation(SIZE), Reading()).prepare(sources(scans))
+    PreparedSet(out, Preparation(SIZE), Reading()).prepare(find_sources(scans))
     return out
 
 

@@ -116,15 +116,17 @@ class Ablate:
 
     def _check_unseen(self) -> None:
         """Refuse, before anything is trained, to train on rooms that are also used for evaluation."""
-        from semgs.data.scene_lists import calls, check_unseen, read_list
+        from semgs.data.scene_lists import check_unseen, read_list, scenes_by_name
         from semgs.data.scenes import scene_paths
         from semgs.training.data.data_check.open_sources import training_paths
 
         if self.test is None:
             return
-        trained = [name for source, paths in training_paths(self.settings) for name in calls(Path(source.path), paths)]
+        trained = [
+            name for source, paths in training_paths(self.settings) for name in scenes_by_name(Path(source.path), paths)
+        ]
         wanted = read_list(self.test_scenes) if self.test_scenes else None
-        tested = calls(self.test, scene_paths(self.test, wanted))
+        tested = scenes_by_name(self.test, scene_paths(self.test, wanted))
         check_unseen(self.test, trained, tested, "train without these (--scenes), or evaluate on others")
 
     def _check_full(self, settings: TrainingSettings) -> None:

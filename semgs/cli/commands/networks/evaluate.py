@@ -19,7 +19,7 @@ from semgs.files.folders import check_folder
 from semgs.files.paths import existing_folder, found_at
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from semgs.data.scene import Scene
     from semgs.data.tables.classes import ClassTable
@@ -47,12 +47,16 @@ class Evaluate:
     true depth, and the most frequent class.
     docs/evaluate.md defines every number. The folder appears only once it is complete.
 
+    With --single, each labelled image is classified by itself, without cameras and rendering, so --data may also be labelled images
+    (images/, labels/ and classes.json; see docs/train.md). The folder then contains report.json and predictions/.
+
     Examples
     - semgs evaluate small --data scenes --out eval/small
     - semgs evaluate runs/mine/weights.safetensors --data scenes --views 2 --out eval/mine
     - semgs evaluate small --data scannet --scenes scannet-sray-test --protocol peers --views 2 3 4 --out eval/peers
     - semgs evaluate small --segmenter segformer.onnx --data scenes --out eval/segformer
     - semgs evaluate --predictions theirs --data scenes --protocol pinned eval/small/frames.json --out eval/theirs
+    - semgs evaluate small --single --data photos --out eval/photos
     """
 
     data: Annotated[Path, tyro.conf.arg(metavar="DIR")]
@@ -78,6 +82,8 @@ class Evaluate:
     """With --protocol peers: rank input frames as GSNeRF's code does, by world-to-camera translations."""
     nearest: Annotated[Count | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
     """Render each target view with the Gaussians of only this many input views, those nearest to it. By default, with all."""
+    single: bool = False
+    """Score the classes of each image by itself."""
     allow_seen: bool = False
     """Also score rooms that the weights were trained in, and say so; by default they are refused."""
     name: Annotated[str, tyro.conf.arg(help_behavior_hint="")] = ""
@@ -99,6 +105,9 @@ class Evaluate:
             UsageError: an option is invalid.
         """
         self._check()
+        if self.single:
+            self._run_single()
+            return
         with show_stage("Starting"):
             # Importing torch takes seconds; typing errors are reported before.
             from semgs.evaluation.run import Job, open_labelled_scenes, run_evaluation
@@ -113,10 +122,34 @@ class Evaluate:
             summary = run_evaluation(self.out, job, overwrite=self.overwrite, done=done)
         print(summary)
 
+    def _run_single(self) -> None:
+        """Score single images, write the folder, and print the tables."""
+        with show_stage("Starting"):
+            from semgs.evaluation.run import open_labelled_scenes, open_network
+            from semgs.evaluation.single_images import evaluate_single_images
+
+            data = open_labelled_scenes(
+                self.data, self.reading.as_peers, self.reading.asked, self.scenes, needs_cameras=False
+            )
+            if data.classes is None:
+                raise InputError(self.data, "labelled images", "none with labels")
+        with show_stage("Loading"), what_the_user_gave():
+            remarks = self._seen(data.scenes)
+            network, subject = open_network(self.weights, data.classes, self.name)
+            network.to(chosen_device(self.device))
+        images = sum(frame.labels is not None for scene in data.scenes for frame in scene.frames)
+        with what_fits(), show_progress(f"Evaluating {subject.name}", images) as done:
+            tables = evaluate_single_images(
+                self.out, network, subject, data.scenes, self.size, overwrite=self.overwrite, done=done
+            )
+        print("\n\n".join((tables, *remarks)))
+
     def _check(self) -> None:
         """Check what can be checked without importing torch."""
         if bool(self.weights) == (self.predictions is not None):
             raise UsageError("expected either WEIGHTS or --predictions DIR; see semgs evaluate --help")
+        if self.single:
+            self._check_single()
         existing_folder(self.data)
         if self.predictions is not None and not self.predictions.is_dir():
             raise InputError(self.predictions, "a folder of predictions", found_at(self.predictions))
@@ -132,6 +165,20 @@ class Evaluate:
         if self.depth_range is not None and not 0 < self.depth_range[0] < self.depth_range[1] < float("inf"):
             near, far = self.depth_range
             raise UsageError(f"--depth-range is {near:g} {far:g}; expected near and far, 0 < near < far")
+
+    def _check_single(self) -> None:
+        """Refuse options that say how views become other views, which --single does not do."""
+        refused = {
+            "--predictions": self.predictions is not None,
+            "--protocol": self.protocol != ("neighbours",),
+            "--views": bool(self.views),
+            "--depth-range": self.depth_range is not None,
+            "--nearest": self.nearest is not None,
+            "--workers": bool(self.workers),
+            "--segmenter": self.segmenting.segmenter is not None,
+        }
+        if given := [option for option, is_given in refused.items() if is_given]:
+            raise UsageError(f"--single classifies each image by itself, so it cannot go with {', '.join(given)}")
 
     def _plan(self, scenes: tuple[Scene, ...]) -> FramePlan:
         """The targets and their input views."""
@@ -180,19 +227,20 @@ class Evaluate:
 
         Such rooms are refused without --allow-seen.
         """
-        from semgs.data.scene_lists import check_unseen, seen_before
-        from semgs.model.weights.load import trained_scenes
-
         said: tuple[str, ...] = ()
         if labelling is not None:
             first = labelling(plan.scenes[0])
             said = (f"The classes are from {first.description}.", *first.notes)
-        if not self.weights:
-            return said
-        trained, tested = trained_scenes(self.weights), [scene.name for scene in plan.scenes]
-        if self.allow_seen:
-            seen = sorted(seen_before(trained, tested))
-            where = f"The weights were trained on rooms that are scored here: {', '.join(seen)}."
-            return (*said, *((where,) if seen else ()))
-        check_unseen(self.weights, trained, tested, "evaluate on other rooms (--scenes), or use --allow-seen")
-        return said
+        return (*said, *self._seen(plan.scenes)) if self.weights else said
+
+    def _seen(self, scenes: Sequence[Scene]) -> tuple[str, ...]:
+        """A remark if the weights were trained on rooms that are scored here; such rooms are refused without --allow-seen."""
+        from semgs.data.scene_lists import check_unseen, seen_before
+        from semgs.model.weights.load import trained_scenes
+
+        trained, tested = trained_scenes(self.weights), [scene.name for scene in scenes]
+        if not self.allow_seen:
+            check_unseen(self.weights, trained, tested, "evaluate on other rooms (--scenes), or use --allow-seen")
+            return ()
+        seen = sorted(seen_before(trained, tested))
+        return (f"The weights were trained on rooms that are scored here: {', '.join(seen)}.",) if seen else ()

@@ -64,12 +64,12 @@ class Doctor:
         existing_folder(self.scene)
         self._check_outputs()
         with show_stage("Starting"):
-            from semgs.data.scenes import open_asked
+            from semgs.data.scenes import open_with_details
             from semgs.doctor.diagnosis import diagnose
             from semgs.doctor.facts import facts
             from semgs.doctor.fix import check_fixable
 
-        scene = open_asked(self.scene, self.reading.as_peers, self.reading.asked, needs_labels=False)
+        scene = open_with_details(self.scene, self.reading.as_peers, self.reading.asked, needs_labels=False)
         if self.fix is not None:
             check_fixable(scene)
         with show_stage(f"Matching images of {len(scene)} frames"):

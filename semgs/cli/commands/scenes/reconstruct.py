@@ -142,13 +142,13 @@ class Reconstruct:
 
     def _reconstruct(self, device: str, photos: PhotoScene | None) -> None:
         """Reconstruct the scene, or that of photos whose cameras were estimated."""
-        from semgs.data.scenes import open_asked
+        from semgs.data.scenes import open_with_details
         from semgs.reconstruction.output.files import summary, write_results
         from semgs.reconstruction.pipeline import reconstruct
         from semgs.reconstruction.recording import Walk
 
         asked = self.reading.as_peers, self.reading.asked
-        scene = open_asked(self.scene, *asked, needs_labels=False) if photos is None else photos.scene(*asked)
+        scene = open_with_details(self.scene, *asked, needs_labels=False) if photos is None else photos.scene(*asked)
         stages = Stages(show_stage, say_compiling)
         frames: Choice | Walk = Walk(self.views)
         notes: list[str] = []
@@ -257,11 +257,11 @@ class Reconstruct:
 
     def _choose(self, scene: Scene) -> Choice:
         """Input frames and held-out frames."""
-        from semgs.data.choosing.choice import choose, given
+        from semgs.data.choosing.choice import choose, choose_named
 
         if self.context:
             with what_the_user_gave():
-                return given(scene, self.context)
+                return choose_named(scene, self.context)
         if self.views > len(scene):
             raise UsageError(f"--views is {self.views}; expected 2 to {len(scene)}, the usable frames of {scene.path}")
         return choose(scene, self.views)

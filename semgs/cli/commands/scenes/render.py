@@ -127,7 +127,7 @@ class Render:
     def _cameras(self, scene: SavedScene) -> tuple[Cameras, str]:
         """The cameras of the path, and a note; "" for none."""
         from semgs.export.camera_files import read_camera_file
-        from semgs.geometry.camera_paths import between, orbit, resized
+        from semgs.geometry.camera_paths import interpolate_cameras, orbit, resize_cameras
         from semgs.scene.upright import up_of
 
         note = ""
@@ -142,10 +142,10 @@ class Render:
         elif self.path == "inputs":
             if len(scene.frames) < 2:
                 raise InputError(self.scene, "two input views or more for --path inputs", "one")
-            cameras = between(scene.cameras, self.frames or 120)
+            cameras = interpolate_cameras(scene.cameras, self.frames or 120)
         else:
             cameras = read_camera_file(Path(self.path)).relative_to(scene.origin)
-        return (cameras if self.size is None else resized(cameras, self.size)), note
+        return (cameras if self.size is None else resize_cameras(cameras, self.size)), note
 
     def _check_width(self, cameras: Cameras, shows: int) -> None:
         """Check that images fit side by side into a video."""

@@ -17,7 +17,7 @@ from semgs.training.data.data_settings import DataSettings
 from semgs.training.data.samples import Folder, convert_labels, room_library
 
 FRAMES_COUNTED = 4
-"""Frames of each scene in which classes are counted."""
+"""Frames of each scene in which classes are counted; of images without cameras, which all show other rooms, every one is."""
 
 COUNTED_ROOMS, COUNTED_SIZE = 64, (48, 64)
 """Rooms in which classes are counted, in two small views each."""
@@ -59,7 +59,8 @@ def count_pixels(settings: DataSettings, scenes: Sequence[Scene]) -> list[Pixels
 def _read_some(scene: Scene) -> list[Views]:
     """A few frames spread over a scene; unreadable ones are skipped here, since training reports them."""
     views = []
-    for index in np.unique(np.linspace(0, len(scene) - 1, FRAMES_COUNTED).round().astype(int)):
+    count = FRAMES_COUNTED if scene.posed else len(scene)
+    for index in np.unique(np.linspace(0, len(scene) - 1, count).round().astype(int)):
         with contextlib.suppress(InputError):
             views.append(scene.read([int(index)], "native"))
     return views

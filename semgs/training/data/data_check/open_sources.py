@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semgs.data.scene import Scene
-from semgs.data.scene_lists import calls, read_list
+from semgs.data.scene_lists import read_list, scenes_by_name
 from semgs.data.scenes import open_scene, scene_paths
 from semgs.files.errors import InputError
 from semgs.training.data.data_settings import DataSettings
@@ -28,7 +28,7 @@ def training_paths(settings: DataSettings) -> list[tuple[Source, tuple[Path, ...
     if settings.scenes:
         known: dict[str, Path] = {}
         for source, paths in zip(sources, paths_of, strict=True):
-            known = calls(Path(source.path), paths) | known
+            known = scenes_by_name(Path(source.path), paths) | known
         chosen = set(read_list(settings.scenes).choose(known, ", ".join(settings.data)))
         paths_of = [tuple(path for path in paths if path in chosen) for paths in paths_of]
         for source, paths in zip(sources, paths_of, strict=True):
@@ -65,7 +65,7 @@ def open_source(source: Source, paths: Sequence[Path], contexts: int, targets: i
     needed = contexts + targets
     for path in paths:
         try:
-            scene = open_scene(path)
+            scene = open_scene(path, needs_cameras=False)
             if len(scene) < needed:
                 raise InputError(
                     path,

@@ -1,0 +1,189 @@
+"""Scores of classes in single images, each classified by itself, without cameras and without rendering.
+
+OUT/report.json                   all scores, with 95 % intervals over scenes; images without cameras count as a scene each
+OUT/predictions/SCENE/STEM.png    the likeliest class of each pixel, at the size that was compared
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from semgs.data.bounds.depth_range import DepthRange
+from semgs.data.resampling import default_size
+from semgs.data.scene import Scene
+from semgs.data.tables.classes import IGNORE, ClassTable
+from semgs.data.views import INDOOR_DEPTH_RANGE
+from semgs.evaluation.scoring.frame_scores import FrameScores
+from semgs.evaluation.scoring.intervals import intervals
+from semgs.evaluation.scoring.records import encode_scores
+from semgs.evaluation.scoring.summary import CLASS_METRICS, CONFIDENCE_METRICS, ClassScores, score_classes, summarise
+from semgs.evaluation.tables.environment import hardware, versions
+from semgs.evaluation.tables.evaluation_report import EvaluatedMethod
+from semgs.evaluation.tables.score_cells import with_interval
+from semgs.evaluation.tables.table_grid import Cell, Grid, printed
+from semgs.files.atomic import write_json
+from semgs.files.folders import own_folder
+from semgs.files.images.pictures import write_png
+from semgs.model.semgs import SemGS
+from semgs.objectives.measures import TITLES, shown_number
+from semgs.objectives.metrics import confusion_matrix
+from semgs.objectives.selective import counts_by_confidence
+from semgs.rendering.rendering import likeliest
+from semgs.rendering.temperatures import highest_probability
+
+FORMAT = "semgs.report.single"
+VERSION = 1
+
+METRICS = (*(name for name in CLASS_METRICS if name != "not_given"), *CONFIDENCE_METRICS)
+SHOWN = ("miou", "miou_per_image", "accuracy", "class_accuracy", "aurc", "ece")
+"""The columns of the printed table."""
+
+NO_DEPTH = DepthRange(*INDOOR_DEPTH_RANGE, "unknown", "classes of single images do not depend on it")
+
+
+def evaluate_single_images(
+    out: Path,
+    network: SemGS,
+    subject: EvaluatedMethod,
+    scenes: Sequence[Scene],
+    size: tuple[int, int] | None = None,
+    *,
+    overwrite: bool = False,
+    done: Callable[[int], object] = lambda count: None,
+) -> str:
+    """Score every labelled image of some scenes and write the folder, which appears only once it is complete.
+
+    Args:
+        out: the output folder.
+        network: in evaluation mode, with the class table of the labels.
+        subject: its description for the report.
+        scenes: with labels, with or without cameras.
+        size: (height, width) to compare at; None for the size at which `semgs reconstruct` would read each image.
+        overwrite: replace the folder if an earlier evaluation wrote it.
+        done: called after each image with the number of finished images.
+
+    Returns:
+        The tables to print.
+
+    Raises:
+        InputError: an image or the folder cannot be used.
+        NotEnoughMemoryError: the network needs more memory than there is.
+    """
+    classes = network.classes
+    assert classes is not None
+    with own_folder(out, overwrite) as folder:
+        frames = score_single_images(network, scenes, size, folder / "predictions", done)
+        device = next(network.parameters()).device.type
+        numbers = single_numbers(subject, scenes, frames, classes, device)
+        write_json(folder / "report.json", numbers)
+    return "\n\n".join(printed(grid, "text") for grid in single_grids(subject.name, frames, classes))
+
+
+@torch.no_grad()
+def score_single_images(
+    network: SemGS,
+    scenes: Sequence[Scene],
+    size: tuple[int, int] | None = None,
+    predictions: Path | None = None,
+    done: Callable[[int], object] = lambda count: None,
+) -> list[FrameScores]:
+    """The scores of every labelled image of some scenes, in order; arguments as for `evaluate_single_images`.
+
+    Args:
+        predictions: the folder for predicted classes; None writes none.
+    """
+    device = next(network.parameters()).device
+    temperature = None if network.temperatures is None else network.temperatures.gaussians
+    scores: list[FrameScores] = []
+    for scene in scenes:
+        for index, frame in enumerate(scene.frames):
+            if frame.labels is None:
+                continue
+            view = scene.read([index], size or default_size(frame.lens.size), NO_DEPTH)
+            assert view.labels is not None
+            distributions = network.classify(view.to(device), alone=True)[0].cpu()
+            predicted, labels = likeliest(distributions), view.labels[0]
+            labelled = labels != IGNORE
+            confidence = highest_probability(distributions.permute(1, 2, 0)[labelled], temperature)
+            stem = Path(frame.name).stem
+            scores.append(
+                FrameScores(
+                    scene=scene.name if scene.posed else f"{scene.name}/{stem}",
+                    target=stem,
+                    contexts=(stem,),
+                    confusion=confusion_matrix(predicted, labels, len(view.classes)).numpy(),
+                    truth=np.bincount(labels[labelled].numpy(), minlength=len(view.classes)).astype(np.int64),
+                    confidences=counts_by_confidence(confidence, (predicted == labels)[labelled]),
+                )
+            )
+            if predictions is not None:
+                (predictions / scene.name).mkdir(parents=True, exist_ok=True)
+                write_png(predictions / scene.name / f"{stem}.png", predicted.numpy())
+            done(len(scores))
+    return scores
+
+
+def single_numbers(
+    subject: EvaluatedMethod,
+    scenes: Sequence[Scene],
+    frames: Sequence[FrameScores],
+    classes: ClassTable,
+    device: str = "cpu",
+) -> dict[str, Any]:
+    """All numbers of the report, ready for JSON."""
+    values, bounds = summarise(frames), intervals(frames)
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "method": asdict(subject),
+        "data": [{"name": scene.name, "layout": scene.layout, "images": len(scene)} for scene in scenes],
+        "classes": {"name": classes.name, "names": list(classes.names)},
+        "images": len(frames),
+        **{name: values.get(name) for name in METRICS},
+        "intervals": {name: [bounds[name].low, bounds[name].high] for name in METRICS if name in bounds},
+        "per_class": [
+            {"name": name, **asdict(scores)} for name, scores in zip(classes.names, score_classes(frames), strict=False)
+        ],
+        "per_image": [encode_scores(frame) for frame in frames],
+        "versions": versions(),
+        "hardware": hardware(device),
+    }
+
+
+def single_grids(name: str, frames: Sequence[FrameScores], classes: ClassTable) -> list[Grid]:
+    """The scores with their intervals, and the IoU of each class."""
+    values, bounds = summarise(frames), intervals(frames)
+    cells = [
+        Cell(with_interval(metric, values.get(metric), *((found.low, found.high) if found else (None, None))))
+        for metric in SHOWN
+        for found in [bounds.get(metric)]
+    ]
+    scored = zip(classes.names, score_classes(frames), strict=False)
+    total = sum(int(frame.truth.sum()) for frame in frames if frame.truth is not None)
+    return [
+        Grid(
+            title="Single images",
+            groups=(),
+            head=(f"{len(frames)} images", *(TITLES[metric] for metric in SHOWN)),
+            rows=((Cell(name), *cells),),
+            notes=("In brackets: 95 % intervals over scenes; images without cameras count as a scene each.",),
+        ),
+        Grid(
+            title="Classes",
+            groups=(),
+            head=("class", "pixels", "IoU", "class acc."),
+            rows=tuple(_class_row(label, scores, total) for label, scores in scored if scores.pixels),
+        ),
+    ]
+
+
+def _class_row(label: str, scores: ClassScores, total: int) -> tuple[Cell, ...]:
+    """A row of the table of classes."""
+    figures = (shown_number("miou", scores.iou), shown_number("accuracy", scores.accuracy))
+    return (Cell(label), Cell(f"{100 * scores.pixels / total:.1f} %"), *map(Cell, figures))

@@ -1,0 +1,96 @@
+"""Scores of single images, worked out by hand."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from image_sets import write_image_set
+from networks import preset
+
+from semgs.data.scene import Scene
+from semgs.data.scenes import open_scene
+from semgs.data.tables.classes import SCANNET20
+from semgs.data.views import Views
+from semgs.evaluation.single_images import evaluate_single_images, score_single_images, single_numbers
+from semgs.evaluation.tables.evaluation_report import EvaluatedMethod
+from semgs.files.images.pictures import read_uint8
+from semgs.model.semgs import SemGS
+from semgs.rendering.temperatures import Temperatures
+
+SUBJECT = EvaluatedMethod("by colour", "weights", "known by heart", "0" * 64, 1)
+
+
+def by_colour(temperatures: Temperatures | None = None) -> SemGS:
+    """A network to which red in the left half of an image is wall, and everything else floor, with confidence 0.8."""
+
+    def classify(views: Views, alone: bool) -> torch.Tensor:
+        assert alone
+        assert len(views) == 1
+        walls = views.images[:, 0] > 0.5
+        walls[..., views.size[1] // 2 :] = False
+        found = torch.full((1, len(SCANNET20), *views.size), 0.2 / 19)
+        found[:, 0][walls] = found[:, 1][~walls] = 0.8
+        return found
+
+    network = preset("small")
+    network.temperatures = temperatures
+    network.classify = classify  # type: ignore[method-assign]
+    return network
+
+
+@pytest.fixture
+def images(tmp_path: Path) -> Scene:
+    """An image of walls, and one of floor above nothing known."""
+    walls, floor = np.zeros((16, 32)), np.ones((32, 16))
+    floor[16:] = 200
+    return open_scene(write_image_set(tmp_path / "two", {"walls": walls, "floor": floor}), needs_cameras=False)
+
+
+def test_scores_are_those_worked_out_by_hand(images: Scene):
+    numbers = single_numbers(SUBJECT, [images], score_single_images(by_colour(), [images]), SCANNET20)
+    # Of 512 pixels of wall, 256 are called wall and 256 floor; 256 pixels of floor are called floor; 256 pixels do not count.
+    assert numbers["images"] == 2
+    assert numbers["accuracy"] == pytest.approx(512 / 768)
+    assert numbers["miou"] == pytest.approx((256 / 512 + 256 / 512) / 2)
+    assert numbers["miou_per_image"] == pytest.approx((256 / 512 + 1) / 2)
+    assert numbers["class_accuracy"] == pytest.approx((1 / 2 + 1) / 2)
+    assert numbers["ece"] == pytest.approx(0.8 - 512 / 768, abs=0.01)  # confidences are counted in levels
+    assert [(one["name"], one["pixels"]) for one in numbers["per_class"] if one["pixels"]] == [
+        ("wall", 512),
+        ("floor", 256),
+    ]
+
+
+def test_the_temperature_of_single_gaussians_changes_confidence_alone(images: Scene):
+    cold = by_colour(Temperatures(rendered=9.0, gaussians=0.5))
+    numbers = single_numbers(SUBJECT, [images], score_single_images(cold, [images]), SCANNET20)
+    confidence = 0.8**2 / (0.8**2 + 19 * (0.2 / 19) ** 2)
+    assert numbers["ece"] == pytest.approx(confidence - 512 / 768, abs=0.01)
+    assert numbers["miou"] == pytest.approx(0.5)
+
+
+def test_the_folder_contains_the_report_and_the_classes_of_every_pixel(images: Scene, tmp_path: Path):
+    counted: list[int] = []
+    told = evaluate_single_images(tmp_path / "out", by_colour(), SUBJECT, [images], done=counted.append)
+    assert counted == [1, 2]
+    assert "by colour" in told
+    assert "0.500" in told
+    report = json.loads((tmp_path / "out/report.json").read_text())
+    assert report["format"] == "semgs.report.single"
+    assert [one["target"] for one in report["per_image"]] == ["floor", "walls"]
+    walls = read_uint8(tmp_path / "out/predictions/two/walls.png")
+    np.testing.assert_array_equal(walls, np.repeat([[0, 1]], 16, 0).repeat(16, 1))
+
+
+def test_a_size_applies_to_all_images(images: Scene):
+    frames = score_single_images(by_colour(), [images], (16, 16))
+    assert [int(frame.truth.sum()) for frame in frames if frame.truth is not None] == [128, 256]
+
+
+def test_each_image_without_a_camera_counts_as_a_scene(images: Scene):
+    frames = score_single_images(by_colour(), [images])
+    assert [(frame.scene, frame.target) for frame in frames] == [("two/floor", "floor"), ("two/walls", "walls")]
