@@ -14,7 +14,7 @@ import numpy as np
 
 from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
-from semgs.data.layouts.parts.fields import parsed
+from semgs.data.layouts.parts.fields import read_fields
 from semgs.data.maps import DepthMap, DepthThroughLens, IdMap, MaskMap
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import IGNORE, SCANNET20
@@ -25,7 +25,7 @@ LABELS[[1, 2, 3]] = [SCANNET20.index(name) for name in ("chair", "table", "wall"
 
 def open_mine(path: Path) -> Scene:
     """The scene; a line in `semgs.data.scenes.LAYOUTS` makes all commands read it."""
-    cameras = parsed(path / "cameras.json").values
+    cameras = read_fields(path / "cameras.json").values
     colour, depth = (Lens(**{key: tuple(two) for key, two in cameras[name].items()}) for name in ("colour", "depth"))
     poses, frames = np.loadtxt(path / "poses.txt", usecols=range(1, 17)).reshape(-1, 4, 4), []
     for name, pose in zip(np.loadtxt(path / "poses.txt", dtype=str, usecols=0), poses, strict=True):

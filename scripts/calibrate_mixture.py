@@ -18,14 +18,14 @@ from semgs.data.resampling import default_size
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.views import joined
-from semgs.evaluation.run import labelled_scenes, plan_of
+from semgs.evaluation.run import open_labelled_scenes, plan_targets
 from semgs.evaluation.scoring.confidence_calibration import (
     KINDS,
     PIXELS,
     Statements,
+    collect_statements,
+    measure_temperature,
     sample_statements,
-    statements,
-    temperature_effect,
 )
 from semgs.model.encode import encode
 from semgs.model.semgs import SemGS
@@ -40,7 +40,7 @@ BASELINE = 0.05
 
 @torch.no_grad()
 def statements_of_photos(photos: Scene, network: SemGS, seed: int = 0) -> dict[str, Statements]:
-    """Class distributions on labelled photos, as `statements` gives them for scenes."""
+    """Class distributions on labelled photos, as `collect_statements` gives them for scenes."""
     generator = torch.Generator().manual_seed(seed)
     found: dict[str, list[Statements]] = {kind: [] for kind in KINDS}
     for index, frame in enumerate(photos.frames):
@@ -73,16 +73,16 @@ def main(weights: str, out: str, scenes: str, photos: str) -> None:
     """Fit, write and print."""
     name, path = find(weights)
     network = load(name, path)
-    plan = plan_of(("neighbours",), labelled_scenes(Path(scenes)).scenes, (2,))
-    rooms = statements(plan, network)
+    plan = plan_targets(("neighbours",), open_labelled_scenes(Path(scenes)).scenes, (2,))
+    rooms = collect_statements(plan, network)
     images = statements_of_photos(open_scene(photos, needs_cameras=False), network)
     fitted = {}
     for kind in KINDS:
         count = min(len(rooms[kind].labels), len(images[kind].labels))
         mixture = _joined([_sampled(rooms[kind], count), _sampled(images[kind], count)])
-        fitted[kind] = temperature_effect(mixture).temperature
+        fitted[kind] = measure_temperature(mixture).temperature
         for label, part in (("rooms", rooms[kind]), ("photos", images[kind])):
-            effect = temperature_effect(part, fitted[kind])
+            effect = measure_temperature(part, fitted[kind])
             print(
                 f"{kind} {label}: temperature {fitted[kind]}, ECE {effect.error_before:.3f} to {effect.error_after:.3f}"
             )

@@ -12,6 +12,7 @@ import sys
 
 import torch
 from locate_depth_errors import pairs
+from shared import markdown
 
 from semgs.files.errors import InputError
 from semgs.model.weights.load import load
@@ -21,7 +22,7 @@ from semgs.model.weights.load import load
 def table(weights: str, folders: list[str]) -> str:
     """The shares as Markdown."""
     model = load(weights)
-    lines = ["| scenes | images | within one | within two | median spread |", "|---|---|---|---|---|"]
+    rows = []
     for folder in folders:
         off, spreads = [], []
         for views in pairs([folder]):
@@ -29,8 +30,8 @@ def table(weights: str, folders: list[str]) -> str:
             off.append((encoding.depths[known] / views.depths[known]).log().abs() / encoding.depth_spread[known])
             spreads.append(encoding.depth_spread[known])
         one, two = ((torch.cat(off) <= n).double().mean() for n in (1, 2))
-        lines.append(f"| {folder} | {2 * len(off)} | {one:.0%} | {two:.0%} | {torch.cat(spreads).median():.3f} |")
-    return "\n".join(lines)
+        rows.append([folder, f"{2 * len(off)}", f"{one:.0%}", f"{two:.0%}", f"{torch.cat(spreads).median():.3f}"])
+    return markdown(["scenes", "images", "within one", "within two", "median spread"], rows)
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 from scipy import ndimage
+from shared import share_of_same_class
 from torch import Tensor
 
 from semgs.data.scenes import open_scenes
@@ -27,7 +28,7 @@ from semgs.evaluation.frames.frame_plan import Task, make_plan
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import read_views
 from semgs.geometry.cameras import back_project, project
-from semgs.geometry.fusion import fused
+from semgs.geometry.fusion import fuse_classes
 from semgs.model.weights.load import load
 from semgs.objectives.metrics import confusion_matrix, miou
 from semgs.rendering.rendering import likeliest
@@ -72,39 +73,26 @@ def warped_labels(labels: Tensor, context: Views, depths: Tensor, target: Views)
     return torch.where(inside, labels.flatten()[torch.where(inside, place, 0)], labels.flatten()).view(h, w)
 
 
-def changes(labels: Tensor, contexts: Views) -> float:
-    """The share of points whose label depends on the view."""
-    differ, seen = 0, 0
-    h, w = contexts.size
-    assert contexts.depths is not None
-    points = back_project(contexts.depths.double(), contexts.cameras).flatten(1, 2)
-    for one, other in combinations(range(len(contexts)), 2):
-        x, y, z = project(points[one], contexts.cameras[other]).unbind(-1)
-        inside = (z > 0) & (x >= 0) & (x < w) & (y >= 0) & (y < h)
-        place = torch.where(inside, y.clamp(0, h - 1).long() * w + x.clamp(0, w - 1).long(), 0)
-        same = inside & ((contexts.depths[other].flatten()[place] / z - 1).abs() < SAME)
-        differ += int((labels[one].flatten()[same] != labels[other].flatten()[place][same]).sum())
-        seen += int(same.sum())
-    return differ / max(seen, 1)
-
-
 @torch.no_grad()
 def measured(task: Task, number: int, model: object) -> dict[tuple[float, str], tuple[Tensor, float]]:
     """Confusion matrix and changes of each level and row on one target."""
     read = read_views(task)
     contexts, target = joined([read[place] for place in task.sample.contexts]), read[task.sample.target]
     encoding: Encoding = model(contexts.changed(labels=None, depths=None))  # type: ignore[operator]
-    found = {}
+    found, pairs = {}, list(combinations(range(len(contexts)), 2))
     for level in LEVELS:
         generator = np.random.default_rng((number, round(100 * level)))
         assert contexts.labels is not None
         said = torch.stack([spoiled(one.numpy(), level, generator) for one in contexts.labels])
-        agreed = fused(said, encoding.depths, encoding.depth_spread, contexts.cameras)
+        agreed = fuse_classes(said, encoding.depths, encoding.depth_spread, contexts.cameras)
         depths = None
         for row, maps in (("none", said), ("fused", agreed)):
             rendering = encoding.with_classes(maps, SCANNET20).render(target.cameras)
             depths = rendering.depths
-            found[level, row] = _scored(likeliest(rendering.semantics[0]), target), changes(maps.argmax(1), contexts)
+            found[level, row] = (
+                _scored(likeliest(rendering.semantics[0]), target),
+                1 - share_of_same_class(maps.argmax(1), contexts, pairs, SAME),
+            )
         nearest = warped_labels(said[0].argmax(0), contexts.select([0]), depths, target)
         found[level, "warped"] = _scored(nearest.to(torch.uint8), target), float("nan")
     return found

@@ -19,15 +19,16 @@ from dataclasses import dataclass
 
 import torch
 from jaxtyping import Bool, Float
+from shared import markdown, pixels_that_see
 from torch import Tensor
 from torch.nn.functional import avg_pool2d, max_pool2d
 
 from semgs.data.scenes import open_scene, scene_paths
 from semgs.data.views import Views
 from semgs.files.errors import InputError
-from semgs.geometry.cameras import back_project, project
+from semgs.geometry.cameras import back_project
 from semgs.geometry.plane_sweep import expected_depth
-from semgs.model.layers.network_input import Padded
+from semgs.model.layers.network_input import NetworkInput
 from semgs.model.semgs import SemGS
 from semgs.model.weights.load import load
 from semgs.scene.coarse_depth import SHRINK
@@ -48,7 +49,7 @@ class Found:
 @torch.no_grad()
 def found(model: SemGS, views: Views, truth: Float[Tensor, "2 h4 w4"]) -> Found:
     """The depths after each step of the network."""
-    scene = Padded.of(views, model.cnn.conv1.weight, model.stride)
+    scene = NetworkInput.of(views, model.cnn.conv1.weight, model.stride)
     features = model.colour.transformer(model.cnn(scene.images), scene)
     cost = model.colour.depth.cost(features, scene, None)
     swept = model.sweep(views)
@@ -88,12 +89,7 @@ def places(views: Views) -> dict[str, Bool[Tensor, "2 h4 w4"]]:
 def _agrees(views: Views, here: int, there: int) -> Bool[Tensor, "h4 w4"]:
     """Whether another view's true depth agrees with this view's points where it sees them."""
     points = at_centres(back_project(views.depths[here].double(), views.cameras[here]).movedim(-1, 0)).movedim(0, -1)
-    u, v, z = project(points.flatten(end_dim=-2), views.cameras[there]).unbind(-1)
-    height, width = views.size
-    inside = (z > 0) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
-    column, row = u.nan_to_num().clamp(0, width - 1).long(), v.nan_to_num().clamp(0, height - 1).long()
-    other = views.depths[there][row, column]
-    return (inside & ((other / z - 1).abs() < 0.03)).reshape(points.shape[:2])
+    return pixels_that_see(points.flatten(end_dim=-2), views, there, 0.03)[0].reshape(points.shape[:2])
 
 
 def pairs(folders: list[str]) -> Iterator[Views]:
@@ -120,13 +116,13 @@ def table(weights: str, folders: list[str]) -> str:
             for step in STEPS:
                 errors[step, place].append((result.depths[step][mask] / truth[mask] - 1).abs().double())
     whole = sum(map(len, errors["right", "all"]))
-    lines = [["place", "share", *[f"{step}: AbsRel" for step in STEPS], "best raw candidate right"], ["---"] * 6]
+    rows = []
     for place in PLACES:
         share = sum(map(len, errors["right", place])) / whole
         means = [float(torch.cat(errors[step, place]).mean()) for step in STEPS]
         right = float(torch.cat(errors["right", place]).mean())
-        lines.append([place, f"{share:.0%}", *[f"{mean:.3f}" for mean in means], f"{right:.0%}"])
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+        rows.append([place, f"{share:.0%}", *[f"{mean:.3f}" for mean in means], f"{right:.0%}"])
+    return markdown(["place", "share", *[f"{step}: AbsRel" for step in STEPS], "best raw candidate right"], rows)
 
 
 if __name__ == "__main__":

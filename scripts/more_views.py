@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import sys
 
+from shared import markdown
+
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.intervals import paired_differences
 from semgs.evaluation.tables.evaluation_report import SavedReport, read_report
@@ -27,7 +29,6 @@ def table(report: SavedReport) -> str:
     """
     fewest, *more = sorted(report.results)
     base = report.results[fewest]
-    lines = [["", f"N = {fewest}", *[f"N = {views}, difference (95 %)" for views in more]], ["---"] * (2 + len(more))]
     rows = {name: [TITLES[name], f"{base.numbers[name]:.3f}"] for name in METRICS}
     for views in more:
         result = report.results[views]
@@ -35,11 +36,11 @@ def table(report: SavedReport) -> str:
         differences = paired_differences(base.frames, result.frames)
         for name in METRICS:
             change = differences[name]
-            rows[name].append(
-                f"{result.numbers[name]:.3f}, {change.value:+.3f} ({change.low:+.3f} to {change.high:+.3f})"
-            )
-    head = f"{report.name} on {report.data_name}: {len(base.frames)} targets in {len(report.sizes)} scenes\n\n"
-    return head + "\n".join(f"| {' | '.join(line)} |" for line in [*lines, *rows.values()])
+            ends = f"{change.low:+.3f} to {change.high:+.3f}"
+            rows[name].append(f"{result.numbers[name]:.3f}, {change.value:+.3f} ({ends})")
+    title = f"{report.name} on {report.data_name}: {len(base.frames)} targets in {len(report.sizes)} scenes"
+    head = ["", f"N = {fewest}", *[f"N = {views}, difference (95 %)" for views in more]]
+    return f"{title}\n\n{markdown(head, rows.values())}"
 
 
 def _check_nested(fewer: tuple[FrameScores, ...], more: tuple[FrameScores, ...]) -> None:

@@ -22,10 +22,12 @@ from collections import defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import torch
 from jaxtyping import Bool, Float64, Int64
 from sensor_depth import measured
+from shared import markdown
 
 from semgs.data.tables.classes import IGNORE, SCANNET20
 from semgs.data.views import Views
@@ -33,7 +35,7 @@ from semgs.export.scene_objects import occupancy_of, things_of
 from semgs.files.images.pictures import write_png
 from semgs.geometry.cameras import back_project, project
 from semgs.model.weights.load import load
-from semgs.reconstruction.sensor_depth import placed
+from semgs.reconstruction.sensor_depth import place_gaussians
 from semgs.robotics.boxes import Box, box_of
 from semgs.robotics.floor import NoFloorError
 from semgs.robotics.objects import STUFF, Objects
@@ -41,8 +43,8 @@ from semgs.robotics.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
 from semgs.rooms.assets.asset_library import Library, open_library
 from semgs.rooms.drawing.room import Room, build_room
 from semgs.rooms.pieces.solids import BALL, BOX, CUSHION, CYLINDER, SHELL
-from semgs.rooms.sets.carried_cameras import draw_habit, draw_intrinsics, draw_path
-from semgs.rooms.sets.room_stream import fitted, generator, shoot
+from semgs.rooms.sets.carried_cameras import draw_camera, draw_habit, draw_path
+from semgs.rooms.sets.room_stream import generator, keep_overlap, shoot
 from semgs.scene.encoding import Encoding
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import up_of
@@ -61,6 +63,9 @@ CELLS = (
     "free floor", "walls", "occupied called free", "seen occupied called free", "free called occupied", "outside called free",
 )  # fmt: skip
 """Columns of the table of the floor: the share of true cells of a kind that are found as another, or as they are."""
+
+OF_THINGS = ("PQ", "recall", "precision", "true", "found", "size, median cm", "centre, median cm")
+"""Columns of the table of things."""
 
 FEWEST = 60
 """A true thing shows at least as many Gaussians."""
@@ -115,18 +120,18 @@ def draw(seed: int, index: int, library: Library | None) -> Drawn:
     rng = generator(seed, index)
     room = build_room(rng, library)
     habit = draw_habit(rng, "home")
-    intrinsics = draw_intrinsics(rng, SIZE, habit)
+    camera = draw_camera(rng, SIZE, habit)
     span = (VIEWS - 1) / 2
-    path = draw_path(rng, room, intrinsics, SIZE, GAP * (span + 0.5), habit).paced(GAP)
-    path = fitted(rng, room, path, intrinsics, SIZE, habit.overlap)
+    path = draw_path(rng, room, camera, GAP * (span + 0.5), habit).change_pace(GAP)
+    path = keep_overlap(rng, room, path, camera, habit.overlap)
     poses = [path.pose(float(place)) for place in np.arange(VIEWS) - span]
-    return Drawn(room, shoot(rng, room, poses, intrinsics, SIZE))
+    return Drawn(room, shoot(rng, room, poses, camera))
 
 
 def scene_of(encoding: Encoding, views: Views, source: str, seed: int) -> SavedScene:
     """The scene with its depth from a source."""
     if source == "sensor":
-        encoding = placed(encoding, replace(views, depths=measured(views, seed)), "sensor").encoding
+        encoding = place_gaussians(encoding, replace(views, depths=measured(views, seed)), "sensor")[0]
     if source == "truth":
         assert views.depths is not None
         assert views.labels is not None
@@ -257,32 +262,14 @@ def unseen(room: Room) -> Occupancy:
     )
 
 
-def plan_overlap(one: Box, other: Box) -> float:
-    """Area that two boxes share in the plan [m2]: the polygon of one is cut by the sides of the other."""
-    polygon = one.corners[[0, 1, 3, 2], :2]
-    local = (polygon - other.centre[:2]) @ other.axes[:2, :2]
-    for axis in (0, 1):
-        for sign in (1.0, -1.0):
-            limit = other.size[axis] / 2
-            kept: list[np.ndarray] = []
-            for start, end in zip(local, np.roll(local, -1, 0), strict=True):
-                a, b = limit - sign * start[axis], limit - sign * end[axis]
-                if a >= 0:
-                    kept.append(start)
-                if a * b < 0:
-                    kept.append(start + (end - start) * a / (a - b))
-            if not kept:
-                return 0.0
-            local = np.array(kept)
-    x, y = local.T
-    return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
-
-
 def box_iou(one: Box, other: Box) -> float:
-    """Volume that two boxes share, relative to that of both."""
-    low = max(box.centre[2] - box.size[2] / 2 for box in (one, other))
-    low_top = min(box.centre[2] + box.size[2] / 2 for box in (one, other))
-    shared = plan_overlap(one, other) * max(low_top - low, 0.0)
+    """Volume that two upright boxes share, relative to that of both."""
+    plans = [box.corners[[0, 1, 3, 2], :2].astype(np.float32) for box in (one, other)]
+    area, _ = cv2.intersectConvexConvex(*plans)
+    bottom, top = (
+        edge(box.centre[2] + sign * box.size[2] / 2 for box in (one, other)) for edge, sign in ((max, -1), (min, 1))
+    )
+    shared = area * max(top - bottom, 0.0)
     volumes = sum(float(np.prod(box.size)) for box in (one, other))
     return shared / max(volumes - shared, 1e-12)
 
@@ -355,6 +342,19 @@ class Scores:
         """PQ of a class: the sum of the IoU of matches over the mean of found and true things."""
         return self.counts[f"iou {name}"] / max((self.sum("found", name) + self.sum("true", name)) / 2, 1e-9)
 
+    def of_things(self) -> list[str]:
+        """The numbers of `OF_THINGS`."""
+        quality = np.mean([self.panoptic(name) for name in self.classes])
+        true, found, boxes = self.sum("true"), self.sum("found"), self.sum("box")
+        errors = [f"{np.median(values or [np.nan]):.0f}" for values in (self.sizes, self.distances)]
+        shares = [f"{boxes / true:.2f}", f"{boxes / max(found, 1):.2f}", f"{true:.0f}", f"{found:.0f}"]
+        return [f"{quality:.3f}", *shares, *errors]
+
+    def of_class(self, name: str) -> str:
+        """PQ, recall and precision of a class."""
+        true, found, boxes = (self.sum(kind, name) for kind in ("true", "found", "box"))
+        return f"{self.panoptic(name):.2f}, {boxes / true:.2f}, {boxes / max(found, 1):.2f}"
+
     @property
     def classes(self) -> list[str]:
         """The classes that are truly there."""
@@ -415,34 +415,18 @@ def main() -> None:
             if arguments.pictures:
                 arguments.pictures.mkdir(exist_ok=True)
                 write_png(arguments.pictures / f"{index:02d}_{source}.png", picture(found, truth))
-    print(f"| depth | {' | '.join(CELLS)} | rooms without floor |\n|{' --- |' * (len(CELLS) + 2)}")
-    for source, score in scores.items():
-        print(
-            f"| {source} | {' | '.join(f'{score.share(name):.1%}' for name in CELLS)} | {score.counts['no floor']:.0f} |"
-        )
-    print(
-        "\n| depth | PQ | recall | precision | true | found | size, median cm | centre, median cm |\n|" + " --- |" * 8
-    )
-    for source, score in scores.items():
-        quality = np.mean([score.panoptic(name) for name in score.classes])
-        true, found_count, boxes = score.sum("true"), score.sum("found"), score.sum("box")
-        errors = f"{np.median(score.sizes or [np.nan]):.0f} | {np.median(score.distances or [np.nan]):.0f}"
-        print(
-            f"| {source} | {quality:.3f} | {boxes / true:.2f} | {boxes / max(found_count, 1):.2f} | {true:.0f} | {found_count:.0f} | {errors} |"
-        )
-    print(
-        "\n| class | true | "
-        + " | ".join(f"{source}: PQ, recall, precision" for source in SOURCES)
-        + " |\n|"
-        + " --- |" * 5
-    )
-    for name in scores["network"].classes:
-        cells = [
-            f"{score.panoptic(name):.2f}, {score.sum('box', name) / score.sum('true', name):.2f}, "
-            f"{score.sum('box', name) / max(score.sum('found', name), 1):.2f}"
-            for score in scores.values()
-        ]
-        print(f"| {name} | {scores['network'].sum('true', name):.0f} | {' | '.join(cells)} |")
+    rows = [
+        [source, *[f"{score.share(name):.1%}" for name in CELLS], f"{score.counts['no floor']:.0f}"]
+        for source, score in scores.items()
+    ]
+    print(markdown(["depth", *CELLS, "rooms without floor"], rows))
+    rows = [[source, *score.of_things()] for source, score in scores.items()]
+    print("\n" + markdown(["depth", *OF_THINGS], rows))
+    rows = [
+        [name, f"{scores['network'].sum('true', name):.0f}", *[score.of_class(name) for score in scores.values()]]
+        for name in scores["network"].classes
+    ]
+    print("\n" + markdown(["class", "true", *[f"{source}: PQ, recall, precision" for source in SOURCES]], rows))
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ from semgs.files.errors import InputError
 from semgs.model.semgs import SemGS
 from semgs.model.weights.load import load
 from semgs.reconstruction.scores import mean_scores, scores
-from semgs.sfm.photos import Photo, PhotoSet
+from semgs.sfm.photos import PhotoSet, UprightPhoto
 from semgs.sfm.scale import scaled
 from semgs.sfm.solving import PosedPhoto, solve
 
@@ -47,7 +47,7 @@ def estimated(scene: Scene, with_focal: bool) -> dict[str, PosedPhoto]:
     """The estimated cameras of a scene's photos by file name, perhaps with the known focal length; empty if they are refused."""
     pictures = [Path(str(frame.picture)) for frame in scene.frames]
     photos = tuple(
-        Photo(one.name, frame.lens.size, frame.lens.focal[0] if with_focal else None)
+        UprightPhoto(one.name, frame.lens.size, frame.lens.focal[0] if with_focal else None)
         for one, frame in zip(pictures, scene.frames, strict=True)
     )
     try:

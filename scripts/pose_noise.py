@@ -22,15 +22,16 @@ import numpy as np
 import torch
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
+from shared import markdown
 
 from semgs.data.scene import Scene
 from semgs.evaluation.frames.frame_plan import Task, make_plan
 from semgs.evaluation.frames.predictions import Inputs, Method, Prediction
 from semgs.evaluation.frames.protocols import TargetSample, neighbours
-from semgs.evaluation.frames.reading import inputs_of, read_views
-from semgs.evaluation.run import labelled_scenes, network_candidate
+from semgs.evaluation.frames.reading import make_inputs, read_views
+from semgs.evaluation.run import load_candidate, open_labelled_scenes
 from semgs.evaluation.scoring.frame_scores import FrameScores, score
-from semgs.evaluation.scoring.summary import summary
+from semgs.evaluation.scoring.summary import summarise
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import Cameras
@@ -116,7 +117,7 @@ class WithNoise:
         given = noisy(true, self.condition.turn_deg, self.condition.shift, generator)
         if self.condition.then == "aligned":
             given = aligned(given, true)
-        scene = _with_poses(scene, dict(zip(order, given, strict=True)))
+        scene = with_poses(scene, dict(zip(order, given, strict=True)))
         camera = inputs.camera
         if self.condition.then.startswith("refined"):
             held_out = [sample.target] * (self.condition.then != "refined")
@@ -126,7 +127,7 @@ class WithNoise:
         return self.method.predict(Inputs(replace(inputs.task, scene=scene), contexts, camera))
 
 
-def _with_poses(scene: Scene, poses: dict[int, np.ndarray]) -> Scene:
+def with_poses(scene: Scene, poses: dict[int, np.ndarray]) -> Scene:
     """The scene with other cameras at some positions."""
     frames = [
         replace(frame, world_from_camera=poses[index]) if index in poses else frame
@@ -144,7 +145,7 @@ def _cameras(scene: Scene, frames: Sequence[int], like: Cameras) -> Cameras:
 def scores(method: Method, task: Task, conditions: Sequence[Condition]) -> list[FrameScores]:
     """The scores of a target under each condition."""
     views = read_views(task)
-    target, inputs = views[task.sample.target], inputs_of(task, views)
+    target, inputs = views[task.sample.target], make_inputs(task, views)
     return [score(task, WithNoise(method, one).predict(inputs), target, None) for one in conditions]
 
 
@@ -157,11 +158,11 @@ def some(scene: Scene, views: int, targets: int) -> list[TargetSample]:
 def table(name: str, found: dict[int, dict[Condition, dict[str, float]]]) -> str:
     """The scores of a set of rooms by noise, as Markdown."""
     heads = [f"{title}, N = {views}" for views in found for title in METRICS.values()]
-    lines = [[f"{name}: noise", *heads], ["---", *["---:"] * len(heads)]]
+    rows = []
     for condition in next(iter(found.values())):
         numbers = [found[views][condition][metric] for views in found for metric in METRICS]
-        lines.append([str(condition), *[f"{number:.{2 if number > 5 else 3}f}" for number in numbers]])
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+        rows.append([str(condition), *[f"{number:.{2 if number > 5 else 3}f}" for number in numbers]])
+    return markdown([f"{name}: noise", *heads], rows)
 
 
 def plot(found: dict[str, dict[int, dict[Condition, dict[str, float]]]]) -> bytes:
@@ -219,8 +220,8 @@ def main() -> None:
     found: dict[str, dict[int, dict[Condition, dict[str, float]]]] = {}
     for one in arguments.data:
         name, _, folder = one.partition("=")
-        data = labelled_scenes(Path(folder))
-        method = network_candidate(arguments.weights, data.classes, "cpu").method
+        data = open_labelled_scenes(Path(folder))
+        method = load_candidate(arguments.weights, data.classes, "cpu").method
         found[name] = {}
         for views in arguments.views:
             plan = make_plan(
@@ -234,7 +235,7 @@ def main() -> None:
                 each.append(scores(method, task, conditions))
                 print(f"{name}, N = {views}: {number} of {len(plan.tasks)}", file=sys.stderr)
             found[name][views] = {
-                condition: summary(frames)
+                condition: summarise(frames)
                 for condition, frames in zip(conditions, zip(*each, strict=True), strict=True)
             }
         print(table(name, found[name]), end="\n\n", flush=True)

@@ -10,12 +10,11 @@ and PSNR of the held-out views with the cameras as they are, with noise, refined
 from __future__ import annotations
 
 import argparse
-import runpy
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import torch
+from pose_noise import noisy, with_poses
 from scipy.spatial.transform import Rotation
 
 from semgs.data.choosing.choice import Choice, choose
@@ -25,8 +24,6 @@ from semgs.model.semgs import SemGS
 from semgs.model.weights.load import load
 from semgs.reconstruction.scores import mean_scores, scores
 from semgs.sfm.refine import refine
-
-NOISE = runpy.run_path(str(Path(__file__).with_name("pose_noise.py")))
 
 
 def turn_deg(poses: np.ndarray, true: np.ndarray) -> float:
@@ -62,12 +59,12 @@ def main() -> None:
         true = np.stack([scene.frames[index].world_from_camera for index in order])
         untouched = refine(scene, frames).applied(scene)
         for seed in arguments.seeds:
-            given = NOISE["noisy"](true, arguments.turn, arguments.shift, np.random.default_rng(seed))
-            noisy = NOISE["_with_poses"](scene, dict(zip(order, given, strict=True)))
-            found = refine(noisy, frames)
-            refined = found.applied(noisy)
+            given = noisy(true, arguments.turn, arguments.shift, np.random.default_rng(seed))
+            moved = with_poses(scene, dict(zip(order, given, strict=True)))
+            found = refine(moved, frames)
+            refined = found.applied(moved)
             turns = [turn_deg(poses, true) for poses in (given, found.poses[: len(order)])]
-            values = [psnr(model, one, choice) for one in (scene, noisy, refined, untouched)]
+            values = [psnr(model, one, choice) for one in (scene, moved, refined, untouched)]
             print(
                 f"{views} | {seed} | {found.before_px:.2f} to {found.after_px:.2f} | {turns[0]:.2f} to {turns[1]:.2f} | "
                 + ", ".join(f"{value:.2f}" for value in values),

@@ -34,7 +34,7 @@ python - "$folder/held" "$assets" <<'PYTHON'
 import sys
 from semgs.rooms.assets.asset_library import Library
 from semgs.rooms.sets.dataset import Recipe, write_dataset
-from semgs.training.training_settings import VALIDATION_SEED
+from semgs.training.data.data_settings import VALIDATION_SEED
 
 held, assets = sys.argv[1:]
 write_dataset(held, Recipe(VALIDATION_SEED, (240, 320), 6, library=Library((assets,), "validation")), 24)
@@ -47,7 +47,7 @@ if [ "$backbone" != random ]; then backbone_given+=(--backbone "$backbone"); fi
 
 # What things look like, from single images: 25,600 small ones, then 13,200 of the size that they are used at.
 train() {  # train OUT STEPS OPTIONS...
-    $semgs train small --supervision pictures --contexts 1 1 --targets 0 --out "$1" --steps "$(steps "$2")" --validate-every "$(steps "$2")" \
+    $semgs train small --supervision pictures --out "$1" --steps "$(steps "$2")" --validate-every "$(steps "$2")" \
         --clip 2 --average-decay 0.998 --class-weights inverse_fourth_root_frequency --augmentation.crop 0.4 --augmentation.flip \
         --augmentation.colour 0.5 --augmentation.roll 10 --augmentation.camera 1 \
         --validation "$folder/held" --validation-scenes 48 "${@:3}"
@@ -213,7 +213,7 @@ for part in ("kept_back", "learned"):
     (target / part / "classes.json").write_text(json.dumps(table))
 PYTHON
     twentysixth="$folder/twentysixth_$share""_$seed"
-    train "$twentysixth" 600 --init "$folder/version_16_$share""_$seed.safetensors" --network.class-fusion --seed "$((seed + 131))" --data "$folder/cabins=3" "$folder/photos/learned=2" \
+    train "$twentysixth" 600 --init "$folder/version_16_$share""_$seed.safetensors" --seed "$((seed + 131))" --data "$folder/cabins=3" "$folder/photos/learned=2" \
         --size 176x224 --batch 12 --learning-rate 6e-4 --backbone-rate 0.25 --average-decay 0.99 --augmentation.colour 0.4 --augmentation.roll 8 \
         --validation "$folder/photos/kept_back" --validation-scenes 50
     average "$folder/version_17_$share""_$seed.safetensors" "$folder/version_16_$share""_$seed.safetensors" "$twentysixth/weights.safetensors"

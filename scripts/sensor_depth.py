@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,15 +23,16 @@ from torch.nn.functional import conv2d, max_pool2d, normalize, pad
 from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
-from semgs.data.tables.classes import IGNORE
 from semgs.data.views import Views
-from semgs.evaluation.scoring.frame_scores import FrameScores
+from semgs.evaluation.frames.frame_plan import Task
+from semgs.evaluation.frames.predictions import Prediction
+from semgs.evaluation.frames.protocols import TargetSample
+from semgs.evaluation.scoring.frame_scores import FrameScores, score
 from semgs.evaluation.scoring.intervals import intervals, paired_differences
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import back_project
 from semgs.model.weights.load import load
-from semgs.objectives.map_scores import Maps, map_scores
-from semgs.reconstruction.sensor_depth import FEWEST_MEASURED, placed, sensor_spread
+from semgs.reconstruction.sensor_depth import FEWEST_MEASURED, place_gaussians, sensor_spread
 from semgs.rendering.rendering import Rendering, likeliest
 
 SOURCES = ("network", "sensor", "both")
@@ -84,16 +85,7 @@ def measured(views: Views, seed: int) -> Float[Tensor, "v h w"]:
     return torch.where(lost | (found < near) | (found > far), 0, found).float()
 
 
-@dataclass(frozen=True)
-class Pair:
-    """Two input frames and the held-out frame between them."""
-
-    first: int
-    second: int
-    target: int
-
-
-def pair(scene: Scene, baseline: float) -> Pair | None:
+def pair(scene: Scene, baseline: float) -> TargetSample | None:
     """The pair whose baseline is nearest to this share of the median depth; None if none is near."""
     centres = np.stack([frame.world_from_camera[:3, 3] for frame in scene.frames])
     depths = scene.frames[0].measured()
@@ -101,43 +93,30 @@ def pair(scene: Scene, baseline: float) -> Pair | None:
     ratios = np.linalg.norm(centres[:, None] - centres, axis=-1) / np.median(depths[depths > 0]) / baseline
     found = [(abs(np.log(max(ratios[i, j], 1e-9))), i, j) for j in range(len(centres)) for i in range(j - 1)]
     error, first, second = min(found)
-    return Pair(first, second, (first + second) // 2) if error < np.log(ALIKE) else None
+    return TargetSample((first, second), (first + second) // 2) if error < np.log(ALIKE) else None
 
 
-def frame_scores(name: str, rendering: Rendering, truth: Views) -> FrameScores:
+def held_out_scores(task: Task, rendering: Rendering, truth: Views) -> FrameScores:
     """The scores of one held-out view."""
-    assert truth.labels is not None
-    assert truth.depths is not None
     labels = None if rendering.semantics is None else likeliest(rendering.semantics[0])
-    given = Maps(rendering.images[0].double(), labels, rendering.depths[0])
-    found = map_scores(given, Maps(truth.images[0].double(), truth.labels[0], truth.depths[0]), len(truth.classes))
-    known = truth.labels[truth.labels != IGNORE].numpy()
-    return FrameScores(
-        scene=name,
-        target="held out",
-        contexts=(),
-        confusion=None if found.confusion is None else found.confusion.numpy(),
-        truth=np.bincount(known, minlength=len(truth.classes)).astype(np.int64),
-        psnr=found.psnr,
-        depth=found.depth,
-    )
+    return score(task, Prediction(labels, rendering.images[0], rendering.depths[0]), truth)
 
 
 @torch.no_grad()
-def scored(network: torch.nn.Module, scene: Scene, chosen: Pair, seed: int) -> dict[str, FrameScores] | None:
+def scored(network: torch.nn.Module, scene: Scene, sample: TargetSample, seed: int) -> dict[str, FrameScores] | None:
     """The scores by source of depth; None if the sensor measures too little."""
     bounds: DepthRange = scene.depth_range()
-    context = scene.read([chosen.first, chosen.second], SIZE, bounds)
-    target = scene.read([chosen.target], SIZE, bounds)
+    context = scene.read(sample.contexts, SIZE, bounds)
+    target = scene.read([sample.target], SIZE, bounds)
     views = replace(context, depths=measured(context, seed))
     assert views.depths is not None
     if (views.depths > 0).double().mean((1, 2)).min() < FEWEST_MEASURED:
         return None
-    own = network(context)
-    found = {}
+    own, found = network(context), {}
+    task = Task(scene, SIZE, sample)
     for source in SOURCES:
-        encoding = own if source == "network" else placed(own, views, source).encoding
-        found[source] = frame_scores(str(scene.path), encoding.render(target.cameras), target)
+        encoding = own if source == "network" else place_gaussians(own, views, source)[0]
+        found[source] = held_out_scores(task, encoding.render(target.cameras), target)
     return found
 
 
@@ -174,11 +153,11 @@ def main() -> None:
                 scene = open_scene(path)
                 chosen = pair(scene, baseline)
                 found = None if chosen is None else scored(network, scene, chosen, seed)
-                for source, score in (found or {}).items():
-                    results[source].append(score)
-                    depth = 0.0 if score.depth is None else score.depth.abs_rel
+                for source, measures in (found or {}).items():
+                    results[source].append(measures)
+                    depth = 0.0 if measures.depth is None else measures.depth.abs_rel
                     print(
-                        f"{path.name} {baseline:.0%} {source}: PSNR {score.psnr:.2f}, AbsRel {depth:.3f}",
+                        f"{path.name} {baseline:.0%} {source}: PSNR {measures.psnr:.2f}, AbsRel {depth:.3f}",
                         file=sys.stderr,
                     )
                 if len(results["network"]) == arguments.rooms:

@@ -20,12 +20,12 @@ import torch
 
 from semgs.data.choosing.choice import choose
 from semgs.data.scenes import open_scene
-from semgs.geometry.rigid import cameras_in, gaussians_in
+from semgs.geometry.rigid import move_cameras, move_gaussians
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.model.weights.load import load
-from semgs.rooms.sets.carried_cameras import draw_habit, draw_intrinsics, draw_path
+from semgs.rooms.sets.carried_cameras import draw_camera, draw_habit, draw_path
 from semgs.rooms.sets.room_scenes import Recipe, build_room, write_views
-from semgs.rooms.sets.room_stream import fitted, generator, shoot
+from semgs.rooms.sets.room_stream import generator, keep_overlap, shoot
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import up_of
 
@@ -37,12 +37,12 @@ def write_room(folder: Path, recipe: Recipe, index: int, pitch: float) -> None:
     rng = generator(recipe.seed, index)
     room = build_room(rng, recipe.library, recipe.style)
     habit = draw_habit(rng, recipe.style)
-    intrinsics = draw_intrinsics(rng, recipe.size, habit)
+    camera = draw_camera(rng, recipe.size, habit)
     reach = (recipe.frames - 1) / 2
-    path = draw_path(rng, room, intrinsics, recipe.size, reach, habit)
-    path = fitted(rng, room, replace(path, pitch=path.pitch + radians(pitch)), intrinsics, recipe.size, habit.overlap)
+    path = draw_path(rng, room, camera, reach, habit)
+    path = keep_overlap(rng, room, replace(path, pitch=path.pitch + radians(pitch)), camera, habit.overlap)
     poses = [path.pose(float(s)) for s in np.linspace(-reach, reach, recipe.frames)]
-    write_views(folder, shoot(rng, room, poses, intrinsics, recipe.size))
+    write_views(folder, shoot(rng, room, poses, camera))
 
 
 @torch.no_grad()
@@ -61,7 +61,9 @@ def main() -> None:
         turn = torch.eye(4, dtype=torch.float64)
         quaternion = torch.randn(4, generator=torch.Generator().manual_seed(index), dtype=torch.float64)
         turn[:3, :3] = matrix_from_quaternion(quaternion / quaternion.norm())
-        turned = replace(saved, gaussians=gaussians_in(turn, saved.gaussians), cameras=cameras_in(turn, saved.cameras))
+        turned = replace(
+            saved, gaussians=move_gaussians(turn, saved.gaussians), cameras=move_cameras(turn, saved.cameras)
+        )
         found = up_of(turned)
         errors.append(torch.rad2deg(torch.acos((found.direction @ turn[:3, 2]).clamp(-1, 1))).item())
         print(f"{index:2d}  {errors[-1]:5.2f} degrees  {'' if found.certain else 'uncertain'}", flush=True)

@@ -24,6 +24,7 @@ from time import perf_counter
 
 import numpy as np
 import torch
+from shared import share_of_same_class
 from torch import Tensor
 
 from semgs.data.choosing.choice import preference
@@ -31,7 +32,6 @@ from semgs.data.choosing.covisibility import Covisibility, DepthGrids
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.views import Views
-from semgs.geometry.cameras import back_project, project
 from semgs.mapping.mapper import Mapper, Merged
 from semgs.mapping.stream import VOXEL
 from semgs.model.encode import encode
@@ -105,7 +105,7 @@ def chosen_pair(walk: Walk, grids: DepthGrids, target: int) -> tuple[int, int]:
     """The window that the choice of views would take for one held-out frame."""
     typical = walk.scene.depth_range().typical
     few = [target, *walk.used]
-    together = Covisibility(walk.scene, few, grids.of(few, typical))
+    together = Covisibility.of(walk.scene, few, grids.of(few, typical))
     overlaps = together.overlaps()
     depths = np.sqrt(together.medians[:, None] * together.medians)
     fit = overlaps * preference(together.baselines / depths)
@@ -128,18 +128,7 @@ def same_class(labels: Tensor, truth: Views) -> float:
     """Of the points that a view and the next one see at the same true depth, the share with the same class in both."""
     if truth.depths is None:
         return float("nan")
-    height, width = truth.size
-    same = total = 0
-    for one, other in itertools.pairwise(range(len(truth))):
-        points = back_project(truth.depths[one].double(), truth.cameras[one]).flatten(0, 1)
-        x, y, z = project(points, truth.cameras[other]).unbind(-1)
-        inside = (truth.depths[one].flatten() > 0) & (z > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
-        column, row = x[inside].long(), y[inside].long()
-        seen = (z[inside] / truth.depths[other, row, column] - 1).abs() < SAME_DEPTH
-        pair = labels[one].flatten()[inside][seen], labels[other, row, column][seen]
-        same += int((pair[0] == pair[1]).sum())
-        total += int(seen.sum())
-    return same / total if total else float("nan")
+    return share_of_same_class(labels, truth, itertools.pairwise(range(len(truth))), SAME_DEPTH)
 
 
 @dataclass(frozen=True)
@@ -175,7 +164,7 @@ def singles(walk: Walk, windows: Windows, walked: Sequence[tuple[int, ...]]) -> 
         tried = [chosen[-1]]
         for window in walked:
             every = [target, *window]
-            together = Covisibility(walk.scene, every, grids.of(every, typical))
+            together = Covisibility.of(walk.scene, every, grids.of(every, typical))
             if together.covered(range(1, len(every)))[0] >= 0.5:
                 tried += numbers_of(windows(window).render(truth.cameras), truth)
         best.append({name: (max if LARGER_IS_BETTER[name] else min)(one[name] for one in tried) for name in chosen[-1]})

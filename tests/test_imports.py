@@ -49,9 +49,16 @@ FLOOR = {package: floor for floor, packages in enumerate(FLOORS) for package in 
 
 FOLDERS = {
     "rooms": ("pieces", "assets", "plans", "drawing", "sets"),
-    "evaluation": ("frames", "scoring", "tables", "page", "run", "single"),
-}
-"""Packages whose folders have an order too: modules of one import their own folder and those before it."""
+    "evaluation": ("frames", "scoring", "tables", "page", "run", "single_images"),
+    "model": (
+        "layers", "settings", "switches", "networks", "attention", "classes", "sweep", "gaussians", "memory", "stages", "semgs", "build",
+        "weights", "encode",
+    ),
+}  # fmt: skip
+"""Packages whose folders have an order too: modules of one import their own folder and those before it. Modules beside folders may take part."""
+
+WITHOUT_NETWORK = ("segmenters", "robotics", "objectives", "doctor", "sfm", "rooms", "figures", "export", "viewer")
+"""Packages that work on scenes and views, wherever these come from."""
 
 MOST_MODULES = 18
 """So many Python files fit into one folder; with more, it needs folders of its own."""
@@ -156,6 +163,38 @@ def wrong_arrows_of_layouts(root: Path) -> list[str]:
     return wrong
 
 
+def reached(root: Path, package: str) -> set[str]:
+    """The modules that a package imports, directly or through others, wherever in their text."""
+    known, reached = modules(root), set()
+    ahead = [name for name in known if package_of(name) == package]
+    while ahead:
+        name = ahead.pop()
+        if name in reached:
+            continue
+        reached.add(name)
+        nodes = [node for node in ast.walk(tree(known[name].read_text())) if isinstance(node, ast.ImportFrom)]
+        whole = {f"{node.module}.{alias.name}" for node in nodes for alias in node.names}
+        ahead += {*whole, *imported(name, known[name])} & known.keys()
+    return reached
+
+
+@pytest.mark.parametrize("package", WITHOUT_NETWORK)
+def test_what_works_on_scenes_reaches_no_network(package: str):
+    assert [name for name in reached(ROOT, package) if package_of(name) == "model"] == []
+
+
+def test_a_planted_way_to_the_network_is_found(tmp_path: Path):
+    texts = {
+        "semgs/export/ply.py": "def f():\n    from semgs.scene import confidence",
+        "semgs/scene/confidence.py": "from semgs.model.semgs import SemGS",
+        "semgs/model/semgs.py": "import torch",
+    }
+    for name, text in texts.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    assert reached(tmp_path, "export") == {"semgs.export.ply", "semgs.scene.confidence", "semgs.model.semgs"}
+
+
 @pytest.mark.parametrize("package", FOLDERS)
 def test_folders_of_a_package_form_no_ring(package: str):
     assert wrong_arrows_inside(ROOT, package) == []
@@ -198,7 +237,7 @@ def test_layouts_share_parts_and_know_nothing_of_one_another():
     [
         ("data/layouts/parts/pose_files.py", "from semgs.data.layouts.colmap.colmap_files import read_images"),
         ("data/layouts/replica/sequence.py", "from semgs.data.layouts.rgbd.tum import open_tum"),
-        ("training/loop.py", "from semgs.data.layouts.scannet.scannet_scan import open_scan"),
+        ("training/loop.py", "from semgs.data.layouts.scannet.scannet_scan import open_scannet"),
     ],
 )
 def test_a_planted_arrow_between_layouts_is_found(tmp_path: Path, module: str, line: str):

@@ -36,7 +36,7 @@ def views() -> Views:
 
 @pytest.fixture(scope="module")
 def encoding(views: Views) -> Encoding:
-    return fill_golden(preset("small")).requires_grad_(False)(views)
+    return fill_golden(preset("small_plain")).requires_grad_(False)(views)
 
 
 @pytest.fixture(scope="module")
@@ -118,7 +118,7 @@ def test_many_large_pictures_are_few_and_small_ones() -> None:
     row = notebook.photo_row("images", np.zeros((3, 4, 3, 500, 730), np.float32))
     assert len(row.pictures) == 6
     assert row.note == "the first 6 of 12"
-    assert notebook.small(row.pictures[0]).shape == (125, 183, 3)
+    assert notebook.subsample(row.pictures[0]).shape == (125, 183, 3)
 
 
 def test_names_that_look_like_html_are_shown_as_they_are() -> None:

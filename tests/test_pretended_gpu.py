@@ -19,7 +19,7 @@ from semgs.data.views import Batch, stack
 from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.protocols import neighbours
-from semgs.evaluation.frames.reading import inputs_of, read_views
+from semgs.evaluation.frames.reading import make_inputs, read_views
 from semgs.export.ply import save_ply
 from semgs.model.semgs import SemGS
 from semgs.reconstruction.pipeline import reconstruct
@@ -27,7 +27,7 @@ from semgs.rooms.sets.demo_room import demo_scene
 from semgs.training import presets
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
-from semgs.training.supervision.supervision import supervision_of
+from semgs.training.supervision.supervision import make_supervision
 
 from pretended import Pretended, pretended_device  # isort: skip
 
@@ -37,7 +37,7 @@ MINIATURE = {
     "refine_levels": 3, "projected_channels": 8, "colour_blocks": 2, "semantic_blocks": 2, "harmonics": 4, "paper_heads": True,
     "gaussian_stride": 2,
 }  # fmt: skip
-NETWORKS = {"small": lambda: preset("small"), "miniature, paper_heads": lambda: network(**MINIATURE)}
+NETWORKS = {"small": lambda: preset("small_plain"), "miniature, paper_heads": lambda: network(**MINIATURE)}
 
 pytestmark = pytest.mark.filterwarnings("ignore:Gaussians on a CUDA device are rendered on the CPU")
 
@@ -88,7 +88,7 @@ def test_a_network_encodes_classifies_and_renders_what_it_does_on_the_cpu(model:
 @pytest.mark.parametrize("supervision", ["rendered", "labels", "pictures", "depth"])
 def test_a_step_of_every_supervision_moves_the_weights_and_validates(model: SemGS, supervision: str):
     settings = replace(presets.small(), supervision=supervision)
-    chosen = supervision_of(settings)
+    chosen = make_supervision(settings)
     state = TrainingState.begin(model, chosen, 1e-3, 0.99)
     report = training_step(state, [labelled(0)], settings)
     assert report.moved
@@ -107,6 +107,6 @@ def test_a_scene_is_reconstructed_and_exported(model: SemGS, tmp_path: Path):
 
 def test_a_frame_is_predicted_for_an_evaluation(model: SemGS):
     task = make_plan("neighbours", neighbours, [open_scene(demo_scene())], (2,), SIZE).tasks[0]
-    found = NetworkMethod(model, "cuda", "ours").predict(inputs_of(task, read_views(task)))
+    found = NetworkMethod(model, "cuda", "ours").predict(make_inputs(task, read_views(task)))
     assert found.labels.shape == SIZE
     assert not isinstance(found.image, Pretended)

@@ -17,7 +17,8 @@ from semgs.training.run.execution import Execution
 
 
 @pytest.mark.parametrize(
-    ("name", "digest"), [("small", "0cba790f45ead4a2"), ("base", "c26a4f601ce4e73e"), ("mvsplat", "e3529c2f84f92480")]
+    ("name", "digest"),
+    [("small_plain", "0cba790f45ead4a2"), ("base", "c26a4f601ce4e73e"), ("mvsplat", "e3529c2f84f92480")],
 )
 def test_a_seed_draws_the_weights_that_it_always_drew(name: str, digest: str):
     """The order in which modules are built is the order in which they take numbers, and that of their tensors."""

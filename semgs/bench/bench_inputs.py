@@ -31,7 +31,7 @@ FAINTEST, DENSEST = 0.3, 0.95
 
 
 @cache
-def network(name: str) -> SemGS:
+def load_network(name: str) -> SemGS:
     """A network: `small` with the included weights, or `base` with random ones whose Gaussians have a median size of 1 px."""
     if name == "small":
         return load("small")

@@ -17,7 +17,7 @@ from semgs.bench.watches import Stopwatch
 from semgs.bench.workloads import Run, compile_kernels, prepare
 
 
-def steps(rows: Sequence[BenchRow]) -> int:
+def count_steps(rows: Sequence[BenchRow]) -> int:
     """How often `run_bench` calls `done` for these rows if all can be measured."""
     runs = {row.run for row in rows}
     return len(runs) * (WARM_UPS + REPEATS) + sum(run.device == "cpu" for run in runs)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from semgs.bench.measure import WHOLE
-from semgs.model.encode import now
+from semgs.runtime.stopwatch import now
 
 
 class Stopwatch:

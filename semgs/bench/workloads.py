@@ -13,14 +13,14 @@ from pathlib import Path
 
 import torch
 
-from semgs.bench.bench_inputs import context_views, generated_scene, network, target_camera, training_batch
+from semgs.bench.bench_inputs import context_views, generated_scene, load_network, target_camera, training_batch
 from semgs.bench.measure import WHOLE, CannotMeasureError
 from semgs.bench.rows import BenchRow
 from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Gaussians
 from semgs.model.layers.chunks import Chunks
-from semgs.model.memory.memory_plan import NotEnoughMemoryError, memory_plan
+from semgs.model.memory.memory_plan import NotEnoughMemoryError
 from semgs.model.semgs import SemGS
 from semgs.rendering.render import render
 from semgs.rooms.sets.demo_room import demo_scene
@@ -61,7 +61,7 @@ def prepare(row: BenchRow) -> Run:
 def compile_kernels() -> None:
     """Compile or load all kernels before anything is measured; this takes up to a minute."""
     with torch.no_grad():
-        network("small")(context_views(2, (32, 48)))
+        load_network("small")(context_views(2, (32, 48)))
     _backward(*generated_scene(1, (32, 48)), lambda part: nullcontext())
 
 
@@ -89,7 +89,7 @@ def _check(row: BenchRow) -> None:
 
 def _frame(row: BenchRow) -> Run:
     """Encode views, and render one target with colour, classes and depth."""
-    model = network(row.network).to(row.device)
+    model = load_network(row.network).to(row.device)
     views, camera = context_views(row.views, row.size), target_camera(row.size)
     chunks = _chunks(row, model, views)
     if row.batch > 1:
@@ -114,7 +114,7 @@ def _chunks(row: BenchRow, model: SemGS, views: Views) -> Chunks:
     if row.batch > 1:
         return Chunks()
     try:
-        return memory_plan(model, views).chunks
+        return model.memory_plan(views).chunks
     except NotEnoughMemoryError as error:
         raise CannotMeasureError(str(error)) from error
 
@@ -151,12 +151,12 @@ def _training(row: BenchRow) -> Run:
     from semgs.training import presets
     from semgs.training.state import TrainingState
     from semgs.training.step import training_step
-    from semgs.training.supervision.supervision import supervision_of
+    from semgs.training.supervision.supervision import make_supervision
 
     settings = presets.PRESETS[row.network]()
     batch = training_batch(row.views, row.size, settings.targets)
     model = load(row.network, "random").to(row.device)
-    state = TrainingState.begin(model, supervision_of(settings), 1e-6, 0.99)
+    state = TrainingState.begin(model, make_supervision(settings), 1e-6, 0.99)
 
     def run(watch: Watch) -> None:
         with watch(WHOLE):

@@ -55,21 +55,23 @@ def parse(options: type[Options], program: str, arguments: Sequence[str]) -> Opt
     printed = io.StringIO()
     try:
         with redirect_stderr(printed):
-            return _parsed(options, program, arguments)
+            return _parse(options, program, arguments)
     except SystemExit as leaving:
         if leaving.code != REFUSED:
             raise  # after --help, or because of a signal
-        message = _mistyped(options, program, arguments, printed.getvalue()) or _one_line(printed.getvalue())
+        message = _suggest_option(options, program, arguments, printed.getvalue()) or _message_in_box(
+            printed.getvalue()
+        )
         raise UsageError(f"{message}; see {program} --help") from None
 
 
-def nearest(typed: str, known: Iterable[str]) -> str:
+def did_you_mean(typed: str, known: Iterable[str]) -> str:
     """ "; did you mean ...?" with the most similar known word; "" if no word is similar."""
-    found = get_close_matches(typed, list(known), 1)
-    return f"; did you mean {found[0]}?" if found else ""
+    similar = get_close_matches(typed, list(known), 1)
+    return f"; did you mean {similar[0]}?" if similar else ""
 
 
-def _parsed(options: type[Options], program: str, arguments: Sequence[str]) -> Options:
+def _parse(options: type[Options], program: str, arguments: Sequence[str]) -> Options:
     """The options as tyro parses them. If the arguments are wrong, tyro prints why to stderr and exits."""
     if {"-h", "--help"} & set(arguments):
         from semgs.cli.help_text import join_lines
@@ -79,32 +81,32 @@ def _parsed(options: type[Options], program: str, arguments: Sequence[str]) -> O
     return tyro.cli(options, prog=program, args=list(arguments), config=config, registry=_TYPES)
 
 
-def _mistyped(options: type, program: str, arguments: Sequence[str], box: str) -> str:
+def _suggest_option(options: type, program: str, arguments: Sequence[str], box: str) -> str:
     """Names the first option that tyro did not recognise and the most similar known one; "" if no option is similar."""
-    _, _, unknown = _plain(box).partition("Unrecognized options")
+    _, _, unknown = _without_colours(box).partition("Unrecognized options")
     words = pairwise(("", *arguments))
     named = [word for before, word in words if not before.startswith("-") and not word.startswith("-")]
     printed = io.StringIO()
     with suppress(SystemExit), redirect_stdout(printed), redirect_stderr(io.StringIO()):
-        _parsed(options, program, [*named, "--help"])  # named, because a preset has options of its own
-    known = re.findall(r"^[│\s]*(?:-\w, )?(--[\w.-]+)", _plain(printed.getvalue()), re.MULTILINE)
+        _parse(options, program, [*named, "--help"])  # named, because a preset has options of its own
+    known = re.findall(r"^[│\s]*(?:-\w, )?(--[\w.-]+)", _without_colours(printed.getvalue()), re.MULTILINE)
     for typed in (word.split("=")[0] for word in arguments if word.startswith("--")):
-        if re.search(rf"(?<![\w-]){re.escape(typed)}(?![\w-])", unknown) and (advice := nearest(typed, known)):
+        if re.search(rf"(?<![\w-]){re.escape(typed)}(?![\w-])", unknown) and (advice := did_you_mean(typed, known)):
             return f"there is no option {typed}{advice}"
     return ""
 
 
-def _plain(text: str) -> str:
+def _without_colours(text: str) -> str:
     """Text without colour codes."""
     return re.sub(r"\x1b\[[0-9;]*m", "", text)
 
 
-def _one_line(box: str) -> str:
+def _message_in_box(box: str) -> str:
     """The message in the box that tyro prints, without frame, title and help text. The list of presets is kept.
 
     If stdout cannot show frames, tyro prints title and parts below each other, separated by dashes.
     """
-    lines = [line.strip(" │") for line in _plain(box).splitlines()]
+    lines = [line.strip(" │") for line in _without_colours(box).splitlines()]
     framed = any(line.startswith("╭") for line in lines)
     parts: list[list[str]] = [[]]
     for line in lines:

@@ -18,7 +18,7 @@ from importlib import import_module
 from typing import Any
 
 from semgs._version import __version__
-from semgs.cli.terminal import Plain, open_streams
+from semgs.cli.terminal import Printable, aligned, open_streams
 from semgs.cli.usage_errors import UsageError, line_for
 from semgs.files.errors import InputError
 from semgs.files.text import printable
@@ -34,87 +34,51 @@ class Command:
     """Where a command is implemented; it is imported only when it runs.
 
     Attributes:
-        module: contains the command; does not import torch at module level.
-        options: the dataclass in it whose fields are the options and whose `run()` is the command.
+        place: its module in `semgs.cli.commands`, which does not import torch at module level, and the dataclass in it whose fields are
+            the options and whose `run()` is the command: "scenes.demo:Demo".
         summary: its line in `semgs --help`.
     """
 
-    module: str
-    options: str
+    place: str
     summary: str
+
+    def load(self) -> type[Any]:
+        """Import the dataclass."""
+        module, _, options = self.place.partition(":")
+        return getattr(import_module(f"semgs.cli.commands.{module}"), options)
 
 
 COMMANDS = {
-    "demo": Command("semgs.cli.commands.scenes.demo", "Demo", "Reconstruct the included sample room."),
-    "reconstruct": Command(
-        "semgs.cli.commands.scenes.reconstruct", "Reconstruct", "Turn posed photos of a room into a labelled 3D scene."
-    ),
-    "doctor": Command(
-        "semgs.cli.commands.scenes.doctor", "Doctor", "Check a scene's cameras, and name the mistake if they are wrong."
-    ),
-    "poses": Command(
-        "semgs.cli.commands.scenes.poses",
-        "Poses",
-        "Estimate the cameras of photos or a clip, and write them as a scene.",
-    ),
-    "query": Command(
-        "semgs.cli.commands.scenes.query", "Query", "Find what looks like an embedding in a reconstructed scene."
-    ),
-    "export": Command(
-        "semgs.cli.commands.scenes.export", "Export", "Write a scene for splat viewers, point clouds, ROS or training."
-    ),
-    "render": Command("semgs.cli.commands.scenes.render", "Render", "Render images or a video along a camera path."),
-    "view": Command(
-        "semgs.cli.commands.scenes.view", "View", "Show a scene in 3D in the browser, or write it as one page."
-    ),
-    "prepare": Command(
-        "semgs.cli.commands.scenes.prepare", "Prepare", "Convert scenes to compact zip files for training."
-    ),
-    "label": Command(
-        "semgs.cli.commands.scenes.label",
-        "Label",
-        "Label scenes with a 2D segmenter, to train a network on its answers.",
-    ),
-    "rooms": Command(
-        "semgs.cli.commands.scenes.rooms", "Rooms", "Generate synthetic rooms with labels, depth and poses."
-    ),
-    "train": Command("semgs.cli.commands.networks.train", "Train", "Train, or resume training."),
-    "recipe": Command(
-        "semgs.cli.commands.networks.recipe", "Recipe", "Train as the included weights were: classes, depth, colour."
-    ),
+    "demo": Command("scenes.demo:Demo", "Reconstruct the included sample room."),
+    "reconstruct": Command("scenes.reconstruct:Reconstruct", "Turn posed photos of a room into a labelled 3D scene."),
+    "doctor": Command("scenes.doctor:Doctor", "Check a scene's cameras, and name the mistake if they are wrong."),
+    "poses": Command("scenes.poses:Poses", "Estimate the cameras of photos or a clip, and write them as a scene."),
+    "query": Command("scenes.query:Query", "Find what looks like an embedding in a reconstructed scene."),
+    "export": Command("scenes.export:Export", "Write a scene for splat viewers, point clouds, ROS or training."),
+    "render": Command("scenes.render:Render", "Render images or a video along a camera path."),
+    "view": Command("scenes.view:View", "Show a scene in 3D in the browser, or write it as one page."),
+    "prepare": Command("scenes.prepare:Prepare", "Convert scenes to compact zip files for training."),
+    "label": Command("scenes.label:Label", "Label scenes with a 2D segmenter, to train a network on its answers."),
+    "rooms": Command("scenes.rooms:Rooms", "Generate synthetic rooms with labels, depth and poses."),
+    "train": Command("networks.train:Train", "Train, or resume training."),
+    "recipe": Command("networks.recipe:Recipe", "Train as the included weights were: classes, depth, colour."),
     "evaluate": Command(
-        "semgs.cli.commands.networks.evaluate",
-        "Evaluate",
-        "Score weights, or saved predictions, on a fixed list of frames.",
+        "networks.evaluate:Evaluate", "Score weights, or saved predictions, on a fixed list of frames."
     ),
-    "ablate": Command(
-        "semgs.cli.commands.networks.ablate", "Ablate", "Train and score the variants of the paper's ablation."
-    ),
-    "compare": Command(
-        "semgs.cli.commands.networks.compare", "Compare", "Compare reports of evaluate or bench in one table."
-    ),
+    "ablate": Command("networks.ablate:Ablate", "Train and score the variants of the paper's ablation."),
+    "compare": Command("networks.compare:Compare", "Compare reports of evaluate or bench in one table."),
     "weights": Command(
-        "semgs.cli.commands.networks.weights",
-        "Weights",
-        "List the included weights, or describe files: scores, licence, terms.",
+        "networks.weights:Weights", "List the included weights, or describe files: scores, licence, terms."
     ),
-    "weights verify": Command(
-        "semgs.cli.commands.networks.weights", "Verify", "Check weights against the published hashes."
-    ),
-    "weights calibrate": Command(
-        "semgs.cli.commands.networks.calibrate", "Calibrate", "Calibrate confidence on labelled scenes."
-    ),
+    "weights verify": Command("networks.weights:Verify", "Check weights against the published hashes."),
+    "weights calibrate": Command("networks.calibrate:Calibrate", "Calibrate confidence on labelled scenes."),
     "segmenters fit": Command(
-        "semgs.cli.commands.networks.segmenter_fit",
-        "FitSegmenter",
-        "Learn on labelled scenes what a segmenter's classes mean.",
+        "networks.segmenter_fit:FitSegmenter", "Learn on labelled scenes what a segmenter's classes mean."
     ),
     "figure": Command(
-        "semgs.cli.commands.networks.figure",
-        "Figure",
-        "Plot the paper's comparison figures for your weights and scenes.",
+        "networks.figure:PaperFigure", "Plot the paper's comparison figures for your weights and scenes."
     ),
-    "bench": Command("semgs.cli.commands.networks.bench", "Bench", "Measure time and memory on this machine."),
+    "bench": Command("networks.bench:Bench", "Measure time and memory on this machine."),
 }
 
 
@@ -138,43 +102,43 @@ def main(arguments: Sequence[str] | None = None) -> int:
         keep_freed_memory()
         return _run(sys.argv[1:])
 
-    return guarded(work)
+    return run_guarded(work)
 
 
-def guarded(work: Callable[[], int]) -> int:
+def run_guarded(work: Callable[[], int]) -> int:
     """Run some work and return its exit code, or that of `main` for an error that is no bug."""
     ended: list[int] = []
     try:
-        with _ended_like_interrupted(ended), _own_warnings_on_one_line():
+        with _unwind_on_signals(ended), _shorten_own_warnings():
             code = work()
             sys.stdout.flush()
             return code
     except KeyboardInterrupt:
-        return _interrupted()
+        return _report_interrupt()
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else 0
     except BrokenPipeError:
-        if not _closed(sys.stdout.fileno()):
+        if not _has_no_reader(sys.stdout.fileno()):
             raise
-        _settle_output()
+        _discard_output()
         return NOBODY_READS
     except Exception as error:
         if ended:  # a library made another exception of ours
-            return _interrupted() if ended[-1] == INTERRUPTED else ended[-1]
+            return _report_interrupt() if ended[-1] == INTERRUPTED else ended[-1]
         line = line_for(error)
         if line is None:
             raise
-        _settle_output()
-        return _refuse(line, error.lines if isinstance(error, InputError) else ())
+        _discard_output()
+        return _report_error(line, error.lines if isinstance(error, InputError) else ())
 
 
-def _interrupted() -> int:
+def _report_interrupt() -> int:
     """Say so, and return the exit code."""
     print("semgs: interrupted", file=sys.stderr)
     return INTERRUPTED
 
 
-def _settle_output() -> None:
+def _discard_output() -> None:
     """If stdout cannot be written, discard its buffer, so Python does not fail again when it exits."""
     try:
         sys.stdout.flush()
@@ -182,7 +146,7 @@ def _settle_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _closed(output: int) -> bool:
+def _has_no_reader(output: int) -> bool:
     """Whether the pipe has no reader any more. Windows cannot say; there a broken pipe is believed."""
     if not hasattr(select, "poll"):
         return True
@@ -205,17 +169,14 @@ def _run(arguments: list[str]) -> int:
         print(f"semgs {__version__}")
         return 0
     if name not in COMMANDS:
-        from semgs.cli.arguments import nearest
+        from semgs.cli.arguments import did_you_mean
 
-        known = ", ".join(COMMANDS)
-        raise UsageError(
-            f"unknown command {name!r}{nearest(name, COMMANDS)}; expected one of {known}; see semgs --help"
-        )
-    command = COMMANDS[name]
-    return carry_out(getattr(import_module(command.module), command.options), f"semgs {name}", rest)
+        known = f"expected one of {', '.join(COMMANDS)}"
+        raise UsageError(f"unknown command {name!r}{did_you_mean(name, COMMANDS)}; {known}; see semgs --help")
+    return run_command(COMMANDS[name].load(), f"semgs {name}", rest)
 
 
-def carry_out(options: type[Any], program: str, arguments: Sequence[str]) -> int:
+def run_command(options: type[Any], program: str, arguments: Sequence[str]) -> int:
     """Parse the arguments into a dataclass of options, call its `run()` and return the exit code: what it returns, 0 for None.
 
     Raises:
@@ -225,15 +186,14 @@ def carry_out(options: type[Any], program: str, arguments: Sequence[str]) -> int
     from semgs.cli.arguments import parse
 
     given = parse(options, program, arguments)
-    with redirect_stdout(Plain(sys.stdout)):
+    with redirect_stdout(Printable(sys.stdout)):
         code: int | None = given.run()
     return code or 0
 
 
 def _help() -> str:
     """The text of `semgs --help`."""
-    width = max(map(len, COMMANDS))
-    lines = [f"  {name:<{width}}  {command.summary}" for name, command in COMMANDS.items()]
+    lines = aligned([(f"  {name}", command.summary) for name, command in COMMANDS.items()])
     return "\n".join(
         (
             "usage: semgs COMMAND [OPTIONS]",
@@ -248,22 +208,22 @@ def _help() -> str:
     )
 
 
-def _refuse(line: str, more: Sequence[str] = ()) -> int:
+def _report_error(line: str, more: Sequence[str] = ()) -> int:
     """Print the error on one line, and the list that belongs to it, if there is one."""
     print(f"semgs: error: {printable(' '.join(line.split()))}", *map(printable, more), sep="\n", file=sys.stderr)
     return BAD_INPUT
 
 
 @contextmanager
-def _own_warnings_on_one_line() -> Iterator[None]:
+def _shorten_own_warnings() -> Iterator[None]:
     """Print our own warnings without their place in the code, which does not help a user."""
     usual = warnings.formatwarning
 
-    def shown(message: Warning | str, category: type[Warning], *place: Any) -> str:
+    def format_warning(message: Warning | str, category: type[Warning], *place: Any) -> str:
         own = category.__module__.startswith("semgs.")
         return f"semgs: {printable(str(message))}\n" if own else usual(message, category, *place)
 
-    warnings.formatwarning = shown  # type: ignore[assignment]
+    warnings.formatwarning = format_warning  # type: ignore[assignment]
     try:
         yield
     finally:
@@ -271,7 +231,7 @@ def _own_warnings_on_one_line() -> Iterator[None]:
 
 
 @contextmanager
-def _ended_like_interrupted(ended: list[int]) -> Iterator[None]:
+def _unwind_on_signals(ended: list[int]) -> Iterator[None]:
     """Let SIGTERM and Ctrl-C unwind the stack, so that incomplete folders are removed. If Ctrl-C is ignored, it stays so.
 
     Args:

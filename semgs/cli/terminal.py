@@ -5,42 +5,33 @@ from __future__ import annotations
 import io
 import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TextIO
+from typing import Any
 
 from semgs.files.text import printable
 
 
-class Plain(io.TextIOBase):
+class Printable:
     """A stream that escapes control characters, which names of files, scenes and classes may contain."""
 
-    def __init__(self, stream: TextIO | io.TextIOBase) -> None:
+    def __init__(self, stream: Any) -> None:
         self._stream = stream
-
-    @property
-    def encoding(self) -> str:  # type: ignore[override]
-        """Of the underlying stream."""
-        return self._stream.encoding
 
     def write(self, text: str) -> int:
         """Write text, escaped. Returns its length before escaping."""
         self._stream.write(printable(text))
         return len(text)
 
-    def flush(self) -> None:
-        """Flush the underlying stream."""
-        self._stream.flush()
+    def __getattr__(self, name: str) -> Any:
+        """Everything else is that of the underlying stream."""
+        return getattr(self._stream, name)
 
-    def close(self) -> None:
-        """Do nothing: the underlying stream is not ours. From 3.13 on, Python prints what a flush raises here when this stream is deleted."""
 
-    def fileno(self) -> int:
-        """Of the underlying stream."""
-        return self._stream.fileno()
-
-    def isatty(self) -> bool:
-        """Whether the underlying stream is a terminal."""
-        return self._stream.isatty()
+def aligned(rows: Sequence[tuple[str, str]]) -> list[str]:
+    """Lines of name and text, with the texts below each other."""
+    width = max(len(name) for name, _ in rows)
+    return [f"{name:<{width}}  {text}" for name, text in rows]
 
 
 def open_streams() -> None:

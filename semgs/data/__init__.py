@@ -1,1 +1,1 @@
-"""Data: views, class tables, scene readers, the choice of views, depth ranges, ray casting."""
+"""Scenes on disk: their readers, frames, views and class tables, the choice of frames, and near and far."""

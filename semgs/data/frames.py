@@ -13,7 +13,7 @@ from jaxtyping import Float32, UInt8
 
 from semgs.data.cameras.lens import AbstractLens
 from semgs.data.maps import MapSource, Pixels
-from semgs.data.resampling import reframed, resized
+from semgs.data.resampling import Fit, reframed, resized
 from semgs.data.tables.classes import IGNORE, SCANNET20, ClassTable
 from semgs.data.views import Views
 from semgs.files.images.pictures import read_rgb
@@ -51,37 +51,21 @@ class Frame:
         """The camera of the undistorted image, at its full size."""
         return Cameras(self.world_from_camera, self.lens.intrinsics, self.lens.size)
 
-    def read(
-        self,
-        depth_range: tuple[float, float],
-        classes: ClassTable | None = None,
-        *,
-        size: Sequence[int] | None = None,
-        crop: bool = False,
-    ) -> Views:
-        """As `view`, with every number checked.
-
-        Raises:
-            InputError, ImportError: as `view`.
-            ValueError: as `Views`.
-        """
-        return self.view(depth_range, classes, size=size, crop=crop).checked()
-
     def view(
         self,
         depth_range: tuple[float, float],
         classes: ClassTable | None = None,
         *,
         size: Sequence[int] | None = None,
-        crop: bool = False,
+        fit: Fit = "stretch",
     ) -> Views:
         """The frame as one undistorted view, not checked: callers join several views and check them together.
 
         Args:
             depth_range: near and far of the view.
             classes: the table of its labels; None to leave labels out.
-            size: (height, width) to resize to (`semgs.data.resampling.resized`); None keeps the full size.
-            crop: if the size has another aspect, crop to it (`semgs.data.resampling.reframed`) instead of stretching.
+            size: (height, width) to resize to; None keeps the full size.
+            fit: what is done if the size has another aspect.
 
         Raises:
             InputError: a file is missing or damaged, or has another size than the camera; a label is outside the table.
@@ -94,8 +78,8 @@ class Frame:
             classes=classes or SCANNET20,
         )
         if size is not None:
-            view = (reframed if crop else resized)(view, size)
-        pixels = Pixels(self.lens, view.cameras[0], undistortion(self.lens), crop)
+            view = (reframed if fit == "crop" else resized)(view, size)
+        pixels = Pixels(self.lens, view.cameras[0], undistortion(self.lens), fit == "crop")
         depths = None if self.depth is None else torch.from_numpy(self.depth.read(pixels))[None]
         labels = None if self.labels is None or classes is None else torch.from_numpy(self.labels.read(pixels))[None]
         if self.mask is not None:

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float32, Num, Shaped, UInt8
 
-from semgs.data.cameras.lens import AbstractLens, carried_over
+from semgs.data.cameras.lens import AbstractLens, carry_over
 from semgs.data.resampling import kept_window, nearest
 from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.files.arrays import read_array
@@ -115,7 +115,7 @@ class DepthMap:
         Raises:
             InputError: as `MapSource.read`, or it has another aspect than the image.
         """
-        return pixels.taken(fitted(self.path, self.metres(), pixels.lens.size))
+        return pixels.taken(fit_to_image(self.path, self.metres(), pixels.lens.size))
 
     def metres(self) -> Float32[np.ndarray, "rows columns"]:
         """The stored map [m], 0 where unknown.
@@ -174,7 +174,7 @@ class DepthThroughLens:
         Raises:
             InputError: as `MapSource.read`.
         """
-        return pixels.taken(carried_over(self.map.metres(), self.lens, self.of_picture or pixels.lens))
+        return pixels.taken(carry_over(self.map.metres(), self.lens, self.of_picture or pixels.lens))
 
 
 @final
@@ -202,7 +202,7 @@ class ClassMap:
             InputError: as `MapSource.read`, or it has another aspect than the image, or a label outside the table.
         """
         labels = read_labels(self.path, self.classes, self.key, self.meaning)
-        return pixels.taken(fitted(self.path, labels, pixels.lens.size))
+        return pixels.taken(fit_to_image(self.path, labels, pixels.lens.size))
 
 
 @final
@@ -225,7 +225,7 @@ class IdMap:
         Raises:
             InputError: as `MapSource.read`, or it has another aspect than the image.
         """
-        return pixels.taken(fitted(self.path, self.labels[read_ids(self.path)], pixels.lens.size))
+        return pixels.taken(fit_to_image(self.path, self.labels[read_ids(self.path)], pixels.lens.size))
 
 
 @final
@@ -246,7 +246,7 @@ class MaskMap:
         Raises:
             InputError: as `MapSource.read`, or it has another aspect than the image.
         """
-        return pixels.taken(fitted(self.path, read_uint8(self.path), pixels.lens.size)) < VISIBLE
+        return pixels.taken(fit_to_image(self.path, read_uint8(self.path), pixels.lens.size)) < VISIBLE
 
 
 @final
@@ -270,7 +270,7 @@ class InMemory:
         return pixels.taken(self.values)
 
 
-def fitted(
+def fit_to_image(
     path: Stored, values: Shaped[np.ndarray, "rows columns"], size: tuple[int, int]
 ) -> Shaped[np.ndarray, "h w"]:
     """A map resized to its image: each pixel takes the value of the pixel that its centre lies in.

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float, Int, Num
+
+from semgs.files.errors import import_error
 
 REACH = 1e30
 """The length of an unlimited ray [m]; Embree reports anything beyond as a miss."""
@@ -60,12 +64,7 @@ class Raycaster:
         """
         if len(origins) == 0:
             return np.zeros(0, np.int32), np.zeros(0, np.float32)
-        hits = self._scene.run(
-            np.ascontiguousarray(origins, dtype=np.float32),
-            np.ascontiguousarray(directions, dtype=np.float32),
-            dists=None if reach is None else np.array(reach, dtype=np.float32),
-            output=True,
-        )
+        hits = self._run(origins, directions, None if reach is None else np.array(reach, dtype=np.float32), output=True)
         triangles = hits["primID"]
         return triangles, np.where(triangles >= 0, hits["tfar"], np.float32(np.inf))
 
@@ -79,22 +78,18 @@ class Raycaster:
         if len(origins) == 0:
             return np.zeros(0, bool)
         limits = np.array(np.broadcast_to(np.asarray(reach, dtype=np.float32), len(origins)))
-        triangles = self._scene.run(
-            np.ascontiguousarray(origins, dtype=np.float32),
-            np.ascontiguousarray(directions, dtype=np.float32),
-            dists=limits,
-            query="INTERSECT",
-        )
-        return triangles < 0
+        return self._run(origins, directions, limits, query="INTERSECT") < 0
+
+    def _run(self, origins: np.ndarray, directions: np.ndarray, reach: np.ndarray | None, **options: Any) -> Any:
+        """What Embree finds for some rays."""
+        origins, directions = (np.ascontiguousarray(rays, dtype=np.float32) for rays in (origins, directions))
+        return self._scene.run(origins, directions, dists=reach, **options)
 
 
 def _embree() -> tuple[type, type]:
     """Embree's scene and mesh types."""
-    try:
+    advice = "casting rays needs embreex, which is not installed; pip install '.[raycast]' in SemGS's folder"
+    with import_error(advice, "embreex"):
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
-    except ImportError as error:
-        raise ImportError(
-            "casting rays needs embreex, which is not installed; pip install '.[raycast]' in SemGS's folder"
-        ) from error
     return EmbreeScene, TriangleMesh

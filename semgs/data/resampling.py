@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import torch
 from jaxtyping import Float64
@@ -13,6 +14,9 @@ from semgs.geometry.cameras import checked_size
 
 DEFAULT_PIXELS = 76_800
 """Images are reduced to at most this many pixels (240 x 320), unless the user gives a size."""
+
+Fit = Literal["crop", "stretch"]
+"""How images get another aspect: cropped around the centre (`reframed`), or stretched (`resized`)."""
 
 STRETCH = 0.01
 """Images whose aspect differs by no more than this are stretched instead of cropped."""

@@ -12,16 +12,16 @@ from typing import Literal
 import numpy as np
 
 from semgs.data.bounds.depth_range import DepthRange, depth_range
-from semgs.data.bounds.parallax import Seen
+from semgs.data.bounds.parallax import FrameFeatures
 from semgs.data.frames import Frame
 from semgs.data.origin.labeller import Labeller
-from semgs.data.resampling import default_size
+from semgs.data.resampling import Fit, default_size
 from semgs.data.tables.classes import ClassTable
 from semgs.data.views import FAR_OUT, INDOOR_DEPTH_RANGE, Views, joined
 from semgs.files.errors import InputError
-from semgs.files.images.notebook import MOST, Strip, html, small
+from semgs.files.images.notebook import MOST, Strip, html, subsample
 from semgs.geometry.cameras import Cameras
-from semgs.geometry.summaries import summary
+from semgs.geometry.summaries import describe
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class Scene:
 
     def __repr__(self) -> str:
         sizes = sorted({frame.lens.size for frame in self.frames})
-        return summary(
+        return describe(
             "Scene",
             name=self.name,
             path=self.path,
@@ -93,15 +93,15 @@ class Scene:
 
     def _repr_html_(self) -> str:
         """A few of the images for a notebook, or why they cannot be read."""
-        pictures, said = [], []
+        images, captions = [], []
         for index in np.unique(np.linspace(0, len(self) - 1, MOST).round().astype(int)).tolist():
             frame = self.frames[index]
             try:
-                pictures.append(small(frame.read_image()))
-                said.append(f"{index}: {frame.name}")
+                images.append(subsample(frame.read_image()))
+                captions.append(f"{index}: {frame.name}")
             except InputError as error:
-                said.append(f"{index}: {error}")
-        return html(repr(self), [Strip("frames", tuple(pictures), ", ".join(said))])
+                captions.append(f"{index}: {error}")
+        return html(repr(self), [Strip("frames", tuple(images), ", ".join(captions))])
 
     def __len__(self) -> int:
         """The number of usable frames."""
@@ -136,14 +136,14 @@ class Scene:
         if isinstance(frame, str):
             wanted = frame.replace("\\", "/").removeprefix("./")
             for key in (lambda name: name, lambda name: Path(name).name, lambda name: Path(name).stem):
-                found = [index for index, one in enumerate(self.frames) if key(one.name) == wanted]
-                if len(found) > 1:
+                matches = [index for index, candidate in enumerate(self.frames) if key(candidate.name) == wanted]
+                if len(matches) > 1:
                     raise ValueError(
-                        f"frame {frame!r} may be {self.frames[found[0]].name} or {self.frames[found[1]].name} "
+                        f"frame {frame!r} may be {self.frames[matches[0]].name} or {self.frames[matches[1]].name} "
                         f"of {self.path}; give the full name or the position"
                     )
-                if found:
-                    return found[0]
+                if matches:
+                    return matches[0]
             reason = ", its image is missing" if wanted in {Path(name).name for name in self.absent} else ""
             raise ValueError(f"{self.path} has no usable frame {frame!r}{reason}; the first is {self.frames[0].name}")
         position = operator.index(frame)
@@ -154,7 +154,7 @@ class Scene:
         return position
 
     def depth_range(
-        self, frames: Sequence[int | str] | None = None, features: dict[int, Seen] | None = None
+        self, frames: Sequence[int | str] | None = None, features: dict[int, FrameFeatures] | None = None
     ) -> DepthRange:
         """Near and far for some frames, with the reason.
 
@@ -168,38 +168,41 @@ class Scene:
         """
         if not self.posed:
             return DepthRange(*INDOOR_DEPTH_RANGE, self.unit, "the range of rooms, as the cameras are unknown")
-        return depth_range(self.frames, self._asked(frames), self.unit, self.points, features)
+        return depth_range(self.frames, self._positions(frames), self.unit, self.points, features)
 
-    def _asked(self, frames: Sequence[int | str] | None) -> Sequence[int]:
+    def _positions(self, frames: Sequence[int | str] | None) -> Sequence[int]:
         """The positions of frames; None for all."""
-        asked = range(len(self)) if frames is None else [self.index(frame) for frame in frames]
-        if not asked:
+        positions = range(len(self)) if frames is None else [self.index(frame) for frame in frames]
+        if not positions:
             raise ValueError(f"the list of frames is empty; {self.path} has {len(self)}")
-        return asked
+        return positions
 
     def read(
         self,
         frames: Sequence[int | str],
         size: Sequence[int] | Literal["native"] | None = None,
-        depth_range: DepthRange | None = None,
+        depth_range: DepthRange | tuple[float, float] | None = None,
+        *,
+        fit: Fit = "crop",
     ) -> Views:
         """Read frames as undistorted views in the world around `origin`, with labels and depths if all of them have some.
 
         Args:
             frames: positions or names, in the order you want.
-            size: (height, width); images of another aspect are cropped (`semgs.data.resampling.reframed`). None is the size that
-                `semgs reconstruct` uses: `default_size` of the first frame, at most 76,800 pixels. "native" keeps the full size.
+            size: (height, width). None is the size that `semgs reconstruct` uses: `default_size` of the first frame, at most
+                76,800 pixels. "native" keeps the full size.
             depth_range: near and far of the views; None for `depth_range` of these frames.
+            fit: what is done with images of another aspect than `size`.
 
         Raises:
             ValueError: no frame has that position or name, the list is empty, sizes differ and `size` is "native", or `size` is invalid.
             InputError: an image, depth or label file cannot be used.
         """
-        chosen = [self.frames[index] for index in self._asked(frames)]
+        chosen = [self.frames[index] for index in self._positions(frames)]
         bounds = depth_range or self.depth_range(frames)
         wanted = _wanted(chosen, size)
-        near_far = bounds.near, bounds.far
-        views = [frame.view(near_far, self.classes, size=wanted, crop=True) for frame in chosen]
+        near_far = bounds if isinstance(bounds, tuple) else (bounds.near, bounds.far)
+        views = [frame.view(near_far, self.classes, size=wanted, fit=fit) for frame in chosen]
         return self.local(joined(views)).checked()
 
 

@@ -11,7 +11,7 @@ from semgs.files.errors import InputError
 
 
 @dataclass(frozen=True)
-class Asked:
+class SceneDetails:
     """Details given by the user. None leaves a detail to the files.
 
     Attributes:

@@ -47,18 +47,18 @@ class SceneList:
     """Names of scenes.
 
     Attributes:
-        asked: how the list was given, for errors.
+        source: how the list was given, for errors.
         names: of the scenes, in order.
     """
 
-    asked: str
+    source: str
     names: tuple[str, ...]
 
     def choose(self, known: Mapping[str, Place], where: str) -> list[Place]:
         """The scenes of a folder that are in the list, in the list's order, each once.
 
         Args:
-            known: the scenes of the folder by every name that a list may use, as from `calls`.
+            known: the scenes of the folder by every name that a list may use, as from `scenes_by_name`.
             where: the folder, for errors.
 
         Raises:
@@ -69,7 +69,7 @@ class SceneList:
             others = f" and {len(missing) - 1} more, which are missing" if len(missing) > 1 else ", which is missing"
             example = f", such as {next(iter(known))}" if known else ""
             raise InputError(
-                self.asked, f"names of scenes in {where}{example}", f"{missing[0]}{others}",
+                self.source, f"names of scenes in {where}{example}", f"{missing[0]}{others}",
                 f"{len(missing)} of {len(self.names)} names",
             )  # fmt: skip
         return list(dict.fromkeys(known[_plain(name)] for name in self.names))
@@ -80,13 +80,13 @@ def package_lists() -> tuple[str, ...]:
     return tuple(sorted(one.name.removesuffix(".txt") for one in _folder().iterdir() if one.name.endswith(".txt")))
 
 
-def read_list(asked: str | Path) -> SceneList:
+def read_list(source: str | Path) -> SceneList:
     """A list by its name, a text file, or a rule and a text file.
 
     Raises:
         InputError: there is no such list or file, it cannot be read, is empty, or has too few scenes to hold out ten.
     """
-    text = str(asked)
+    text = str(source)
     if text in package_lists():
         return SceneList(text, _names(text, (_folder() / f"{text}.txt").read_text(encoding="utf-8")))
     rule = next((one for one in (TEN, ALL_BUT_TEN) if text.startswith(one)), "")
@@ -141,7 +141,7 @@ def check_unseen(path: str | Path, trained: Iterable[str], tested: Iterable[str]
         )
 
 
-def calls(root: Path, paths: Sequence[Path]) -> dict[str, Path]:
+def scenes_by_name(root: Path, paths: Sequence[Path]) -> dict[str, Path]:
     """The scenes below a folder, by every name that a list may use.
 
     These are the path below the folder (with _ or /), the name of the scene's own folder, and for 7-Scenes "sequence1". If two scenes share a

@@ -19,8 +19,8 @@ from semgs.data.layouts.scannetpp import scannetpp_scan as scannetpp
 from semgs.data.layouts.zoo import zoo_scenes as zoo
 from semgs.data.paper_variants import check_applicable, check_readings
 from semgs.data.scene import Scene
-from semgs.data.scene_details import Asked
-from semgs.data.scene_lists import SceneList, calls
+from semgs.data.scene_details import SceneDetails
+from semgs.data.scene_lists import SceneList, scenes_by_name
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import existing_folder, typed_path
 
@@ -31,48 +31,50 @@ class Layout:
 
     Attributes:
         recognises: whether a path has this layout.
-        open: opens the scene; also takes `as_peers` if the layout has `readings`, and `asked` if it `asks`.
+        open: opens the scene; also takes `as_peers` if the layout has `readings`, and `details` if it has `details_used`.
         looked_for: what the layout is recognised by, in words.
         readings: the names from `semgs.data.paper_variants` that it supports.
-        asks: the fields of `semgs.data.scene_details.Asked` that it uses.
+        details_used: the fields of `semgs.data.scene_details.SceneDetails` that it uses.
     """
 
     recognises: Callable[[Path], bool]
     open: Callable[..., Scene]
     looked_for: str
     readings: tuple[str, ...] = ()
-    asks: tuple[str, ...] = ()
+    details_used: tuple[str, ...] = ()
 
-    def scene(self, path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
+    def scene(self, path: Path, as_peers: Collection[str], details: SceneDetails) -> Scene:
         """The scene at a path with this layout.
 
         Raises:
             InputError: the scene cannot be opened, or the layout does not support a reading or a detail.
         """
         options = {"as_peers": as_peers} if self.readings else {}
-        scene = self.open(path, **options, **({"asked": asked} if self.asks else {}))
+        scene = self.open(path, **options, **({"details": details} if self.details_used else {}))
         check_applicable(path, scene.layout, as_peers, self.readings)
-        asked.only(path, scene.layout, *self.asks)
+        details.only(path, scene.layout, *self.details_used)
         return scene
 
 
 LAYOUTS = (
     Layout(transforms_json.recognises, transforms_json.open_transforms, transforms_json.LOOKED_FOR),
-    Layout(colmap.recognises, colmap.open_model, colmap.LOOKED_FOR),
-    Layout(replica.recognises, replica.open_replica, replica.LOOKED_FOR, replica.APPLICABLE, replica.ASKS),
-    Layout(tum.recognises, tum.open_tum, tum.LOOKED_FOR, asks=tum.ASKS),
-    Layout(rgbd.recognises, rgbd.open_rgbd, rgbd.LOOKED_FOR, asks=rgbd.ASKS),  # not what only ScanNet has
-    Layout(scannet.recognises, scannet.open_scan, scannet.LOOKED_FOR, scannet.APPLICABLE),
-    Layout(scannetpp.recognises, scannetpp.open_scan, scannetpp.LOOKED_FOR, scannetpp.APPLICABLE),
-    Layout(ros.recognises, ros.open_recording, ros.LOOKED_FOR, asks=ros.ASKS),
-    Layout(polycam.recognises, polycam.open_polycam, polycam.LOOKED_FOR, asks=polycam.ASKS),
-    Layout(record3d.recognises, record3d.open_record3d, record3d.LOOKED_FOR, asks=record3d.ASKS),
-    Layout(frame_files.recognises, frame_files.open_frame_files, frame_files.LOOKED_FOR, asks=frame_files.ASKS),
+    Layout(colmap.recognises, colmap.open_colmap, colmap.LOOKED_FOR),
+    Layout(replica.recognises, replica.open_replica, replica.LOOKED_FOR, replica.APPLICABLE, replica.DETAILS),
+    Layout(tum.recognises, tum.open_tum, tum.LOOKED_FOR, details_used=tum.DETAILS),
+    Layout(rgbd.recognises, rgbd.open_rgbd, rgbd.LOOKED_FOR, details_used=rgbd.DETAILS),  # not what only ScanNet has
+    Layout(scannet.recognises, scannet.open_scannet, scannet.LOOKED_FOR, scannet.APPLICABLE),
+    Layout(scannetpp.recognises, scannetpp.open_scannetpp, scannetpp.LOOKED_FOR, scannetpp.APPLICABLE),
+    Layout(ros.recognises, ros.open_recording, ros.LOOKED_FOR, details_used=ros.DETAILS),
+    Layout(polycam.recognises, polycam.open_polycam, polycam.LOOKED_FOR, details_used=polycam.DETAILS),
+    Layout(record3d.recognises, record3d.open_record3d, record3d.LOOKED_FOR, details_used=record3d.DETAILS),
+    Layout(
+        frame_files.recognises, frame_files.open_frame_files, frame_files.LOOKED_FOR, details_used=frame_files.DETAILS
+    ),
     Layout(labelled_images.recognises, labelled_images.open_labelled_images, labelled_images.LOOKED_FOR),
 )
 """The known layouts. If a folder has several, the first one counts."""
 
-ZOO = Layout(lambda path: False, zoo.open_zoo, "", asks=zoo.ASKS)
+ZOO = Layout(lambda path: False, zoo.open_zoo, "", details_used=zoo.DETAILS)
 """The layout of a scene that the user names by its data set; it is not detected."""
 
 SINGLE_FILES = (".zip", record3d.ENDING, *ros.ENDINGS)
@@ -100,7 +102,7 @@ def open_scene(
     Args:
         path: a folder of one of the known layouts, or the file that describes the scene.
         as_peers: names from `semgs.data.paper_variants.READINGS`: read files the way another paper's code does.
-        camera, world, body, intrinsics, depth_unit, scenezoo: details that the files may not state, see `semgs.data.scene_details.Asked`.
+        camera, world, body, intrinsics, depth_unit, scenezoo: details that the files may not state, see `semgs.data.scene_details.SceneDetails`.
         needs_labels: whether labels that cannot be read are an error; if not, they are left out and a note says why.
         needs_cameras: whether labelled images without cameras are an error.
 
@@ -109,28 +111,32 @@ def open_scene(
             table of its labels is unknown or damaged (if they are needed), or the layout does not support a reading or a detail.
         ValueError: a reading is unknown, or a detail is invalid.
     """
-    asked = Asked(camera, world, body, intrinsics, depth_unit, scenezoo)
-    return open_asked(path, as_peers, asked, needs_labels, needs_cameras)
+    details = SceneDetails(camera, world, body, intrinsics, depth_unit, scenezoo)
+    return open_with_details(path, as_peers, details, needs_labels, needs_cameras)
 
 
-def open_asked(
-    path: str | Path, as_peers: Collection[str], asked: Asked, needs_labels: bool = True, needs_cameras: bool = True
+def open_with_details(
+    path: str | Path,
+    as_peers: Collection[str],
+    details: SceneDetails,
+    needs_labels: bool = True,
+    needs_cameras: bool = True,
 ) -> Scene:
     """As `open_scene`, with the details in one object."""
     check_readings(as_peers)
     path = typed_path(path)
     existing_folder(path)
     with readable(path):
-        scene = _opened(path, as_peers, asked, needs_labels, needs_cameras)
+        scene = _open_known(path, as_peers, details, needs_labels, needs_cameras)
         if scene is None:
-            raise _unknown(path, "a scene")
+            raise _unknown_layout(path, "a scene")
     return scene
 
 
 def open_scenes(
     path: str | Path,
     as_peers: Collection[str] = (),
-    asked: Asked | None = None,
+    details: SceneDetails | None = None,
     wanted: SceneList | None = None,
     needs_cameras: bool = True,
 ) -> tuple[Scene, ...]:
@@ -141,7 +147,7 @@ def open_scenes(
     Args:
         path: a scene as for `open_scene`, or a folder of scenes.
         as_peers: as for `open_scene`, for all scenes.
-        asked: details that apply to all scenes.
+        details: details that apply to all scenes.
         wanted: the scenes to open; None for all.
         needs_cameras: as for `open_scene`.
 
@@ -150,10 +156,10 @@ def open_scenes(
         ValueError: as `open_scene`.
     """
     check_readings(as_peers)
-    details = asked or Asked()
+    details = details or SceneDetails()
     paths = (typed_path(path),) if details.scenezoo else scene_paths(path, wanted)
     with readable(path):
-        opened = (_opened(one, as_peers, details, needs_cameras=needs_cameras) for one in paths)
+        opened = (_open_known(place, as_peers, details, needs_cameras=needs_cameras) for place in paths)
         scenes = tuple(scene for scene in opened if scene is not None)
     names: dict[str, Path] = {}
     for scene in scenes:
@@ -170,11 +176,11 @@ def scene_paths(path: str | Path, wanted: SceneList | None = None) -> tuple[Path
         InputError: there is no scene, or one in `wanted` is missing.
     """
     with readable(path):
-        found = _found(typed_path(path))
+        paths = _find_scenes(typed_path(path))
     if wanted is None:
-        return found
-    chosen = set(wanted.choose(calls(Path(path), found), str(path)))
-    return tuple(one for one in found if one in chosen)
+        return paths
+    chosen = set(wanted.choose(scenes_by_name(Path(path), paths), str(path)))
+    return tuple(place for place in paths if place in chosen)
 
 
 def is_scene(path: Path) -> bool:
@@ -183,33 +189,37 @@ def is_scene(path: Path) -> bool:
     Raises:
         InputError: it has the ending of an archive, but is none.
     """
-    return _recognised(path) or (path.is_dir() and any(map(_recognised, _children(path))))
+    return _is_known(path) or (path.is_dir() and any(map(_is_known, _children(path))))
 
 
-def _found(path: Path) -> tuple[Path, ...]:
+def _find_scenes(path: Path) -> tuple[Path, ...]:
     """The paths of all scenes."""
     existing_folder(path)
-    if _recognised(path):
+    if _is_known(path):
         return (path,)
     if path.is_file():
-        raise _unknown(path, "a scene")
+        raise _unknown_layout(path, "a scene")
     children = _children(path)
-    found = [child for child in children if _recognised(child)]
-    if not found:
-        found = [below for child in children if child.is_dir() for below in _children(child) if _recognised(below)]
-    if not found:
-        raise _unknown(path, "a scene or a folder of scenes")
-    return tuple(found)
+    scenes = [child for child in children if _is_known(child)]
+    if not scenes:
+        scenes = [below for child in children if child.is_dir() for below in _children(child) if _is_known(below)]
+    if not scenes:
+        raise _unknown_layout(path, "a scene or a folder of scenes")
+    return tuple(scenes)
 
 
-def _opened(
-    path: Path, as_peers: Collection[str], asked: Asked, needs_labels: bool = True, needs_cameras: bool = True
+def _open_known(
+    path: Path,
+    as_peers: Collection[str],
+    details: SceneDetails,
+    needs_labels: bool = True,
+    needs_cameras: bool = True,
 ) -> Scene | None:
     """The scene at a path, None if it has no known layout."""
-    layout = ZOO if asked.scenezoo else next((one for one in LAYOUTS if one.recognises(path)), None)
+    layout = ZOO if details.scenezoo else next((known for known in LAYOUTS if known.recognises(path)), None)
     if layout is None:
         return None
-    scene = layout.scene(path, as_peers, asked)
+    scene = layout.scene(path, as_peers, details)
     if needs_cameras and not scene.posed:
         raise InputError(
             path, "images with cameras", f"{scene.layout}, which have none",
@@ -228,7 +238,7 @@ def _children(path: Path) -> list[Path]:
     return [child for child in inside if child.is_dir() or child.suffix.lower() in SINGLE_FILES]
 
 
-def _recognised(path: Path) -> bool:
+def _is_known(path: Path) -> bool:
     """Whether a folder has a known layout."""
     return any(layout.recognises(path) for layout in LAYOUTS)
 
@@ -236,7 +246,7 @@ def _recognised(path: Path) -> bool:
 _NO_VIDEOS = "a video has no poses; semgs poses CLIP OUT estimates them, and OUT is a scene"
 
 
-def _unknown(path: Path, expected: str) -> InputError:
+def _unknown_layout(path: Path, expected: str) -> InputError:
     """The error for a path without a known layout: what to do, then a list of what was looked for."""
     looked_for = [f"  {layout.looked_for}" for layout in LAYOUTS]
     return InputError(path, expected, "no known layout", advice=_hint(path), lines=("Looked for:", *looked_for))
@@ -246,11 +256,11 @@ def _hint(path: Path) -> str | None:
     """What to do about a path without a known layout: the likeliest remedy."""
     if path.is_file():
         return _NO_VIDEOS if path.suffix.lower() in VIDEOS else "name the scene's folder"
-    inside = next((child for child in _children(path) if _recognised(child)), None)
+    inside = next((child for child in _children(path) if _is_known(child)), None)
     if inside is not None:
         return f"there is one in {inside}"
     files = list(path.iterdir())
-    kinds = {one.suffix.lower() for place in (path, *files) if place.is_dir() for one in place.iterdir()}
+    kinds = {file.suffix.lower() for place in (path, *files) if place.is_dir() for file in place.iterdir()}
     if kinds.intersection(PICTURES):
         return "images alone have no poses; semgs poses FOLDER OUT estimates them, and OUT is a scene"
     if kinds.intersection(VIDEOS):

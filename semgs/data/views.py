@@ -15,7 +15,7 @@ from torch import Tensor
 from semgs.data.tables.classes import IGNORE, SCANNET20, ClassTable
 from semgs.files.images.notebook import class_row, depth_row, html, photo_row
 from semgs.geometry.cameras import Arrays, Cameras, as_float64
-from semgs.geometry.summaries import array_of, summary
+from semgs.geometry.summaries import array_of, describe
 
 INDOOR_DEPTH_RANGE = (0.5, 10.0)
 """Near and far of rooms [m], if nothing better is known."""
@@ -63,40 +63,8 @@ class Views:
         vars(self).update(
             images=images, cameras=cameras, depth_range=bounds, labels=labels, depths=depths, classes=classes
         )
-        if images.ndim < 4 or images.shape[-3] != 3:
-            raise ValueError(f"images are {tuple(images.shape)}; expected [... view 3 height width]")
-        leading, size = tuple(images.shape[:-3]), tuple(images.shape[-2:])
-        if size != cameras.size:
-            raise ValueError(
-                f"images are {size} (height, width) but their cameras are for {cameras.size}; crop or resize both together"
-            )
-        if cameras.batch != leading:
-            raise ValueError(f"there are {leading} images but {cameras.batch} cameras; expected one camera per image")
-        if tuple(bounds.shape) != (*leading, 2):
-            raise ValueError(
-                f"depth_range is {tuple(bounds.shape)}; expected {(*leading, 2)}: near and far of each view"
-            )
-        near, far = bounds.unbind(-1)
-        if not (torch.isfinite(bounds).all() and (near > 0).all() and (near < far).all()):
-            raise ValueError(f"depth_range is {bounds.tolist()}; expected 0 < near < far for each view")
-        if images.numel() and not (images.amin() >= 0 and images.amax() <= 1):
-            raise ValueError(
-                f"images go from {images.amin():.4g} to {images.amax():.4g}; expected finite numbers in 0..1"
-            )
-        for name, maps in (("labels", labels), ("depths", depths)):
-            if maps is not None and tuple(maps.shape) != (*leading, *size):
-                raise ValueError(f"{name} are {tuple(maps.shape)}; expected {(*leading, *size)}, like the images")
-        if labels is not None:
-            outside = (labels >= len(classes)) & (labels != IGNORE)
-            if outside.any():
-                raise ValueError(
-                    f"labels contain {int(labels[outside][0])}; expected 0..{len(classes) - 1} of table "
-                    f"{classes.name}, or {IGNORE} for none"
-                )
-        if depths is not None and not (torch.isfinite(depths).all() and (depths >= 0).all()):
-            raise ValueError(
-                "depths contain a number that is negative or not finite; expected z-depths, 0 where unknown"
-            )
+        _check_shapes(self)
+        _check_numbers(self)
 
     @classmethod
     def trusted(cls, **parts: Any) -> Views:
@@ -126,9 +94,9 @@ class Views:
         Raises:
             ValueError: as the constructor, and for images that are neither uint8 HWC nor float CHW.
         """
-        pictures = torch.stack([_picture(image) for image in images])
+        pixels = torch.stack([_as_image(image) for image in images])
         matrices = as_float64(intrinsics)
-        count = len(pictures)
+        count = len(pixels)
         if matrices.ndim == 2:
             matrices = matrices.expand(count, 3, 3)
         if depth_range is None:
@@ -139,17 +107,17 @@ class Views:
         bounds = as_float64(depth_range)
         if bounds.ndim == 1:
             bounds = bounds.expand(count, 2)
-        cameras = Cameras(world_from_camera, matrices, tuple(pictures.shape[-2:]))
+        cameras = Cameras(world_from_camera, matrices, tuple(pixels.shape[-2:]))
         if (farthest := float(cameras.centres.abs().max())) > FAR_OUT:
             warnings.warn(
                 f"cameras are {farthest:.4g} from the origin, where float32 is too coarse for Gaussians: subtract a point near them from "
                 "all poses, as Cameras.relative_to does",
                 stacklevel=2,
             )
-        return cls(pictures, cameras, bounds)
+        return cls(pixels, cameras, bounds)
 
     def __repr__(self) -> str:
-        return summary(
+        return describe(
             "Views",
             images=self.images,
             cameras=self.cameras,
@@ -216,27 +184,28 @@ class Views:
             function: called with the array of these views, then that of each of the others.
             others: views of the same size, with the same class table. Labels and depths are kept only if all have them.
         """
-        every = (self, *others)
+        views = (self, *others)
 
-        def together(maps: Sequence[Tensor | None]) -> Tensor | None:
-            return None if any(one is None for one in maps) else function(*maps)
+        def arrange_maps(maps: Sequence[Tensor | None]) -> Tensor | None:
+            return None if any(part is None for part in maps) else function(*maps)
 
         return self.changed(
-            images=function(*(one.images for one in every)),
-            cameras=self.cameras.arranged(function, *(one.cameras for one in others)),
-            depth_range=function(*(one.depth_range for one in every)),
-            labels=together([one.labels for one in every]),
-            depths=together([one.depths for one in every]),
+            images=function(*(each.images for each in views)),
+            cameras=self.cameras.arranged(function, *(each.cameras for each in others)),
+            depth_range=function(*(each.depth_range for each in views)),
+            labels=arrange_maps([each.labels for each in views]),
+            depths=arrange_maps([each.depths for each in views]),
         )
 
     def select(self, indices: Sequence[int]) -> Views:
         """The views at these positions of the view axis, in the given order."""
-        picked, axis = torch.as_tensor(list(indices), dtype=torch.int64), self.images.ndim - 4
-        return self.arranged(lambda array: array.index_select(axis, picked.to(array.device)))
+        positions, axis = torch.as_tensor(list(indices), dtype=torch.int64), self.images.ndim - 4
+        return self.arranged(lambda array: array.index_select(axis, positions.to(array.device)))
 
     def to(self, device: torch.device | str) -> Views:
         """These views with images, labels and depths on a device; cameras and depth range stay on the CPU."""
-        if all(one is None or one.device == torch.device(device) for one in (self.images, self.labels, self.depths)):
+        tensors = (self.images, self.labels, self.depths)
+        if all(tensor is None or tensor.device == torch.device(device) for tensor in tensors):
             return self
         return self.map(lambda maps: maps.to(device))
 
@@ -269,7 +238,46 @@ def joined(views: Sequence[Views]) -> Views:
     return views[0].arranged(lambda *arrays: torch.cat(arrays, dim=axis), *views[1:])
 
 
-def _picture(image: Arrays) -> Float[Tensor, "3 h w"]:
+def _check_shapes(views: Views) -> None:
+    """Refuse parts whose sizes or leading axes disagree."""
+    images, cameras = views.images, views.cameras
+    if images.ndim < 4 or images.shape[-3] != 3:
+        raise ValueError(f"images are {tuple(images.shape)}; expected [... view 3 height width]")
+    leading, size = tuple(images.shape[:-3]), tuple(images.shape[-2:])
+    if size != cameras.size:
+        raise ValueError(
+            f"images are {size} (height, width) but their cameras are for {cameras.size}; crop or resize both together"
+        )
+    if cameras.batch != leading:
+        raise ValueError(f"there are {leading} images but {cameras.batch} cameras; expected one camera per image")
+    bounds_shape = tuple(views.depth_range.shape)
+    if bounds_shape != (*leading, 2):
+        raise ValueError(f"depth_range is {bounds_shape}; expected {(*leading, 2)}: near and far of each view")
+    for name, maps in (("labels", views.labels), ("depths", views.depths)):
+        if maps is not None and tuple(maps.shape) != (*leading, *size):
+            raise ValueError(f"{name} are {tuple(maps.shape)}; expected {(*leading, *size)}, like the images")
+
+
+def _check_numbers(views: Views) -> None:
+    """Refuse bounds, colours, labels and depths outside of their ranges."""
+    images, bounds, labels, depths = views.images, views.depth_range, views.labels, views.depths
+    near, far = bounds.unbind(-1)
+    if not (torch.isfinite(bounds).all() and (near > 0).all() and (near < far).all()):
+        raise ValueError(f"depth_range is {bounds.tolist()}; expected 0 < near < far for each view")
+    if images.numel() and not (images.amin() >= 0 and images.amax() <= 1):
+        raise ValueError(f"images go from {images.amin():.4g} to {images.amax():.4g}; expected finite numbers in 0..1")
+    if labels is not None:
+        outside = (labels >= len(views.classes)) & (labels != IGNORE)
+        if outside.any():
+            raise ValueError(
+                f"labels contain {int(labels[outside][0])}; expected 0..{len(views.classes) - 1} of table "
+                f"{views.classes.name}, or {IGNORE} for none"
+            )
+    if depths is not None and not (torch.isfinite(depths).all() and (depths >= 0).all()):
+        raise ValueError("depths contain a number that is negative or not finite; expected z-depths, 0 where unknown")
+
+
+def _as_image(image: Arrays) -> Float[Tensor, "3 h w"]:
     """One image as float CHW."""
     tensor = torch.as_tensor(np.asarray(image))
     if tensor.dtype == torch.uint8 and tensor.ndim == 3 and tensor.shape[-1] == 3:

@@ -186,10 +186,12 @@ def diagnose(scene: Scene, frames: Sequence[int] | None = None, features: int = 
     matches = find_matches(scene, frames, features)
     evidence = Evidence(matches, find_depth_views(scene, frames))
     names = [frame.name for frame in scene.frames]
-    return judged(rig_of(scene.frames), evidence, scene.layout, names, metric=scene.unit == "metric")
+    return judge_cameras(rig_of(scene.frames), evidence, scene.layout, names, metric=scene.unit == "metric")
 
 
-def judged(rig: Rig, evidence: Evidence, layout: str, names: Sequence[str], *, metric: bool = False) -> Diagnosis:
+def judge_cameras(
+    rig: Rig, evidence: Evidence, layout: str, names: Sequence[str], *, metric: bool = False
+) -> Diagnosis:
     """Test cameras on evidence.
 
     Args:

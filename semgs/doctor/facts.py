@@ -26,7 +26,7 @@ def facts(scene: Scene) -> tuple[tuple[str, str], ...]:
     bounds = scene.depth_range()
     few = _few(scene)
     grids = DepthGrids(scene)
-    together = Covisibility(scene, few, grids.of(few, bounds.typical))
+    together = Covisibility.of(scene, few, grids.of(few, bounds.typical))
     steps = np.diagonal(together.baselines, 1)
     overlaps = np.diagonal(together.overlaps(), 1)
     measured = sum(frame.depth is not None for frame in scene.frames)
@@ -52,7 +52,7 @@ def coverage(scene: Scene) -> list[tuple[str, float]]:
         InputError: as `facts`.
     """
     few = _few(scene)
-    together = Covisibility(scene, few, DepthGrids(scene).of(few, scene.depth_range().typical))
+    together = Covisibility.of(scene, few, DepthGrids(scene).of(few, scene.depth_range().typical))
     others = [np.delete(np.arange(len(few)), index).tolist() for index in range(len(few))]
     return [
         (scene.frames[place].name, float(together.covered(others[index])[index]))

@@ -8,23 +8,23 @@ from functools import partial
 from pathlib import Path
 
 from semgs.data.scene import Scene
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 from semgs.data.scene_lists import read_list
 from semgs.data.scenes import open_scenes
 from semgs.data.tables.classes import ClassTable
-from semgs.evaluation.frames.frame_plan import FramePlan, frame_list, make_plan, pinned_plan
+from semgs.evaluation.frames.frame_plan import FramePlan, frame_list, make_plan, read_plan
 from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.predictions import Method
 from semgs.evaluation.frames.protocols import neighbours, peers
 from semgs.evaluation.frames.saved import TIMING, SavedPredictions
 from semgs.evaluation.page.evaluation_page import evaluation_page
-from semgs.evaluation.scoring.method_scores import PREDICTIONS, evaluate
+from semgs.evaluation.scoring.method_scores import PREDICTIONS, score_method
 from semgs.evaluation.tables.comparison_tables import BRIEF, overview_grid
 from semgs.evaluation.tables.environment import hardware, versions
 from semgs.evaluation.tables.evaluation_report import (
+    EvaluatedMethod,
     Evaluation,
     SavedReport,
-    Subject,
     evaluation_numbers,
     saved_report,
     timing,
@@ -70,7 +70,7 @@ class Candidate:
     """
 
     method: Method
-    subject: Subject
+    subject: EvaluatedMethod
     device: str = "cpu"
 
 
@@ -93,11 +93,13 @@ class Job:
     workers: int = 0
 
 
-def labelled_scenes(
+def open_labelled_scenes(
     path: Path,
     as_peers: Collection[str] = (),
-    asked: Asked | None = None,
+    asked: SceneDetails | None = None,
     wanted: str = "",
+    *,
+    needs_labels: bool = False,
     needs_cameras: bool = True,
 ) -> LabelledScenes:
     """Open the scenes at a path, or those of a list.
@@ -106,13 +108,16 @@ def labelled_scenes(
         path: a scene or a folder of scenes.
         as_peers, asked: as for `semgs.data.scenes.open_scenes`.
         wanted: a list of scenes, as for `semgs.data.scene_lists.read_list`; "" for all.
+        needs_labels: refuse scenes of which none has labels.
         needs_cameras: as for `semgs.data.scenes.open_scenes`.
 
     Raises:
-        InputError: there are none, one of the list is missing, or their labels have different class tables.
+        InputError: there are none, one of the list is missing, none has labels, or their labels have different class tables.
     """
     scenes = open_scenes(path, as_peers, asked, read_list(wanted) if wanted else None, needs_cameras)
     labelled = [scene for scene in scenes if scene.classes is not None]
+    if needs_labels and not labelled:
+        raise InputError(path, "labelled scenes", "none with labels")
     for scene in labelled[1:]:
         if scene.classes != labelled[0].classes:
             tables = [one.classes.name for one in (labelled[0], scene) if one.classes is not None]
@@ -125,7 +130,7 @@ def labelled_scenes(
     return LabelledScenes(path, scenes, labelled[0].classes if labelled else None)
 
 
-def plan_of(
+def plan_targets(
     protocol: tuple[str, ...],
     scenes: tuple[Scene, ...],
     views: tuple[int, ...] = (),
@@ -145,7 +150,7 @@ def plan_of(
         InputError: a scene has too few frames, or the pinned file cannot be used.
     """
     if protocol[0] == "pinned":
-        return pinned_plan(protocol[1], scenes, views, size)
+        return read_plan(protocol[1], scenes, views, size)
     if protocol[0] == "neighbours":
         return make_plan("neighbours", neighbours, scenes, views or VIEWS, size)
     if gsnerf_distance:
@@ -154,7 +159,7 @@ def plan_of(
     return make_plan("peers", peers, scenes, views or VIEWS, size)
 
 
-def network_candidate(
+def load_candidate(
     weights: str | Path,
     classes: ClassTable | None,
     device: str,
@@ -176,20 +181,20 @@ def network_candidate(
         ValueError: there are no included weights of that name, or `nearest` is not positive.
         InputError: the file cannot be used, or has another class table.
     """
-    model, subject = network_subject(weights, None if labelling else classes, name)
+    model, subject = load_network(weights, None if labelling else classes, name)
     chosen = None if nearest is None else NearestViews(nearest, model.placer.shrink_seen)
     return Candidate(NetworkMethod(model, device, subject.name, labelling, chosen), subject, device)
 
 
-def network_subject(weights: str | Path, classes: ClassTable | None, name: str = "") -> tuple[SemGS, Subject]:
-    """A network in evaluation mode, and its description; arguments and errors as for `network_candidate`."""
+def load_network(weights: str | Path, classes: ClassTable | None, name: str = "") -> tuple[SemGS, EvaluatedMethod]:
+    """A network in evaluation mode, and its description; arguments and errors as for `load_candidate`."""
     network, path = find(weights)
     model = load(network, path, classes=classes or table_of(path))
     parameters = sum(parameter.numel() for parameter in model.parameters())
-    return model.eval(), Subject(name or model.name, "weights", model.origin, sha256(path), parameters)
+    return model.eval(), EvaluatedMethod(name or model.name, "weights", model.origin, sha256(path), parameters)
 
 
-def saved_candidate(folder: Path, plan: FramePlan, device: str, name: str = "") -> Candidate:
+def open_predictions(folder: Path, plan: FramePlan, device: str, name: str = "") -> Candidate:
     """Saved predictions to evaluate.
 
     Args:
@@ -203,10 +208,10 @@ def saved_candidate(folder: Path, plan: FramePlan, device: str, name: str = "") 
     """
     saved = SavedPredictions(folder, name or folder.absolute().name)
     saved.check(plan)
-    return Candidate(saved, Subject(saved.name, "predictions", str(folder)), device)
+    return Candidate(saved, EvaluatedMethod(saved.name, "predictions", str(folder)), device)
 
 
-def evaluate_into(
+def run_evaluation(
     out: Path, job: Job, *, overwrite: bool = False, done: Callable[[int], object] = lambda count: None
 ) -> str:
     """Run an evaluation and write its folder, which appears only once it is complete.
@@ -227,7 +232,7 @@ def evaluate_into(
     """
     subject = job.candidate.subject
     with own_folder(out, overwrite) as folder:
-        rows = evaluate(
+        rows = score_method(
             job.plan, job.candidate.method, folder, save=subject.kind == "weights", workers=job.workers, done=done
         )
         evaluation = Evaluation(
@@ -240,10 +245,10 @@ def evaluate_into(
             hardware=hardware(job.candidate.device),
             notes=(*job.remarks, *notes(job.plan, job.data.scenes, rows, job.workers)),
         )
-        return _summary(write_results(folder, evaluation), evaluation, out)
+        return _summary(write_evaluation(folder, evaluation), evaluation, out)
 
 
-def write_results(folder: Path, evaluation: Evaluation) -> SavedReport:
+def write_evaluation(folder: Path, evaluation: Evaluation) -> SavedReport:
     """Write the report and the list of frames into a folder that already contains the maps.
 
     Returns:

@@ -21,11 +21,11 @@ from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.data.views import INDOOR_DEPTH_RANGE
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.intervals import intervals
-from semgs.evaluation.scoring.records import record
-from semgs.evaluation.scoring.summary import CLASS_METRICS, CONFIDENCE_METRICS, ClassScores, class_scores, summary
+from semgs.evaluation.scoring.records import encode_scores
+from semgs.evaluation.scoring.summary import CLASS_METRICS, CONFIDENCE_METRICS, ClassScores, score_classes, summarise
 from semgs.evaluation.tables.environment import hardware, versions
-from semgs.evaluation.tables.evaluation_report import Subject
-from semgs.evaluation.tables.metric_texts import with_interval
+from semgs.evaluation.tables.evaluation_report import EvaluatedMethod
+from semgs.evaluation.tables.score_cells import with_interval
 from semgs.evaluation.tables.table_grid import Cell, Grid, printed
 from semgs.files.atomic import write_json
 from semgs.files.folders import own_folder
@@ -35,7 +35,7 @@ from semgs.objectives.measures import TITLES, shown_number
 from semgs.objectives.metrics import confusion_matrix
 from semgs.objectives.selective import counts_by_confidence
 from semgs.rendering.rendering import likeliest
-from semgs.rendering.temperatures import highest
+from semgs.rendering.temperatures import highest_probability
 
 FORMAT = "semgs.report.single"
 VERSION = 1
@@ -50,7 +50,7 @@ NO_DEPTH = DepthRange(*INDOOR_DEPTH_RANGE, "unknown", "classes of single images 
 def evaluate_single_images(
     out: Path,
     network: SemGS,
-    subject: Subject,
+    subject: EvaluatedMethod,
     scenes: Sequence[Scene],
     size: tuple[int, int] | None = None,
     *,
@@ -110,7 +110,7 @@ def score_single_images(
             distributions = network.classify(view.to(device), alone=True)[0].cpu()
             predicted, labels = likeliest(distributions), view.labels[0]
             labelled = labels != IGNORE
-            confidence = highest(distributions.permute(1, 2, 0)[labelled], temperature)
+            confidence = highest_probability(distributions.permute(1, 2, 0)[labelled], temperature)
             stem = Path(frame.name).stem
             scores.append(
                 FrameScores(
@@ -130,14 +130,14 @@ def score_single_images(
 
 
 def single_numbers(
-    subject: Subject,
+    subject: EvaluatedMethod,
     scenes: Sequence[Scene],
     frames: Sequence[FrameScores],
     classes: ClassTable,
     device: str = "cpu",
 ) -> dict[str, Any]:
     """All numbers of the report, ready for JSON."""
-    values, bounds = summary(frames), intervals(frames)
+    values, bounds = summarise(frames), intervals(frames)
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -148,9 +148,9 @@ def single_numbers(
         **{name: values.get(name) for name in METRICS},
         "intervals": {name: [bounds[name].low, bounds[name].high] for name in METRICS if name in bounds},
         "per_class": [
-            {"name": name, **asdict(scores)} for name, scores in zip(classes.names, class_scores(frames), strict=False)
+            {"name": name, **asdict(scores)} for name, scores in zip(classes.names, score_classes(frames), strict=False)
         ],
-        "per_image": [record(frame) for frame in frames],
+        "per_image": [encode_scores(frame) for frame in frames],
         "versions": versions(),
         "hardware": hardware(device),
     }
@@ -158,13 +158,13 @@ def single_numbers(
 
 def single_grids(name: str, frames: Sequence[FrameScores], classes: ClassTable) -> list[Grid]:
     """The scores with their intervals, and the IoU of each class."""
-    values, bounds = summary(frames), intervals(frames)
+    values, bounds = summarise(frames), intervals(frames)
     cells = [
         Cell(with_interval(metric, values.get(metric), *((found.low, found.high) if found else (None, None))))
         for metric in SHOWN
         for found in [bounds.get(metric)]
     ]
-    scored = zip(classes.names, class_scores(frames), strict=False)
+    scored = zip(classes.names, score_classes(frames), strict=False)
     total = sum(int(frame.truth.sum()) for frame in frames if frame.truth is not None)
     return [
         Grid(

@@ -122,7 +122,14 @@ def _points(points: Points, tracks: Tracks) -> bytes:
 
 
 def photos_of(folder: Path, scene: SavedScene) -> list[Path] | None:
-    """The photos of the input views, which `semgs reconstruct` writes beside its renders; None if one is missing.
+    """The photos of the input views, at the size of the scene; None if one is missing. Arguments and errors as for `photo_paths`."""
+    found = photo_paths(folder, scene)
+    complete = all(path.is_file() and read_header(path).size == scene.cameras.size for path in found)
+    return found if found and complete else None
+
+
+def photo_paths(folder: Path, scene: SavedScene) -> list[Path]:
+    """Where `semgs reconstruct` writes the photos of the input views; empty if the folder has no report about these views.
 
     Args:
         folder: the output folder.
@@ -133,17 +140,16 @@ def photos_of(folder: Path, scene: SavedScene) -> list[Path] | None:
     """
     report = folder / "report.json"
     if not report.is_file():
-        return None
+        return []
     content = read_json(report)
     views = content.get("views") if isinstance(content, dict) else None
     listed = [view for view in views or () if isinstance(view, dict) and view.get("role") == "context"]
     if [view.get("name") for view in listed] != list(scene.frames):
-        return None
-    found = [folder / "renders" / f"context_{view.get('position')!s:0>3}_input.png" for view in listed]
-    return found if all(path.is_file() and read_header(path).size == scene.cameras.size for path in found) else None
+        return []
+    return [folder / "renders" / f"context_{view.get('position')!s:0>3}_input.png" for view in listed]
 
 
-def copy_photos(folder: Path, scene: SavedScene, photos: Sequence[Path]) -> None:
+def copy_input_photos(folder: Path, scene: SavedScene, photos: Sequence[Path]) -> None:
     """Copy the photos of the input views, under the names that the model has.
 
     Raises:

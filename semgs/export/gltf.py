@@ -76,12 +76,7 @@ def save_gltf(
     body = b"".join(values.tobytes() for values in attributes.values())
     start = 0
     for values in attributes.values():
-        accessor = {
-            "bufferView": len(views),
-            "componentType": _COMPONENTS[values.dtype.name],
-            "count": len(values),
-            "type": _TYPES[values.shape[1]],
-        }
+        accessor = _accessor(len(views), values, _TYPES[values.shape[1]])
         accessors.append(accessor | ({"normalized": True} if values.dtype == np.uint8 else {}))
         views.append({"buffer": 0, "byteOffset": start, "byteLength": values.nbytes, "target": _VERTICES})
         start += values.nbytes
@@ -121,19 +116,10 @@ def _add_boxes(content: dict[str, Any], boxes: Sequence[PlacedThing], scene: Sav
     for values, target in ((corners, _VERTICES), (edges, _INDICES)):
         views.append({"buffer": 0, "byteOffset": start, "byteLength": values.nbytes, "target": target})
         start += values.nbytes
-    accessors.append(
-        {
-            "bufferView": len(views) - 2,
-            "componentType": _COMPONENTS["float32"],
-            "count": 8,
-            "type": "VEC3",
-            "min": [-0.5] * 3,
-            "max": [0.5] * 3,
-        }
-    )
-    accessors.append(
-        {"bufferView": len(views) - 1, "componentType": _COMPONENTS["uint16"], "count": len(edges), "type": "SCALAR"}
-    )
+    accessors += [
+        _accessor(len(views) - 2, corners, "VEC3") | {"min": [-0.5] * 3, "max": [0.5] * 3},
+        _accessor(len(views) - 1, edges, "SCALAR"),
+    ]
     labels = sorted({one.thing.label for one in boxes})
     meshes = {label: len(content["meshes"]) + number for number, label in enumerate(labels)}
     content["materials"] = []
@@ -145,26 +131,25 @@ def _add_boxes(content: dict[str, Any], boxes: Sequence[PlacedThing], scene: Sav
         )
         primitive = {"mode": _LINES, "attributes": {"POSITION": position}, "indices": index, "material": number}
         content["meshes"].append({"primitives": [primitive]})
-    for one in boxes:
-        w, x, y, z = one.quaternion
-        thing = one.thing
-        content["nodes"].append(
-            {
-                "name": f"{thing.name} {thing.instance}",
-                "mesh": meshes[thing.label],
-                "translation": one.centre.tolist(),
-                "rotation": [x, y, z, w],
-                "scale": [max(side, _THINNEST) for side in thing.box.size],
-                "extras": {
-                    "instance": thing.instance,
-                    "class": thing.name,
-                    "confidence": thing.confidence,
-                    "distance": thing.distance,
-                },
-            }
-        )
+    for box in boxes:
+        w, x, y, z = box.quaternion
+        thing = box.thing
+        node = {
+            "name": f"{thing.name} {thing.instance}",
+            "mesh": meshes[thing.label],
+            "translation": box.centre.tolist(),
+            "rotation": [x, y, z, w],
+            "scale": [max(side, _THINNEST) for side in thing.box.size],
+        }
+        about = {"instance": thing.instance, "class": thing.name, "confidence": thing.confidence}
+        content["nodes"].append(node | {"extras": about | {"distance": thing.distance}})
     content["scenes"][0]["nodes"] = list(range(len(content["nodes"])))
     return corners.tobytes() + edges.tobytes()
+
+
+def _accessor(view: int, values: np.ndarray, kind: str) -> dict[str, Any]:
+    """How an array in a buffer view is read."""
+    return {"bufferView": view, "componentType": _COMPONENTS[values.dtype.name], "count": len(values), "type": kind}
 
 
 def _attributes(scene: SavedScene) -> dict[str, np.ndarray]:

@@ -57,7 +57,7 @@ class Points:
         return Points(self.means[keep], self.colours[keep], labels, self.confidences[keep], instances)
 
 
-def points_of(scene: SavedScene, instances: Int64[np.ndarray, " g"] | None = None) -> Points:
+def make_points(scene: SavedScene, instances: Int64[np.ndarray, " g"] | None = None) -> Points:
     """A point for each Gaussian, in their order.
 
     Args:
@@ -80,13 +80,8 @@ def save_points(path: str | Path, points: Points) -> None:
     Raises:
         OSError: it cannot be written.
     """
-    named = dict(zip(("red", "green", "blue"), points.colours.numpy().T, strict=True))
-    if points.labels is not None:
-        named["scalar_label"] = points.labels.numpy().astype("<f4")
-    named["scalar_confidence"] = points.confidences.numpy()
-    if points.instances is not None:
-        named["scalar_instance"] = points.instances.numpy().astype("<f4")
-    rows = _rows(points, **named)
+    colours = dict(zip(("red", "green", "blue"), points.colours.numpy().T, strict=True))
+    rows = _rows(points, colours, prefix="scalar_")
     types = {"f": "float", "u": "uchar"}
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]
     header += [f"property {types[rows.dtype[name].kind]} {name}" for name in rows.dtype.names or ()] + ["end_header"]
@@ -102,11 +97,8 @@ def save_bag(path: Path, points: Points) -> None:
     """
 
     def message(types: Mapping[str, Any]) -> Any:
-        return cloud_message(
-            points,
-            types,
-            types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](*divmod(STAMP, 10**9)), FRAME),
-        )
+        time = types["builtin_interfaces/msg/Time"](*divmod(STAMP, 10**9))
+        return cloud_message(points, types, types["std_msgs/msg/Header"](time, FRAME))
 
     write_message(path, TOPIC, STAMP, message)
 
@@ -120,13 +112,8 @@ def cloud_message(points: Points, types: Mapping[str, Any], header: Any) -> Any:
         header: of the message.
     """
     red, green, blue = points.colours.numpy().astype("<u4").T
-    named = {"rgb": (red << 16 | green << 8 | blue).view("<f4")}  # the bits 0x00rrggbb, as PCL packs them
-    if points.labels is not None:
-        named["label"] = points.labels.numpy().astype("<f4")
-    named["confidence"] = points.confidences.numpy()
-    if points.instances is not None:
-        named["instance"] = points.instances.numpy().astype("<f4")
-    rows = _rows(points, **named)
+    rgb = (red << 16 | green << 8 | blue).view("<f4")  # the bits 0x00rrggbb, as PCL packs them
+    rows = _rows(points, {"rgb": rgb})
     field = types["sensor_msgs/msg/PointField"]
     return types["sensor_msgs/msg/PointCloud2"](
         header=header,
@@ -141,8 +128,17 @@ def cloud_message(points: Points, types: Mapping[str, Any], header: Any) -> Any:
     )
 
 
-def _rows(points: Points, **named: np.ndarray) -> np.recarray:
-    """A row of x, y, z and the named numbers for each point, packed without gaps."""
-    columns = dict(zip("xyz", points.means.numpy().astype("<f4").T, strict=True)) | named
+def _rows(points: Points, colours: dict[str, np.ndarray], prefix: str = "") -> np.recarray:
+    """A row of position, colour, label, confidence and instance for each point, packed without gaps; the last three as far as they are known.
+
+    Args:
+        points: the points.
+        colours: the columns of their colours.
+        prefix: of the names of the last three.
+    """
+    columns = dict(zip("xyz", points.means.numpy().astype("<f4").T, strict=True)) | colours
+    for name in ("labels", "confidences", "instances"):
+        if (values := getattr(points, name)) is not None:
+            columns[prefix + name.removesuffix("s")] = values.numpy().astype("<f4")
     kind = np.dtype([(name, column.dtype) for name, column in columns.items()])
     return np.rec.fromarrays(list(columns.values()), dtype=kind)

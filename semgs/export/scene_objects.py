@@ -118,7 +118,7 @@ def check_metric(scene: SavedScene) -> None:
         )
 
 
-def placed(found: Objects, file_from_scene: Float64[Tensor, "4 4"] | None = None) -> tuple[PlacedThing, ...]:
+def place_things(found: Objects, file_from_scene: Float64[Tensor, "4 4"] | None = None) -> tuple[PlacedThing, ...]:
     """The things in the frame of a file.
 
     Args:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from semgs.files.atomic import partial_name
+from semgs.files.extras import needs_extra
 
 CRF = "18"
 """Constant quality: visually lossless."""
@@ -73,8 +74,6 @@ def _av():
     Raises:
         ImportError: it is not installed.
     """
-    try:
+    with needs_extra("video", "videos need PyAV", "av"):
         import av
-    except ImportError as error:
-        raise ImportError("videos need PyAV: pip install '.[video]' in SemGS's folder", name="av") from error
     return av

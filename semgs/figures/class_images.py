@@ -56,8 +56,19 @@ def legend(maps: Iterable[np.ndarray], classes: ClassTable) -> tuple[LegendEntry
     counts = sum(
         (np.bincount(labels.ravel(), minlength=256)[: len(classes)] for labels in maps), np.zeros(len(classes))
     )
-    order = sorted(np.flatnonzero(counts), key=lambda label: -counts[label])
+    return legend_of(counts, np.flatnonzero(counts), classes)
+
+
+def legend_of(pixels: np.ndarray, labels: np.ndarray, classes: ClassTable) -> tuple[LegendEntry, ...]:
+    """Entries of some labels, the most frequent first.
+
+    Args:
+        pixels: number of pixels of each class.
+        labels: to show.
+        classes: the class table.
+    """
+    order = sorted(labels.tolist(), key=lambda label: -pixels[label])
     return tuple(
-        LegendEntry(classes.names[label], classes.colours[label], float(counts[label] / counts.sum()))
+        LegendEntry(classes.names[label], classes.colours[label], float(pixels[label] / pixels.sum()))
         for label in order
     )

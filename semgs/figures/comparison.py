@@ -12,7 +12,7 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from semgs.figures.class_images import LegendEntry
-from semgs.figures.plotting import new_figure, rectangle
+from semgs.figures.plotting import make_rectangle, new_figure
 
 if TYPE_CHECKING:
     from semgs.figures.plotting import Figure
@@ -54,7 +54,7 @@ class PictureRow:
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class FigureBlock:
     """Rows under the same headings.
 
     Attributes:
@@ -104,7 +104,7 @@ def mosaic(pictures: Sequence[UInt8[np.ndarray, "h w 3"]], gap: int = 4) -> UInt
 
 
 def comparison(
-    blocks: Sequence[Block],
+    blocks: Sequence[FigureBlock],
     legend: Sequence[LegendEntry] = (),
     *,
     beside: bool = False,
@@ -145,7 +145,7 @@ def comparison(
 class _Grid:
     """The layout of a block [inch]."""
 
-    def __init__(self, block: Block) -> None:
+    def __init__(self, block: FigureBlock) -> None:
         self._block = block
         self._title = BETWEEN_BLOCKS if block.title else 0.0
         widest = max(picture.shape[1] for row in block.rows for picture in row.pictures if picture is not None)
@@ -226,7 +226,7 @@ def _draw_legend(figure: Figure, legend: Sequence[LegendEntry], width: float, be
         y = MARGIN + below - 0.06 - LEGEND_LINE * (number // columns + 1)
         colour = tuple(value / 255 for value in entry.colour)
         figure.add_artist(
-            rectangle(
+            make_rectangle(
                 (x / whole, (y + 0.02) / height),
                 0.12 / whole,
                 0.1 / height,

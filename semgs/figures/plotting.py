@@ -28,14 +28,14 @@ def new_figure(size: tuple[float, float], **options: Any) -> Figure:
     return figure
 
 
-def rectangle(*arguments: Any, **options: Any) -> Rectangle:
+def make_rectangle(*arguments: Any, **options: Any) -> Rectangle:
     """A rectangle, as matplotlib takes its arguments."""
     from matplotlib.patches import Rectangle
 
     return Rectangle(*arguments, **options)
 
 
-def pixels(figure: Figure) -> UInt8[np.ndarray, "h w 3"]:
+def render_figure(figure: Figure) -> UInt8[np.ndarray, "h w 3"]:
     """The figure as an image."""
     canvas: Any = figure.canvas
     canvas.draw()

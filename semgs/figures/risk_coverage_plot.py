@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import UInt8
 
-from semgs.figures.plotting import new_figure, pixels
+from semgs.figures.plotting import new_figure, render_figure
 
 COLOURS = ("#4c72b0", "#c44e52", "#55a868", "#8172b3")
 SIZE = 7.0
@@ -56,4 +56,4 @@ def risk_coverage_picture(curves: Sequence[RiskCurve]) -> UInt8[np.ndarray, "h w
     axes.tick_params(labelsize=SIZE)
     axes.grid(color="0.9", linewidth=0.6)
     axes.legend(fontsize=SIZE, frameon=False, loc="upper left")
-    return pixels(figure)
+    return render_figure(figure)

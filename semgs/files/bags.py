@@ -8,6 +8,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from semgs.files.errors import import_error
+
+INSTALL = "rosbags: pip install '.[ros]' in SemGS's folder"
+
 VISION = {
     "BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
     "Detection3D": "std_msgs/Header header\nObjectHypothesisWithPose[] results\nBoundingBox3D bbox\nstring id",
@@ -26,13 +30,9 @@ def bag_reader(path: Path) -> Any:
     Raises:
         ImportError: rosbags is not installed.
     """
-    try:
+    with import_error(f"{path} is a ROS bag; reading it needs {INSTALL}", "rosbags"):
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise ImportError(
-            f"{path} is a ROS bag; reading it needs rosbags: pip install '.[ros]' in SemGS's folder", name="rosbags"
-        ) from error
     return AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
 
 
@@ -43,12 +43,8 @@ def message_store() -> Any:
     Raises:
         ImportError: rosbags is not installed.
     """
-    try:
+    with import_error(f"messages of ROS need {INSTALL}", "rosbags"):
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-    except ImportError as error:
-        raise ImportError(
-            "messages of ROS need rosbags: pip install '.[ros]' in SemGS's folder", name="rosbags"
-        ) from error
     store = get_typestore(Stores.ROS2_HUMBLE)
     for name, definition in VISION.items():
         store.register(get_types_from_msg(definition, f"vision_msgs/msg/{name}"))
@@ -61,12 +57,8 @@ def check_bag_library() -> None:
     Raises:
         ImportError: rosbags is not installed.
     """
-    try:
+    with import_error(f"writing a ROS bag needs {INSTALL}", "rosbags"):
         import rosbags.rosbag2  # noqa: F401
-    except ImportError as error:
-        raise ImportError(
-            "writing a ROS bag needs rosbags: pip install '.[ros]' in SemGS's folder", name="rosbags"
-        ) from error
 
 
 def write_message(path: Path, topic: str, time: int, message: Callable[[dict[str, Any]], Any]) -> None:

@@ -53,7 +53,7 @@ def check_writable(path: str | Path) -> None:
 
 
 @contextlib.contextmanager
-def alone(record: Path, expected: str, found: str) -> Iterator[None]:
+def lock_folder(record: Path, expected: str, found: str) -> Iterator[None]:
     """Lock a folder for this process, until the block or the process ends. Without effect on systems that have no locks.
 
     Args:

@@ -18,7 +18,7 @@ LONGEST_HEADER = 8 * 2**20
 
 
 @contextmanager
-def opened_tensors(path: str | Path, expected: str) -> Iterator[Any]:
+def open_tensors(path: str | Path, expected: str) -> Iterator[Any]:
     """Open a safetensors file for the block; its tensors are torch's.
 
     Args:

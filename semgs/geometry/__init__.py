@@ -1,1 +1,1 @@
-"""Geometry in torch alone: cameras, rotations, Gaussians, harmonics, the plane sweep. No file, no network."""
+"""Geometry in torch alone: cameras, rotations, Gaussians, harmonics, the plane sweep, fusion of views. No file, no network."""

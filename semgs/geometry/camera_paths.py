@@ -38,7 +38,7 @@ def orbit(
     return Cameras.trusted(poses, camera.intrinsics.expand(count, 3, 3), camera.size)
 
 
-def between(cameras: Cameras, count: int) -> Cameras:
+def interpolate_cameras(cameras: Cameras, count: int) -> Cameras:
     """A smooth path from the first camera through all others to the last and back; it closes, and rests at both ends.
 
     Positions follow a natural cubic spline, rotations a spline with continuous angular acceleration, and intrinsics change linearly.
@@ -59,7 +59,7 @@ def between(cameras: Cameras, count: int) -> Cameras:
     return Cameras.trusted(poses, intrinsics, cameras.size)
 
 
-def resized(cameras: Cameras, size: tuple[int, int]) -> Cameras:
+def resize_cameras(cameras: Cameras, size: tuple[int, int]) -> Cameras:
     """The cameras with images of another size: the same height of the view, and more or less of it to both sides.
 
     Args:

@@ -16,7 +16,7 @@ from jaxtyping import Float, Float64
 from torch import Tensor
 
 from semgs.geometry.rotations import nearest_rotation
-from semgs.geometry.summaries import tensor_summary
+from semgs.geometry.summaries import describe_tensor
 
 Arrays = np.ndarray | Tensor | Sequence
 """Numbers in any of the forms that callers have."""
@@ -66,7 +66,7 @@ class Cameras:
 
     def __repr__(self) -> str:
         views = " ".join(map(str, self.batch))
-        return f"Cameras([{views}] of {self.size[0]}x{self.size[1]}; focal lengths {tensor_summary(self.focal_px)} px)"
+        return f"Cameras([{views}] of {self.size[0]}x{self.size[1]}; focal lengths {describe_tensor(self.focal_px)} px)"
 
     def arranged(self, function: Callable[..., Tensor], *others: Cameras) -> Cameras:
         """The cameras rearranged: `function` indexes, joins or reshapes the leading axes of poses and intrinsics.
@@ -75,10 +75,9 @@ class Cameras:
             function: takes the array of these cameras, then that of each of the others.
             others: of the same size.
         """
-        every = (self, *others)
-        return Cameras.trusted(
-            function(*(one.world_from_camera for one in every)), function(*(one.intrinsics for one in every)), self.size
-        )
+        cameras = (self, *others)
+        poses = function(*(each.world_from_camera for each in cameras))
+        return Cameras.trusted(poses, function(*(each.intrinsics for each in cameras)), self.size)
 
     def adjusted(self, new_from_old: Float64[Tensor, "3 3"], size: tuple[int, int]) -> Cameras:
         """The cameras of cropped or resized images.
@@ -141,7 +140,7 @@ def as_float64(numbers: Arrays) -> Float64[Tensor, " ..."]:
     if isinstance(numbers, Tensor):
         return numbers.detach().to("cpu", torch.float64)
     if isinstance(numbers, list | tuple) and numbers and isinstance(numbers[0], Tensor):
-        return torch.stack([as_float64(one) for one in numbers])
+        return torch.stack([as_float64(tensor) for tensor in numbers])
     return torch.as_tensor(np.asarray(numbers, dtype=np.float64))
 
 
@@ -244,7 +243,7 @@ def _first(bad: Tensor) -> str:
     return str(bad.nonzero()[0].tolist())
 
 
-def shrunk(cameras: Cameras, stride: int) -> Cameras:
+def shrink_cameras(cameras: Cameras, stride: int) -> Cameras:
     """The cameras of images whose sides are `stride` times smaller."""
     if stride == 1:
         return cameras

@@ -22,7 +22,7 @@ TOLERANCE = 2.0
 """A view counts if log depths differ by no more than this many standard deviations."""
 
 
-def fused(
+def fuse_classes(
     probabilities: Float[Tensor, "v class h w"],
     depths: Float[Tensor, "v h w"],
     spread: Float[Tensor, "v h w"],
@@ -39,10 +39,10 @@ def fused(
     Raises:
         ValueError: the maps are not of the cameras' size.
     """
-    return pooled((probabilities + LEAST).log(), depths, spread, cameras).softmax(1)
+    return pool_views((probabilities + LEAST).log(), depths, spread, cameras).softmax(1)
 
 
-def deviation(
+def depth_deviation(
     depths: Float[Tensor, "*n"],
     seen: Float[Tensor, "*n"],
     spread: Float[Tensor, "*n"],
@@ -59,7 +59,7 @@ def deviation(
     return (depths / seen).log() / sigma
 
 
-def pooled(
+def pool_views(
     values: Float[Tensor, "v c h w"],
     depths: Float[Tensor, "v h w"],
     spread: Float[Tensor, "v h w"],
@@ -69,7 +69,7 @@ def pooled(
 
     Args:
         values: of each pixel.
-        depths, spread, cameras: as for `fused`.
+        depths, spread, cameras: as for `fuse_classes`.
     """
     count, (height, width) = len(depths), cameras.size
     points = back_project(depths, cameras).flatten(1, 2)
@@ -84,7 +84,7 @@ def pooled(
             place = y.clamp(0, height - 1).long() * width + x.clamp(0, width - 1).long()
             place = torch.where(inside, place, 0)
             seen = depths[other].flatten()[place]
-            apart = deviation(z.clamp(min=1e-6), seen, spread[one].flatten(), spread[other].flatten()[place])
+            apart = depth_deviation(z.clamp(min=1e-6), seen, spread[one].flatten(), spread[other].flatten()[place])
             agrees = inside & (apart.abs() <= TOLERANCE)
             vote = agrees.to(values)
             total = total + vote * values[other].flatten(1)[:, place]

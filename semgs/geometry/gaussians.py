@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from semgs.geometry.summaries import summary, tensor_summary
+from semgs.geometry.summaries import describe, describe_tensor
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Appearance:
             )
 
     def __repr__(self) -> str:
-        return f"Appearance(features {tensor_summary(self.features)}; scales {tensor_summary(self.scales)})"
+        return f"Appearance(features {describe_tensor(self.features)}; scales {describe_tensor(self.scales)})"
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Gaussians:
             raise ValueError(f"semantic.features are {tuple(self.semantic.features.shape)}; expected [... g class]")
 
     def __repr__(self) -> str:
-        return summary(
+        return describe(
             "Gaussians", means=self.means, opacities=self.opacities, colour=self.colour, semantic=self.semantic
         )
 

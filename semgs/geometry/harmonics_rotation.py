@@ -19,7 +19,7 @@ SAMPLES = 64
 """Directions in which functions are compared; any number well above the 16 coefficients will do."""
 
 
-def rotated_harmonics(
+def rotate_harmonics(
     harmonics: Float[Tensor, "n g k 3"], rotations: Float[Tensor, "n 3 3"], *, mvsplat_basis: bool = False
 ) -> Float[Tensor, "n g k 3"]:
     """Coefficients in the world of colours given in each camera's frame, in the standard 3DGS basis.

@@ -9,11 +9,11 @@ from torch import Tensor
 
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.harmonics_rotation import rotated_harmonics
+from semgs.geometry.harmonics_rotation import rotate_harmonics
 from semgs.geometry.rotations import quaternion_from_matrix, quaternion_product
 
 
-def gaussians_in(b_from_a: Float64[Tensor, "4 4"], gaussians: Gaussians) -> Gaussians:
+def move_gaussians(b_from_a: Float64[Tensor, "4 4"], gaussians: Gaussians) -> Gaussians:
     """The Gaussians of one scene in another frame: positions, axes and the harmonics of their colours.
 
     Args:
@@ -23,7 +23,7 @@ def gaussians_in(b_from_a: Float64[Tensor, "4 4"], gaussians: Gaussians) -> Gaus
     rotation = b_from_a[:3, :3]
     turn = quaternion_from_matrix(rotation)
     means = gaussians.means.double() @ rotation.T + b_from_a[:3, 3]
-    harmonics = rotated_harmonics(gaussians.colour.features[None], rotation[None])[0]
+    harmonics = rotate_harmonics(gaussians.colour.features[None], rotation[None])[0]
 
     def turned(shape: Appearance) -> Appearance:
         return replace(shape, quaternions=quaternion_product(turn.to(shape.quaternions), shape.quaternions))
@@ -36,6 +36,6 @@ def gaussians_in(b_from_a: Float64[Tensor, "4 4"], gaussians: Gaussians) -> Gaus
     )
 
 
-def cameras_in(b_from_a: Float64[Tensor, "4 4"], cameras: Cameras) -> Cameras:
-    """The cameras in another frame; arguments as for `gaussians_in`."""
+def move_cameras(b_from_a: Float64[Tensor, "4 4"], cameras: Cameras) -> Cameras:
+    """The cameras in another frame; arguments as for `move_gaussians`."""
     return Cameras.trusted(b_from_a @ cameras.world_from_camera, cameras.intrinsics, cameras.size)

@@ -7,17 +7,17 @@ import torch
 from torch import Tensor
 
 
-def summary(kind: str, /, **parts: object) -> str:
+def describe(kind: str, /, **parts: object) -> str:
     """The name of a type and a line for each part: shape and range of tensors; parts that are None are left out."""
     lines = [
-        f"  {key}: {tensor_summary(part) if isinstance(part, Tensor) else str(part).replace(chr(10), chr(10) + '  ')}"
+        f"  {key}: {describe_tensor(part) if isinstance(part, Tensor) else str(part).replace(chr(10), chr(10) + '  ')}"
         for key, part in parts.items()
         if part is not None
     ]
     return "\n".join([f"{kind}(", *lines, ")"])
 
 
-def tensor_summary(tensor: Tensor) -> str:
+def describe_tensor(tensor: Tensor) -> str:
     """Shape and range, as in "[2 3 240 320] 0 to 1"; also type and device, unless they are float32 and the CPU."""
     said = f"[{' '.join(map(str, tensor.shape))}]"
     if tensor.numel():

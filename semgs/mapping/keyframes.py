@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from semgs.data.choosing.choice import IDEAL_BASELINE, LEAST_SHARED, preference
-from semgs.data.choosing.covisibility import GRID, WIDEST_ANGLE, Covisibility, DepthGrid, flat, points_of
+from semgs.data.choosing.covisibility import GRID, WIDEST_ANGLE, Covisibility, DepthGrid, flat_grid, world_points
 from semgs.geometry.cameras import Cameras
 
 COVERED = 0.9
@@ -60,7 +60,7 @@ def near(camera: Cameras, known: Sequence[Known]) -> list[int]:
     return sorted(alike[np.argsort(distances, kind="stable")[:NEIGHBOURS]].tolist())
 
 
-def predicted(camera: Cameras, known: Sequence[Known], typical: float) -> DepthGrid:
+def predict_depths(camera: Cameras, known: Sequence[Known], typical: float) -> DepthGrid:
     """The depths that a frame sees by what keyframes saw: of each cell the nearest point; cells without a point get the median of all.
 
     Args:
@@ -68,23 +68,23 @@ def predicted(camera: Cameras, known: Sequence[Known], typical: float) -> DepthG
         known: keyframes.
         typical: the depth if they saw nothing of what it sees.
     """
-    points = [points_of(one.grid, one.camera) for one in known if one.grid is not None]
+    points = [world_points(one.grid, one.camera) for one in known if one.grid is not None]
     if not points:
-        return flat(typical)
+        return flat_grid(typical)
     pose, (height, width) = camera.world_from_camera.numpy(), camera.size
     own = (np.concatenate(points) - pose[:3, 3]) @ pose[:3, :3]
     own = own[own[:, 2] > 0]
     places = own @ camera.intrinsics.numpy().T / own[:, 2:] * (GRID / width, GRID / height, 1)
     inside = ((places[:, :2] >= 0) & (places[:, :2] < GRID)).all(axis=1)
     if not inside.any():
-        return flat(typical)
+        return flat_grid(typical)
     depths, places = own[inside, 2], places[inside].astype(np.int64)
     cells = np.full(GRID * GRID, np.inf)
     np.minimum.at(cells, places[:, 1] * GRID + places[:, 0], depths)
     return DepthGrid(np.where(np.isfinite(cells), cells, np.median(depths)), np.full(GRID * GRID, np.inf))
 
 
-def judged(camera: Cameras, known: Sequence[Known], partners: int, typical: float) -> Verdict:
+def judge_frame(camera: Cameras, known: Sequence[Known], partners: int, typical: float) -> Verdict:
     """Whether a frame becomes a keyframe, and its window.
 
     It does if keyframes see less than `COVERED` of what it sees. Partners share at least `LEAST_SHARED` with it, and go best with it by overlap and
@@ -100,9 +100,9 @@ def judged(camera: Cameras, known: Sequence[Known], partners: int, typical: floa
     some = near(camera, known)
     if not some:
         return Verdict(True, (), 0.0)
-    grid = predicted(camera, [known[index] for index in some], typical)
-    grids = [grid, *(known[index].grid or flat(grid.median) for index in some)]
-    together = Covisibility.between([camera, *(known[index].camera for index in some)], grids)
+    grid = predict_depths(camera, [known[index] for index in some], typical)
+    grids = [grid, *(known[index].grid or flat_grid(grid.median) for index in some)]
+    together = Covisibility([camera, *(known[index].camera for index in some)], grids)
     with_gaussians = [place for place, index in enumerate(some, 1) if known[index].grid is not None]
     covered = float(together.covered(with_gaussians)[0]) if with_gaussians else 0.0
     if covered >= COVERED:

@@ -10,13 +10,13 @@ import torch
 from torch import Tensor
 
 from semgs.data.bounds.depth_range import DepthRange
-from semgs.data.choosing.covisibility import flat, grid_of
+from semgs.data.choosing.covisibility import flat_grid, grid_of
 from semgs.data.views import Views, joined
 from semgs.geometry.cameras import Cameras
 from semgs.mapping import merging
-from semgs.mapping.keyframes import Known, Verdict, judged, near
+from semgs.mapping.keyframes import Known, Verdict, judge_frame, near
 from semgs.mapping.merging import Part
-from semgs.mapping.voxels import joined_in_voxels
+from semgs.mapping.voxels import join_in_voxels
 from semgs.scene.encoding import Encoding
 
 MOST_KEYFRAMES = 64
@@ -138,7 +138,7 @@ class Mapper:
             return False
         number, self.frames = self.frames, self.frames + 1
         self.usable.append(number)
-        verdict = judged(camera, [one.known for one in self._keyframes], self._partners, self._bounds.typical)
+        verdict = judge_frame(camera, [one.known for one in self._keyframes], self._partners, self._bounds.typical)
         if not verdict.use:
             return False
         self._keyframes = (*self._keyframes, Keyframe(number, name or str(number), view, Known(camera, None)))
@@ -156,10 +156,10 @@ class Mapper:
         kept = [one for one in self._keyframes if one.part is not None]
         if not kept or self._table is None:
             return None
-        parts = [merging.settled(one.part) for one in kept if one.part is not None]
-        gaussians, places = merging.joined(parts)
+        parts = [merging.settle(one.part) for one in kept if one.part is not None]
+        gaussians, places = merging.join_parts(parts)
         if self.voxel is not None:
-            gaussians, places = joined_in_voxels(gaussians, places, self.voxel)
+            gaussians, places = join_in_voxels(gaussians, places, self.voxel)
         maps = torch.stack([one.maps for one in kept if one.maps is not None])
         views = joined([one.view for one in kept])
         encoding = replace(
@@ -208,7 +208,7 @@ class Mapper:
                 continue
             judged_part = judged_part.judged_by(other.part.sheet)
             found.append(replace(other, part=other.part.judged_by(part.sheet)))
-        grid = grid_of(maps[0].numpy(), "") or flat(self._bounds.typical)
+        grid = grid_of(maps[0].numpy(), "") or flat_grid(self._bounds.typical)
         found[index] = replace(one, part=judged_part, maps=maps, known=replace(one.known, grid=grid))
         return found
 

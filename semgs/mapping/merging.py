@@ -28,9 +28,9 @@ from torch import Tensor
 
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras, project
-from semgs.geometry.fusion import LEAST, SPREAD, TOLERANCE, deviation
+from semgs.geometry.fusion import LEAST, SPREAD, TOLERANCE, depth_deviation
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.scene.encoding import Encoding, Places, per_gaussian
+from semgs.scene.encoding import Encoding, per_gaussian
 from semgs.scene.nearest import inside
 from semgs.scene.overlap import PAIR, shrinkage
 
@@ -149,7 +149,7 @@ class Votes:
 
 @dataclass(frozen=True)
 class Part:
-    """The Gaussians of one keyframe, and the votes about them. The Gaussians stay as the network placed them; `settled` applies the votes.
+    """The Gaussians of one keyframe, and the votes about them. The Gaussians stay as the network placed them; `settle` applies the votes.
 
     Attributes:
         sheet: of the keyframe.
@@ -202,10 +202,8 @@ def parts_of(encoding: Encoding, seen: Views, numbers: Sequence[int]) -> list[Pa
     stride = encoding.stride
     rows, columns = (-(-side // stride) for side in cameras.size)
     every = encoding.gaussians.map(lambda tensor: tensor.unflatten(0, (views, count)))
-    spreads = per_gaussian(encoding.depth_spread[:, None], len(encoding.gaussians)).reshape(views, rows, columns)
-    depths = per_gaussian(encoding.placed_depths(cameras)[:, None], len(encoding.gaussians)).reshape(
-        views, rows, columns
-    )
+    spreads = per_gaussian(encoding.depth_spread[:, None], stride).reshape(views, rows, columns)
+    depths = per_gaussian(encoding.placed_depths(cameras)[:, None], stride).reshape(views, rows, columns)
     if views > PAIR:  # the network made them smaller because of the other views of the window
         times = inside(encoding.gaussians.means, cameras).sum(-1).unflatten(0, (views, count))
         grown = every.colour.scales / shrinkage(times.to(every.means), SHRINK)[..., None]
@@ -253,9 +251,9 @@ def votes_of(part: Part, other: Sheet) -> Votes:
     found = other.sightings(means)
     within, z, place = found.numbers, found.z, found.places
     seen, spread = other.depths.flatten()[place], other.spread.flatten()[place]
-    apart = deviation(z, seen, part.spread[within], spread)
+    apart = depth_deviation(z, seen, part.spread[within], spread)
     agrees = apart.abs() <= TOLERANCE
-    free = deviation(z, other.nearest.flatten()[place], part.spread[within], spread) < -TOLERANCE
+    free = depth_deviation(z, other.nearest.flatten()[place], part.spread[within], spread) < -TOLERANCE
     level = sharpness(seen, other.focal_px)
     first = (level < part.level[within]) | ((level == part.level[within]) & (other.number < part.sheet.number))
     weight = agrees / (spread.square() + SPREAD**2)
@@ -265,7 +263,7 @@ def votes_of(part: Part, other: Sheet) -> Votes:
         return values.new_zeros((len(means), *values.shape[1:])).index_copy_(0, within, values)
 
     logs = None if other.logs is None else other.logs.flatten(0, 1)[place] * agrees[:, None]
-    fits, clashes = compared(part, other)
+    fits, clashes = compare_photos(part, other)
     return Votes(
         agree=spread_out(agrees.to(means)),
         through=spread_out(free.to(means)),
@@ -283,7 +281,7 @@ def steps(spread: Float[Tensor, " g"]) -> Float[Tensor, "g step"]:
     return torch.linspace(-REACH, REACH, STEPS).to(spread) * (spread + SPREAD)[:, None]
 
 
-def compared(part: Part, other: Sheet) -> tuple[Float[Tensor, "g step"], Float[Tensor, "g step"]]:
+def compare_photos(part: Part, other: Sheet) -> tuple[Float[Tensor, "g step"], Float[Tensor, "g step"]]:
     """At which depths a keyframe would see Gaussians of another with the colour of its own photo, and at which with another colour; 1 or 0."""
     camera, centre = other.camera, part.sheet.camera.centres
     pixel_from_world = camera.intrinsics @ camera.world_from_camera[:3, :3].T
@@ -297,7 +295,9 @@ def compared(part: Part, other: Sheet) -> tuple[Float[Tensor, "g step"], Float[T
     column, row = ((torch.where(within, one, 0) / other.stride).long() for one in (x, y))
     place = row * other.depths.shape[1] + column
     spread = part.spread[:, None].expand_as(z)
-    apart = deviation(torch.where(within, z, 1), other.depths.flatten()[place], spread, other.spread.flatten()[place])
+    apart = depth_deviation(
+        torch.where(within, z, 1), other.depths.flatten()[place], spread, other.spread.flatten()[place]
+    )
     visible = within & (apart <= TOLERANCE)
     own = part.sheet.colours.flatten(0, 1)[part.index][:, None].expand(-1, STEPS, -1)
     same = outside(own, other, place) <= SAME_COLOUR + exposure(part.sheet, other)
@@ -314,7 +314,7 @@ def exposure(one: Sheet, other: Sheet) -> float:
     """By how much the photos of two keyframes differ where their depths agree: the third quartile; 1 if they agree nowhere."""
     found = other.sightings(one.points.flatten(0, 1))
     within, place = found.numbers, found.places
-    apart = deviation(
+    apart = depth_deviation(
         found.z, other.depths.flatten()[place], one.spread.flatten()[within], other.spread.flatten()[place]
     )
     agree = apart.abs() <= TOLERANCE
@@ -322,7 +322,7 @@ def exposure(one: Sheet, other: Sheet) -> float:
     return float(differences.quantile(0.75)) if len(differences) else 1.0
 
 
-def placed(part: Part) -> tuple[Float[Tensor, " g"], Bool[Tensor, " g"]]:
+def choose_shifts(part: Part) -> tuple[Float[Tensor, " g"], Bool[Tensor, " g"]]:
     """The log of how much farther each Gaussian goes, and whether photos allow it there.
 
     It goes to the mean depth of the keyframes, weighted by certainty, unless clearly more photos speak for another of the depths that were tried. The
@@ -347,13 +347,13 @@ def placed(part: Part) -> tuple[Float[Tensor, " g"], Bool[Tensor, " g"]]:
     return torch.where(stays, mean, found), allowed[:, 0]
 
 
-def settled(part: Part) -> Part:
+def settle(part: Part) -> Part:
     """The Gaussians that stay, at the depth and with the classes that the keyframes agree on.
 
     Those that more of the other keyframes look through than agree with are floaters and go, and so do those that more photos contradict than show.
     """
     part = part[part.votes.before < LAYERS]
-    shift, allowed = placed(part)
+    shift, allowed = choose_shifts(part)
     keep = allowed & (part.votes.through <= part.votes.agree)
     part, ratio = part[keep], shift[keep].exp()[:, None]
     gaussians, votes = part.gaussians, part.votes
@@ -370,11 +370,11 @@ def settled(part: Part) -> Part:
     return replace(part, gaussians=moved)
 
 
-def joined(parts: Sequence[Part]) -> tuple[Gaussians, Places]:
+def join_parts(parts: Sequence[Part]) -> tuple[Gaussians, Int64[Tensor, " g"]]:
     """All Gaussians of some keyframes, and the places that they stand for, counted over the views in this order."""
     first = parts[0]
     blocks = first.sheet.depths.numel()
     index = torch.cat([part.index + view * blocks for view, part in enumerate(parts)])
     names = list(zip(*(part.gaussians.tensors().values() for part in parts), strict=True))
     tensors = iter([torch.cat(one) for one in names])
-    return first.gaussians.map(lambda _: next(tensors)), Places(index, first.sheet.stride)
+    return first.gaussians.map(lambda _: next(tensors)), index

@@ -9,7 +9,6 @@ from torch import Tensor
 from semgs.geometry.fusion import LEAST
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.rotations import covariance, quaternion_from_matrix
-from semgs.scene.encoding import Places
 
 LARGEST_CELL = 2**20
 """Voxels are numbered within this many of the origin along each axis, so that a key fits into 63 bits."""
@@ -33,7 +32,9 @@ def voxel_keys(means: Float[Tensor, "g 3"], size: float) -> Int64[Tensor, " g"]:
     return (x << 42) + (y << 21) + z
 
 
-def joined_in_voxels(gaussians: Gaussians, places: Places, size: float) -> tuple[Gaussians, Places]:
+def join_in_voxels(
+    gaussians: Gaussians, places: Int64[Tensor, " g"], size: float
+) -> tuple[Gaussians, Int64[Tensor, " _"]]:
     """The Gaussians with those of one voxel joined.
 
     The one that takes their place has the mean and the covariance of their mixture, weighted by opacity times area; its colour is the weighted mean and its
@@ -82,8 +83,7 @@ def joined_in_voxels(gaussians: Gaussians, places: Places, size: float) -> tuple
     opacities = (total / area(colour.scales)).clamp(max=MOST_OPAQUE)
     found = Gaussians(means, opacities, colour, semantic)
     rows = iter([torch.cat((one[alone], other)) for one, other in _pairs(gaussians, found)])
-    index = torch.cat((places.index[alone], places.index[several][heaviest]))
-    return gaussians.map(lambda _: next(rows)), Places(index, places.stride)
+    return gaussians.map(lambda _: next(rows)), torch.cat((places[alone], places[several][heaviest]))
 
 
 def area(scales: Float[Tensor, "g 3"]) -> Float[Tensor, " g"]:

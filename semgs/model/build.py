@@ -13,16 +13,9 @@ from semgs.model.attention.transformer import CameraTransformer
 from semgs.model.classes.mobilenet import CUE_WIDTHS, MobileNetRefinement
 from semgs.model.classes.refinement import ClassRefinement, ResidualRefinement
 from semgs.model.classes.semantic import SHAPE, SemanticBranch
-from semgs.model.gaussians.heads import (
-    Decoder,
-    DepthRefinement,
-    Head,
-    MVSplatDecoder,
-    PaperDecoder,
-    PlainUpsampler,
-    Upsampler,
-)
+from semgs.model.gaussians.heads import Decoder, DepthRefinement, MVSplatDecoder, PaperDecoder
 from semgs.model.gaussians.placing import LARGEST_SIGMA, SIGMA_UNIT, SMALLEST_SIGMA
+from semgs.model.layers.branch_head import Head, PlainUpsampler, Upsampler
 from semgs.model.layers.cnn import FeatureCNN
 from semgs.model.semgs import ColourBranch, SemGS
 from semgs.model.settings import (

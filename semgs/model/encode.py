@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from time import perf_counter
 from typing import Protocol, runtime_checkable
 
 import torch
 
 from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
-from semgs.model.memory.memory_plan import MemoryPlan, memory_plan
+from semgs.model.memory.memory_plan import MemoryPlan
 from semgs.model.semgs import SemGS
+from semgs.runtime.stopwatch import now
 from semgs.scene.encoding import Encoding
 
 
@@ -38,7 +38,7 @@ class Encoded:
 
     Attributes:
         encoding: the output of the network, without gradients.
-        plan: how memory was used; None for a network that `memory_plan` does not support.
+        plan: how memory was used; None for networks other than `SemGS`.
         seconds: run time of the network.
     """
 
@@ -53,7 +53,7 @@ def encode(
 ) -> Encoded:
     """Encode views into Gaussians.
 
-    If memory is short, `SemGS` processes fewer views at a time, as planned by `memory_plan`; the result is the same up to rounding.
+    If memory is short, `SemGS` processes fewer views at a time, as planned by its `memory_plan`; the result is the same up to rounding.
 
     Args:
         network: in evaluation mode, on the device to compute on.
@@ -65,15 +65,8 @@ def encode(
         NotEnoughMemoryError: it would not fit in memory.
         ValueError: there are fewer than two views.
     """
-    planned = memory_plan(network, views, targets) if isinstance(network, SemGS) else None
+    planned = network.memory_plan(views, targets) if isinstance(network, SemGS) else None
     start = now()
     encoding = network(views, planned.chunks) if isinstance(network, SemGS) and planned else network(views)
     seconds = now() - start
     return Encoded(encoding if device is None else encoding.to(device, torch.float32), planned, seconds)
-
-
-def now() -> float:
-    """The time, after all pending work on CUDA is finished [s]."""
-    if torch.cuda.is_initialized():
-        torch.cuda.synchronize()
-    return perf_counter()

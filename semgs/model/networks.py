@@ -1,8 +1,10 @@
-"""The networks that have names, as functions that return settings."""
+"""The networks that have names, as functions that return settings. No torch."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Literal, get_args
 
 from semgs.model.layers.conventions import MVSPLAT, Conventions
 from semgs.model.settings import (
@@ -14,6 +16,7 @@ from semgs.model.settings import (
     SemanticSettings,
     TransformerSettings,
 )
+from semgs.model.switches import switched
 
 
 def base() -> NetworkSettings:
@@ -34,10 +37,10 @@ def base_text() -> NetworkSettings:
     )
 
 
-def small() -> NetworkSettings:
+def small_plain() -> NetworkSettings:
     """The same modules for a laptop's CPU; docs/method.md has a table of its differences from `base`."""
     return NetworkSettings(
-        name="small",
+        name="small_plain",
         channels=48,
         cnn_widths=(16, 32, 48),
         stride=2,
@@ -58,6 +61,12 @@ def small() -> NetworkSettings:
     )  # fmt: skip
 
 
+def small() -> NetworkSettings:
+    """The network of the included weights: `small_plain` with a class backbone, on whose classes views agree, and with more layers in depth."""
+    additions = {"class_backbone": True, "class_fusion": True, "cost_filter": 16, "depth_cue": True}
+    return replace(switched(small_plain(), additions), name="small")
+
+
 def mvsplat() -> NetworkSettings:
     """MVSplat's encoder as published: colour only, without camera-aware attention, with its own conventions."""
     return NetworkSettings(
@@ -68,7 +77,11 @@ def mvsplat() -> NetworkSettings:
     )
 
 
-NETWORKS = {"small": small, "base": base, "base_text": base_text, "mvsplat": mvsplat}
-"""By their names."""
+NetworkName = Literal["small", "small_plain", "base", "base_text", "mvsplat"]
 
-NAMES = tuple(NETWORKS)
+NAMES: tuple[NetworkName, ...] = get_args(NetworkName)
+
+NETWORKS: dict[str, Callable[[], NetworkSettings]] = dict(
+    zip(NAMES, (small, small_plain, base, base_text, mvsplat), strict=True)
+)
+"""By their names."""

@@ -12,14 +12,16 @@ from torch import Tensor, nn
 from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
 from semgs.model.attention.transformer import CameraTransformer
-from semgs.model.classes.refinement import Cues, Refined
+from semgs.model.classes.refinement import Cues, ViewFeatures
 from semgs.model.classes.semantic import SHAPE, ClassMaps, SemanticBranch
 from semgs.model.gaussians.heads import Decoder, coarse_disparities
 from semgs.model.gaussians.placing import Placer
 from semgs.model.layers.chunks import WHOLE, Chunks, by_chunks
 from semgs.model.layers.cnn import FeatureCNN
 from semgs.model.layers.memory_format import lay_out
-from semgs.model.layers.network_input import Padded, widened
+from semgs.model.layers.network_input import NetworkInput, widen
+from semgs.model.memory.memory_plan import MemoryPlan, memory_plan
+from semgs.model.memory.stage_memory import Work
 from semgs.model.settings import NetworkSettings
 from semgs.model.stages import STAGES, Stage
 from semgs.model.sweep.depth import PlaneSweepDepth
@@ -48,6 +50,14 @@ class ColourBranch(nn.Module):
         self.transformer = transformer
         self.depth = depth
         self.heads = heads
+
+    def depth_layers(self) -> tuple[nn.Module, ...]:
+        """Layers on which depth depends."""
+        return (self.transformer, self.depth, *self.heads.depth_layers())
+
+    def sweep_layers(self) -> tuple[nn.Module, ...]:
+        """Layers on which the plane sweep depends."""
+        return self.transformer, self.depth
 
 
 class SemGS(nn.Module):
@@ -107,7 +117,7 @@ class SemGS(nn.Module):
         Args:
             views: of one scene, or of a batch of scenes.
             chunks: views to process at a time; fewer need less memory and give the same numbers. None uses
-                `semgs.model.memory.memory_plan.memory_plan` for one scene in evaluation mode, and all views at once for a batch or in training.
+                `memory_plan` for one scene in evaluation mode, and all views at once for a batch or in training.
             stage: context manager around each of `semgs.model.stages.STAGES`, for example to time it.
 
         Raises:
@@ -115,29 +125,29 @@ class SemGS(nn.Module):
             NotEnoughMemoryError: without `chunks`, one scene in evaluation mode does not fit into memory even with one view at a time.
             RuntimeError: this process was forked from one that had already rendered or encoded.
         """
-        scene = self._padded(views)
-        chunks = self._planned(views) if chunks is None else chunks
+        inputs = self._inputs(views)
+        chunks = self._chunks(views) if chunks is None else chunks
         with stage("cnn"):
-            shallow = self.cnn(scene.images)
+            shallow = self.cnn(inputs.images)
         with stage("transformer_colour"):
-            features = self.colour.transformer(shallow, scene)
+            features = self.colour.transformer(shallow, inputs)
         with stage("transformer_semantic"):
-            refined = None if self.semantic is None else self.semantic.refined(scene, self.cnn, shallow)
-            semantic = None if self.semantic is None else self.semantic(refined, scene)
+            single = None if self.semantic is None else self.semantic.refine(inputs, self.cnn, shallow)
+            classify = None if self.semantic is None else self.semantic(single, inputs)
         with stage("cost_volume"):
-            cost = self.colour.depth.cost(features, scene, chunks.cost)
+            cost = self.colour.depth.cost(features, inputs, chunks.cost)
         with stage("depth"):
-            depth = self.colour.depth(cost, features, scene, self._cues(scene, refined))
-            decode = self.colour.heads(scene, shallow, features, depth, chunks.heads)
-        bounds = scene.depth_range.flatten(0, 1)
-        rays = self.placer.rays(scene, views.size, depth.planes.bounds)
+            depth = self.colour.depth(cost, features, inputs, self._cues(inputs, single))
+            decode = self.colour.heads(inputs, shallow, features, depth, chunks.heads)
+        bounds = inputs.depth_range.flatten(0, 1)
+        rays = self.placer.rays(inputs, views.size, depth.planes.bounds)
 
-        def placed(at: slice) -> Encoding:
-            classes = None if semantic is None else semantic(at)
-            return self.placer(decode(at), classes, scene.small[at], rays[at], bounds[at], views.size)
+        def place(at: slice) -> Encoding:
+            classes = None if classify is None else classify(at)
+            return self.placer(decode(at), classes, inputs.small[at], rays[at], bounds[at], views.size)
 
         with stage("heads"):
-            encoding = by_chunks(placed, len(features), chunks.heads)
+            encoding = by_chunks(place, len(features), chunks.heads)
             # So far each view was a scene of its own; now views of the same scene are joined.
             leading, count = views.images.shape[:-4], len(views)
             encoding = encoding.map(lambda maps: maps.reshape(*leading, count * maps.shape[1], *maps.shape[2:]))
@@ -159,7 +169,7 @@ class SemGS(nn.Module):
             ValueError: there is only one view, or the network has no semantic branch.
         """
         maps = self.class_maps(views, alone).distributions
-        return widened(maps, self.stride)[..., : views.size[0], : views.size[1]]
+        return widen(maps, self.stride)[..., : views.size[0], : views.size[1]]
 
     def class_maps(self, views: Views, alone: bool = False) -> ClassMaps:
         """The distributions of `classify`, one for each Gaussian; this is cheaper for training with labels.
@@ -169,12 +179,12 @@ class SemGS(nn.Module):
         """
         if self.semantic is None:
             raise ValueError("the network has no semantic branch, so it cannot classify")
-        scene, evidence = self._padded(views, fewest=1 if alone else 2), None
-        refined = self.semantic.refined(scene, self.cnn)
+        inputs, evidence = self._inputs(views, fewest=1 if alone else 2), None
+        single = self.semantic.refine(inputs, self.cnn)
         if alone:
-            logits, evidence = self.semantic.logits_of(refined, scene), refined.evidence
+            logits, evidence = self.semantic.single_view_logits(single, inputs), single.evidence
         else:
-            logits = self.semantic(refined, scene)(slice(None))[:, SHAPE:]
+            logits = self.semantic(single, inputs)(slice(None))[:, SHAPE:]
         rows, columns = (-(-side // self.stride) for side in views.size)
         inside = logits[..., :rows, :columns]
         classes = inside.to(torch.promote_types(inside.dtype, torch.float32)).softmax(1)
@@ -189,10 +199,10 @@ class SemGS(nn.Module):
         Raises:
             ValueError: there is only one view.
         """
-        scene, conventions = self._padded(views), self.settings.conventions
-        features = self.colour.transformer(self.cnn(scene.images), scene)
-        cost = self.colour.depth.cost(features, scene, None)
-        depth = self.colour.depth(cost, features, scene, self._cues(scene))
+        inputs, conventions = self._inputs(views), self.settings.conventions
+        features = self.colour.transformer(self.cnn(inputs.images), inputs)
+        cost = self.colour.depth.cost(features, inputs, None)
+        depth = self.colour.depth(cost, features, inputs, self._cues(inputs))
         leading, (height, width) = views.images.shape[:-3], views.size
         depths = 1 / coarse_disparities(depth, SHRINK, conventions)[:, :height, :width]
         # The centre of texel i lies on the border of pixels 4 i + 1 and 4 i + 2.
@@ -212,70 +222,87 @@ class SemGS(nn.Module):
         of what depth depends on, and "colour" the rest of the colour branch. "classes" are the layers that predict classes, and
         "semantic" the rest of the semantic branch.
         """
-        shares = self.semantic is not None and self.semantic.shares_cnn
-        cues = tuple(f"semantic.refinement.{one}." for one in self._cue_layers())
-        heads = (f"colour.heads.{one}." for one in self.colour.heads.depth_layers)
-        classes = () if self.semantic is None else tuple(f"semantic.{one}." for one in self.semantic.class_layers())
-        beginnings = (
-            ("classes", classes),
-            ("shared", cues),
-            ("semantic", ("semantic.",)),
-            ("shared" if shares else "depth", ("cnn.",)),
-            ("depth", ("colour.transformer.", "colour.depth.", *heads)),
-            ("colour", ("colour.",)),
-        )
-        found: dict[str, set[str]] = {part: set() for part in PARTS}
-        for name in self.state_dict():
-            found[next(part for part, some in beginnings if name.startswith(some))].add(name)
-        return {part: frozenset(names) for part, names in found.items()}
+        colour, semantic = self.colour, self.semantic
+        reports: dict[str, tuple[nn.Module, ...]] = {
+            "classes": () if semantic is None else semantic.class_layers(),
+            "shared": (*self._cue_layers(), *((self.cnn,) if self._shares_cnn else ())),
+            "semantic": () if semantic is None else (semantic,),
+            "depth": (self.cnn, *colour.depth_layers()),
+            "colour": (colour,),
+        }
+        tensors = self.state_dict(keep_vars=True)
+        parts = {}
+        for part, layers in reports.items():
+            own = {id(tensor) for layer in layers for tensor in layer.state_dict(keep_vars=True).values()}
+            parts[part] = frozenset(name for name, tensor in tensors.items() if id(tensor) in own)
+            tensors = {name: tensor for name, tensor in tensors.items() if name not in parts[part]}
+        return {part: parts[part] for part in PARTS}
 
     def semantic_parameters(self, shared: bool = True, alone: bool = False) -> set[str]:
         """Names of the parameters on which `classify` depends; without `shared`, only those on which nothing else depends."""
         if self.semantic is None:
             return set()
-        used = tuple(f"semantic.{one}." for one in self.semantic.layers(alone))
-        if self.semantic.shares_cnn:
-            used += ("cnn.",)
-        held = frozenset() if shared else self.parts()["shared"]
-        return {name for name, _ in self.named_parameters() if name.startswith(used) and name not in held}
+        names = self._parameter_names(*self.semantic.layers(alone), *((self.cnn,) if self._shares_cnn else ()))
+        return names if shared else names - self.parts()["shared"]
 
     def depth_parameters(self, shared: bool = True) -> set[str]:
         """Names of the parameters that learn from `sweep`; without `shared`, only those that the semantic branch does not use.
 
         Layers of the class branch that give depth its cues are not included, because depth never trains them.
         """
-        used: tuple[str, ...] = ("colour.transformer.", "colour.depth.")
-        if shared or self.semantic is None or not self.semantic.shares_cnn:
-            used += ("cnn.",)
-        return {name for name, _ in self.named_parameters() if name.startswith(used)}
+        cnn = () if self._shares_cnn and not shared else (self.cnn,)
+        return self._parameter_names(*cnn, *self.colour.sweep_layers())
 
     def pretrained_parameters(self) -> set[str]:
         """Names of the parameters that can start from published weights; they should then learn at a lower rate."""
-        return {name for name, _ in self.named_parameters() if name.startswith("semantic.refinement.backbone.")}
+        return set() if self.semantic is None else self._parameter_names(*self.semantic.refinement.pretrained_layers())
 
-    def _cues(self, scene: Padded, refined: Refined | None = None) -> Cues:
-        """The class branch's cues, if depth reads them; from its refinement of the views, if that was already computed."""
+    def _parameter_names(self, *layers: nn.Module) -> set[str]:
+        """Names of the parameters of some layers."""
+        own = {id(parameter) for layer in layers for parameter in layer.parameters()}
+        return {name for name, parameter in self.named_parameters() if id(parameter) in own}
+
+    @property
+    def _shares_cnn(self) -> bool:
+        """Whether both branches use the shallow CNN."""
+        return self.semantic is not None and self.semantic.shares_cnn
+
+    def _cues(self, inputs: NetworkInput, single: ViewFeatures | None = None) -> Cues:
+        """The class branch's cues, if depth reads them; from its features of the views, if they were already computed."""
         if self.semantic is None or not self.colour.depth.reads_cues:
             return ()
-        return self.semantic.refinement.cues(scene.images, () if refined is None else refined.seen)
+        return self.semantic.refinement.cues(inputs.images, () if single is None else single.cue_maps)
 
-    def _cue_layers(self) -> tuple[str, ...]:
-        """Names of the layers of the class refinement on which depth depends."""
+    def _cue_layers(self) -> tuple[nn.Module, ...]:
+        """Layers of the class refinement on which depth depends."""
         if self.semantic is None or not self.colour.depth.reads_cues:
             return ()
-        return self.semantic.refinement.cue_layers
+        return self.semantic.refinement.cue_layers()
 
-    def _planned(self, views: Views) -> Chunks:
+    def memory_plan(
+        self, views: Views, targets: Views | None = None, *, available_bytes: float | None = None
+    ) -> MemoryPlan:
+        """The memory for encoding a scene with this network on its device, and for rendering its views.
+
+        Args:
+            views: the input views of one scene.
+            targets: target views to render as well, as `semgs.reconstruction.pipeline` does.
+            available_bytes: as for `semgs.model.memory.memory_plan.memory_plan`.
+
+        Raises:
+            NotEnoughMemoryError: it does not fit even with one view at a time.
+        """
+        weight, drawn = self.cnn.conv1.weight, len(views) + (0 if targets is None else len(targets))
+        network = (self.settings, self.class_count, self.fuses, weight.dtype, weight.device)
+        return memory_plan(Work(*network, len(views), views.size, drawn), available_bytes)
+
+    def _chunks(self, views: Views) -> Chunks:
         """How many views to process at a time."""
-        if self.training or views.images.ndim > 4:
-            return WHOLE
-        from semgs.model.memory.memory_plan import memory_plan  # which imports this class
+        return WHOLE if self.training or views.images.ndim > 4 else self.memory_plan(views).chunks
 
-        return memory_plan(self, views).chunks
-
-    def _padded(self, views: Views, fewest: int = 2) -> Padded:
+    def _inputs(self, views: Views, fewest: int = 2) -> NetworkInput:
         """The views in the form that the layers take; refuses too few views, and a forked process whose parent has computed."""
         check_not_forked()
         if len(views) < fewest:
             raise ValueError(f"the network got {len(views)} view; expected two or more that overlap")
-        return Padded.of(views, self.cnn.conv1.weight, self.stride)
+        return NetworkInput.of(views, self.cnn.conv1.weight, self.stride)

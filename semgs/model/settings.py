@@ -5,15 +5,11 @@ The defaults are the paper's sizes with MVSplat's layer shapes.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, is_dataclass
-from itertools import cycle
-from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
 
+from semgs.files.records import make_record
 from semgs.model.layers.conventions import OURS, Conventions
-
-Part = TypeVar("Part")
 
 LARGEST = 4096
 """The largest integer allowed in the settings of a file."""
@@ -200,55 +196,10 @@ class NetworkSettings:
         return asdict(self)
 
     @classmethod
-    def from_json(cls, saved: Mapping[str, Any]) -> NetworkSettings:
+    def from_json(cls, saved: object) -> NetworkSettings:
         """The settings from `as_json`, also read back from a file.
 
         Raises:
-            KeyError, TypeError, ValueError: these are not settings.
+            ValueError: these are not settings; the place is named.
         """
-        return _made(cls, saved)
-
-
-def _made(cls: type[Part], saved: Mapping[str, Any]) -> Part:
-    """One of the dataclasses, with the dataclasses inside it, from the values of a file.
-
-    It refuses missing parts (KeyError), unknown fields (TypeError) and values of another type, such as "yes" for true, that are not
-    finite, or integers outside 0 to `LARGEST` (ValueError).
-    """
-    hints = get_type_hints(cls)
-    values = {name: _as_hinted(value, hints.get(name)) for name, value in saved.items()}
-    for name, hint in hints.items():
-        if name not in values and any(map(is_dataclass, get_args(hint) or (hint,))):
-            raise KeyError(name)
-        if name in values and not _fits(values[name], hint):
-            raise ValueError(f"{name} is {values[name]!r:.60}; expected {cls.__annotations__[name]}")
-    return cls(**values)
-
-
-def _as_hinted(value: object, hint: Any) -> object:
-    """A value from JSON: lists as tuples, objects as the field's dataclass; of several dataclasses, the one that `kind` names."""
-    if isinstance(value, list):
-        return tuple(value)
-    parts: list[Any] = [part for part in get_args(hint) or (hint,) if is_dataclass(part)]
-    if not isinstance(value, Mapping) or not parts:
-        return value
-    fitting = [part for part in parts if len(parts) == 1 or part.kind == value.get("kind")]
-    if not fitting:
-        raise ValueError(f"kind is {value.get('kind')!r}; expected {' or '.join(part.kind for part in parts)}")
-    return _made(fitting[0], value)
-
-
-def _fits(value: object, hint: Any) -> bool:
-    """Whether a value has a type; only types that occur in settings."""
-    kinds = get_args(hint)
-    if get_origin(hint) is Literal:
-        return value in kinds
-    if get_origin(hint) is tuple:
-        each = kinds[:1] if kinds[-1] is Ellipsis else kinds
-        long = isinstance(value, tuple) and (kinds[-1] is Ellipsis or len(value) == len(kinds))
-        return long and all(_fits(one, kind) for one, kind in zip(value, cycle(each)))  # type: ignore[call-overload]
-    if kinds:
-        return any(_fits(value, kind) for kind in kinds)
-    if hint is float:
-        return type(value) in (int, float) and math.isfinite(value)  # type: ignore[arg-type]
-    return type(value) is hint and (hint is not int or 0 <= value <= LARGEST)  # type: ignore[operator]
+        return make_record(cls, saved, LARGEST)

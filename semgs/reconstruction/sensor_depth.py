@@ -14,6 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.figures.number_texts import percent
@@ -38,17 +39,15 @@ SMALLEST = 1e-3
 
 @final
 @dataclass(frozen=True)
-class Placed:
-    """Gaussians at the depth of a sensor.
+class Placement:
+    """How Gaussians were placed at the depth of a sensor.
 
     Attributes:
-        encoding: the Gaussians.
         source: of the depth: "sensor" or "both".
         fits: of the network's depth to the sensor's, one for each view.
         registration: of the sensor's depth to the images.
     """
 
-    encoding: Encoding
     source: DepthSource
     fits: tuple[DepthFit, ...]
     registration: Registration
@@ -86,8 +85,8 @@ class Placed:
         return tuple(found)
 
 
-def placed(encoding: Encoding, views: Views, source: Literal["sensor", "both"]) -> Placed:
-    """Place Gaussians at the depth of a sensor.
+def place_gaussians(encoding: Encoding, views: Views, source: Literal["sensor", "both"]) -> tuple[Encoding, Placement]:
+    """Place Gaussians at the depth of a sensor. Returns them, and how they were placed.
 
     With "sensor", measured pixels take the measured depth, an opacity of `OPACITY` and a confidence of 1. With "both", the logarithm of depth
     is the mean of the sensor's and the network's (after the fit), weighted by their inverse variances; opacity and confidence are weighted
@@ -121,7 +120,7 @@ def placed(encoding: Encoding, views: Views, source: Literal["sensor", "both"]) 
         confidences=weights + shares * encoding.confidences,
         depth_spread=(weights.square() * noise + shares.square() * variance).sqrt(),
     )
-    return Placed(moved, source, fits, registration(views.images.to(sensor), sensor))
+    return moved, Placement(source, fits, registration(views.images.to(sensor), sensor))
 
 
 def sensor_spread(depths: Float[Tensor, "*n"]) -> Float[Tensor, "*n"]:
@@ -134,11 +133,11 @@ def sensor_spread(depths: Float[Tensor, "*n"]) -> Float[Tensor, "*n"]:
     return (0.0012 + 0.0019 * (z - 0.4).square()) / z
 
 
-def check_listed(scene: Scene, positions: Sequence[int]) -> None:
-    """Check that frames have depth, before anything is read.
+def read_measured(scene: Scene, positions: Sequence[int], size: tuple[int, int], depth_range: DepthRange) -> Views:
+    """Read frames of which a sensor measured the depth; arguments as for `Scene.read`.
 
     Raises:
-        InputError: one has none.
+        InputError: a frame cannot be read, or has no depth, or too little.
     """
     without = [scene.frames[position].name for position in positions if scene.frames[position].depth is None]
     if without:
@@ -147,20 +146,7 @@ def check_listed(scene: Scene, positions: Sequence[int]) -> None:
             "a measured depth for every input frame, as --depth sensor and both need",
             f"none for {', '.join(without)}",
         )
-
-
-def check_measured(scene: Scene, positions: Sequence[int], views: Views) -> None:
-    """Check that enough pixels of the frames are measured.
-
-    Args:
-        scene: contains the frames.
-        positions: of the frames in the scene.
-        views: the frames as read.
-
-    Raises:
-        InputError: one has no depth, or too little.
-    """
-    check_listed(scene, positions)
+    views = scene.read(positions, size, depth_range)
     assert views.depths is not None
     for position, depths in zip(positions, views.depths, strict=True):
         if (share := float((depths > 0).double().mean())) < FEWEST_MEASURED:
@@ -170,3 +156,4 @@ def check_measured(scene: Scene, positions: Sequence[int], views: Views) -> None
                 percent(share),
                 key=scene.frames[position].name,
             )
+    return views

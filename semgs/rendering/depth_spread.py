@@ -14,7 +14,7 @@ from semgs.rendering.render_features import render_features
 from semgs.rendering.rendering import SEEN_ALPHA
 
 
-def rendered_depth_spread(
+def render_depth_spread(
     gaussians: Gaussians,
     depth_spread: Float[Tensor, " g"],
     cameras: Cameras,

@@ -20,6 +20,7 @@ from jaxtyping import Float, Int64
 from torch import Tensor
 
 from semgs.files.cache import cache_folder
+from semgs.files.errors import import_error
 from semgs.geometry.rotations import covariance
 from semgs.rendering.pinhole import Pinhole, near_plane
 from semgs.rendering.rules import BLUR_PX2
@@ -78,14 +79,10 @@ def rasterizer() -> Callable:
     Raises:
         ImportError: gsplat is not installed, or could not be compiled.
     """
-    try:
-        with nullcontext() if COMPILED in sys.modules else FileLock(_lock_path()):
-            from gsplat import rasterization
-            from gsplat.cuda._backend import _C
-    except ImportError as error:
-        raise ImportError(
-            "splatting on CUDA needs gsplat; pip install '.[cuda]' in SemGS's folder", name="gsplat"
-        ) from error
+    lock = nullcontext() if COMPILED in sys.modules else FileLock(_lock_path())
+    with import_error("splatting on CUDA needs gsplat; pip install '.[cuda]' in SemGS's folder", "gsplat"), lock:
+        from gsplat import rasterization
+        from gsplat.cuda._backend import _C
     if _C is None:
         raise ImportError(
             "gsplat found no CUDA toolkit (nvcc) to compile itself with; install one, or uninstall gsplat to render on the CPU",

@@ -66,82 +66,88 @@ def render(
     if backdrop.shape != (3,):
         raise ValueError(f"background is {tuple(backdrop.shape)}; expected 3 numbers (red, green, blue)")
     dtype, device = gaussians.means.dtype, gaussians.means.device
-    drawn = each_view(
+    renderings = render_each_view(
         gaussians,
         cameras,
         near,
         backend,
-        lambda scene, camera, bound, drawing: _view(scene, camera, bound, backdrop.to(scene.means), drawing),
+        lambda scene, camera, bound, backend_module: _render_view(
+            scene, camera, bound, backdrop.to(scene.means), backend_module
+        ),
     )
 
-    def stacked(name: str) -> Tensor:
-        return torch.cat([getattr(one, name) for one in drawn]).unflatten(0, cameras.batch).to(device, dtype)
+    def join_views(name: str) -> Tensor:
+        parts = [getattr(rendering, name) for rendering in renderings]
+        return torch.cat(parts).unflatten(0, cameras.batch).to(device, dtype)
 
-    images = stacked("images")
+    images = join_views("images")
     if clamp:
         images = images.clamp(0, 1)
     return Rendering(
         images=images,
-        semantics=None if gaussians.semantic is None else stacked("semantics"),
-        depths=stacked("depths"),
-        alphas=stacked("alphas"),
+        semantics=None if gaussians.semantic is None else join_views("semantics"),
+        depths=join_views("depths"),
+        alphas=join_views("alphas"),
     )
 
 
-def each_view(
+def render_each_view(
     gaussians: Gaussians,
     cameras: Cameras,
     near: float | int | Tensor | None,
     backend: str,
-    draw: Callable[[Gaussians, Pinhole, float | None, ModuleType], Result],
+    render_view: Callable[[Gaussians, Pinhole, float | None, ModuleType], Result],
 ) -> list[Result]:
     """What a function makes of each view of each scene.
 
     Args:
         gaussians, cameras, near, backend: as for `render`.
-        draw: takes the Gaussians of one scene on the back-end's device, a camera, its near bound and the back-end.
+        render_view: takes the Gaussians of one scene on the back-end's device, a camera, its near bound and the back-end.
 
     Raises:
         ValueError, ImportError, RuntimeError: as for `render`.
     """
     check_not_forked()
-    drawing, place = _backend(backend, gaussians.means)
+    backend_module, device = _choose_backend(backend, gaussians.means)
     batch = tuple(gaussians.means.shape[:-2])
     if not cameras.batch or cameras.batch[:-1] != batch or 0 in cameras.batch:
         raise ValueError(
             f"cameras have axes {cameras.batch} but Gaussians {batch}; expected those of the Gaussians and one more for views"
         )
-    _check(gaussians)
+    _check_gaussians(gaussians)
     bounds = _near_bounds(near, cameras.batch)
     dtype = gaussians.means.dtype
-    here = gaussians.to(place, dtype if dtype in (torch.float32, torch.float64) else torch.float32)
-    drawn: list[Result] = []
-    with torch.autocast(place.type, enabled=False):
+    moved = gaussians.to(device, dtype if dtype in (torch.float32, torch.float64) else torch.float32)
+    results: list[Result] = []
+    with torch.autocast(device.type, enabled=False):
         for at in np.ndindex(batch):
-            scene = here.map(lambda tensor, at=at: tensor[at])
+            scene = moved.map(lambda tensor, at=at: tensor[at])
             for view in range(cameras.batch[-1]):
-                drawn.append(draw(scene, Pinhole.of(cameras[(*at, view)]), bounds[len(drawn)], drawing))
-    return drawn
+                camera = Pinhole.of(cameras[(*at, view)])
+                results.append(render_view(scene, camera, bounds[len(results)], backend_module))
+    return results
 
 
-def _view(scene: Gaussians, camera: Pinhole, near: float | None, background: Tensor, drawing: ModuleType) -> Rendering:
+def _render_view(
+    scene: Gaussians, camera: Pinhole, near: float | None, background: Tensor, backend: ModuleType
+) -> Rendering:
     """One view of one scene, with a view axis of length one."""
-    order = drawing.depth_order(scene.means, camera, near)
+    order = backend.depth_order(scene.means, camera, near)
 
-    def layer(appearance: Appearance, features: Tensor) -> Layer:
+    def splat(appearance: Appearance, features: Tensor) -> Layer:
         splats = Splats(scene.means, appearance.quaternions, appearance.scales, scene.opacities, features)
-        return drawing.splat(splats, order, camera)
+        return backend.splat(splats, order, camera)
 
     offsets = camera.offsets(scene.means)
     colours = colours_from_harmonics(scene.colour.features, torch.nn.functional.normalize(offsets, dim=-1))
     depths = offsets @ camera.axes[2].to(offsets)
-    colour = layer(scene.colour, torch.cat((colours, depths[:, None]), dim=-1))
+    colour = splat(scene.colour, torch.cat((colours, depths[:, None]), dim=-1))
     dtype = colour.picture.dtype
     alphas = (1 - colour.transmittance).to(dtype)
     seen = alphas > 0
     semantics = None
     if scene.semantic is not None:
-        classes = layer(scene.semantic, scene.semantic.features)
+        classes = splat(scene.semantic, scene.semantic.features)
         semantics = classes.picture + (classes.transmittance / len(classes.picture)).to(dtype)
     return Rendering(
         images=(colour.picture[:3] + colour.transmittance.to(dtype) * background[:, None, None])[None],
@@ -151,7 +157,7 @@ def _view(scene: Gaussians, camera: Pinhole, near: float | None, background: Ten
     )
 
 
-def _backend(name: str, means: Tensor) -> tuple[ModuleType, torch.device]:
+def _choose_backend(name: str, means: Tensor) -> tuple[ModuleType, torch.device]:
     """The back-end's module, with `depth_order` and `splat`, and the device that it renders on.
 
     The choice depends on the Gaussians' device, not on whether a compiler is found.
@@ -164,7 +170,7 @@ def _backend(name: str, means: Tensor) -> tuple[ModuleType, torch.device]:
             f"backend is 'gsplat' but means is {means.dtype} on {means.device}; expected float32 or less on a CUDA device"
         )
     if name == "auto":
-        name = "gsplat" if on_cuda and _installed() else "numba"
+        name = "gsplat" if on_cuda and _is_gsplat_installed() else "numba"
     if name == "gsplat":
         from semgs.rendering import gsplat_backend
 
@@ -178,7 +184,7 @@ def _backend(name: str, means: Tensor) -> tuple[ModuleType, torch.device]:
     return reference, torch.device("cpu")
 
 
-def _installed() -> bool:
+def _is_gsplat_installed() -> bool:
     """Whether gsplat is installed; if not, a warning says that rendering would be faster with it."""
     if find_spec("gsplat") is not None:
         return True
@@ -189,7 +195,7 @@ def _installed() -> bool:
     return False
 
 
-def _check(gaussians: Gaussians) -> None:
+def _check_gaussians(gaussians: Gaussians) -> None:
     """Refuse geometry that is not finite (it would vanish silently), invalid opacities, and several devices."""
     for name, tensor in gaussians.tensors().items():
         if tensor.device != gaussians.means.device:

@@ -12,7 +12,7 @@ from torch import Tensor
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Gaussians
 from semgs.rendering.pinhole import Pinhole
-from semgs.rendering.render import each_view
+from semgs.rendering.render import render_each_view
 from semgs.rendering.splats import Splats
 
 LEAST_ALPHA = 0.05
@@ -61,7 +61,7 @@ def render_features(
             f"features are {tuple(features.shape)} for {tuple(gaussians.opacities.shape)} Gaussians; expected [g c]"
         )
 
-    def view(scene: Gaussians, camera: Pinhole, bound: float | None, back_end: ModuleType) -> FeatureRendering:
+    def render_view(scene: Gaussians, camera: Pinhole, bound: float | None, back_end: ModuleType) -> FeatureRendering:
         shape = scene.semantic or scene.colour
         order = back_end.depth_order(scene.means, camera, bound)
         pictures = []
@@ -76,5 +76,5 @@ def render_features(
             torch.where(alphas < LEAST_ALPHA, torch.nan, mean).to(features)[None], alphas.to(features)[None]
         )
 
-    views = each_view(gaussians, cameras, near, backend, view)
-    return FeatureRendering(torch.cat([one.features for one in views]), torch.cat([one.alphas for one in views]))
+    views = render_each_view(gaussians, cameras, near, backend, render_view)
+    return FeatureRendering(torch.cat([view.features for view in views]), torch.cat([view.alphas for view in views]))

@@ -11,8 +11,8 @@ from torch import Tensor
 
 from semgs.files.images.colours import NamedColours
 from semgs.files.images.notebook import Strip, class_row, depth_row, html, photo_row
-from semgs.geometry.summaries import array_of, summary
-from semgs.rendering.temperatures import highest
+from semgs.geometry.summaries import array_of, describe
+from semgs.rendering.temperatures import highest_probability
 
 SEEN_ALPHA = 0.5
 """If alpha is less than this, class maps say "unseen"."""
@@ -44,7 +44,7 @@ class Rendering:
     temperature: float | None = None
 
     def __repr__(self) -> str:
-        return summary(
+        return describe(
             "Rendering", images=self.images, semantics=self.semantics, depths=self.depths, alphas=self.alphas
         )
 
@@ -69,7 +69,9 @@ def confidence_maps(rendering: Rendering) -> Float32[np.ndarray, "*batch v h w"]
     """
     if rendering.semantics is None:
         raise ValueError(WITHOUT_CLASSES)
-    confidence = highest(rendering.semantics.detach().movedim(-3, -1), rendering.temperature).float().cpu().numpy()
+    confidence = (
+        highest_probability(rendering.semantics.detach().movedim(-3, -1), rendering.temperature).float().cpu().numpy()
+    )
     return np.where(_unseen(rendering), np.float32(0), confidence)
 
 

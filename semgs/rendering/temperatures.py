@@ -52,7 +52,9 @@ def logarithms(distributions: Float[Tensor, "*batch class"]) -> Float[Tensor, "*
     return exact.clamp(min=torch.finfo(exact.dtype).tiny).log()
 
 
-def highest(distributions: Float[Tensor, "*batch class"], temperature: float | None) -> Float[Tensor, "*batch"]:
+def highest_probability(
+    distributions: Float[Tensor, "*batch class"], temperature: float | None
+) -> Float[Tensor, "*batch"]:
     """The calibrated probability of the likeliest class; uncalibrated if the temperature is None (unknown)."""
     if temperature is None:
         return distributions.amax(-1)

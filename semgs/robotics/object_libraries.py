@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from types import ModuleType
 
+from semgs.files.extras import needs_extra
+
 
 def clustering_library() -> ModuleType:
     """sklearn.cluster.
@@ -11,10 +13,8 @@ def clustering_library() -> ModuleType:
     Raises:
         ImportError: scikit-learn is not installed.
     """
-    try:
+    with needs_extra("objects", "finding things needs scikit-learn", "sklearn"):
         import sklearn.cluster
-    except ImportError as error:
-        raise ImportError(_remedy("scikit-learn"), name="sklearn") from error
     return sklearn.cluster
 
 
@@ -24,10 +24,8 @@ def box_library() -> ModuleType:
     Raises:
         ImportError: trimesh is not installed.
     """
-    try:
+    with needs_extra("objects", "finding things needs trimesh", "trimesh"):
         import trimesh.bounds
-    except ImportError as error:
-        raise ImportError(_remedy("trimesh"), name="trimesh") from error
     return trimesh.bounds
 
 
@@ -39,8 +37,3 @@ def check_object_libraries() -> None:
     """
     clustering_library()
     box_library()
-
-
-def _remedy(library: str) -> str:
-    """How to install a library."""
-    return f"finding things needs {library}: pip install '.[objects]' in SemGS's folder"

@@ -15,7 +15,7 @@ from jaxtyping import Float64, Int64
 
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.geometry.gaussians import Gaussians
-from semgs.rendering.temperatures import highest
+from semgs.rendering.temperatures import highest_probability
 from semgs.robotics.boxes import Box, box_of
 from semgs.robotics.level import level_from_world
 from semgs.robotics.object_libraries import clustering_library
@@ -127,7 +127,7 @@ def objects(
     level = level_from_world(up)
     points = gaussians.means.detach().cpu().double().numpy() @ level.T
     weights = gaussians.opacities.detach().cpu().double().numpy()
-    chances = highest(features, temperature).double().numpy()
+    chances = highest_probability(features, temperature).double().numpy()
     labels = torch.where(torch.from_numpy(weights >= min_opacity), features.argmax(-1), -1).numpy()
     eye = level @ np.asarray(seen_from, np.float64)
     found: list[tuple[int, Int64[np.ndarray, " n"]]] = []

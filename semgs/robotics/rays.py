@@ -18,7 +18,7 @@ SPREADS = 1.0
 
 
 @dataclass(frozen=True)
-class Rays:
+class SightRays:
     """What the cameras of the input views saw, in the level frame.
 
     Attributes:
@@ -38,15 +38,17 @@ def rays_of(
     level: Float64[np.ndarray, "3 3"],
     depths: Float[Tensor, "v h w"] | None,
     depth_spread: Float[Tensor, "v h w"] | None,
-) -> Rays:
+) -> SightRays:
     """From each camera to its own Gaussians, or to the points at given depths if the Gaussians do not belong to pixels."""
     (views,), count = cameras.batch, len(gaussians)
     spread = torch.zeros(views, *cameras.size) if depth_spread is None else depth_spread
-    try:
-        block_size(count, views, *cameras.size)
-    except ValueError:
+    stride = block_size(count, views, *cameras.size)
+    if not stride:
         if depths is None:
-            raise
+            height, width = cameras.size
+            raise ValueError(
+                f"{count} Gaussians for {views} views of {height}x{width}; expected one for each pixel or block of pixels"
+            )
         ends = back_project(depths.double(), cameras)
         known = depths > 0
         origins = cameras.centres[:, None, None].expand(ends.shape)[known]
@@ -54,14 +56,14 @@ def rays_of(
     else:
         ends = gaussians.means.detach().double()
         origins = cameras.centres.repeat_interleave(count // views, 0)
-        spread = per_gaussian(spread[:, None], count)[:, 0]
+        spread = per_gaussian(spread[:, None], stride)[:, 0]
     found = (one.cpu().double().numpy() for one in (origins, ends))
     origins, ends = (one @ level.T for one in found)
-    return Rays(origins, ends, spread.cpu().double().numpy())
+    return SightRays(origins, ends, spread.cpu().double().numpy())
 
 
 def free_parts(
-    rays: Rays, reach: float, origin: Float64[np.ndarray, " 3"], resolution: float
+    rays: SightRays, reach: float, origin: Float64[np.ndarray, " 3"], resolution: float
 ) -> tuple[Float64[np.ndarray, "r 3"], Float64[np.ndarray, "r 3"]]:
     """Both ends of the parts of rays that are free, in voxels: up to `reach`, and to a voxel before their end or to where their depth is uncertain."""
     along = rays.ends - rays.origins

@@ -15,7 +15,7 @@ from jaxtyping import Float32, Float64, UInt8
 
 from semgs.data.cameras.lens import Lens
 from semgs.data.frames import undistortion
-from semgs.data.layouts.ros.bag import frame_of, stamp_of
+from semgs.data.layouts.ros.bag import frame_id_of, stamp_of
 from semgs.data.layouts.ros.camera import lens_of
 from semgs.data.layouts.ros.image_messages import as_file, is_depth, pixels_of
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
@@ -33,7 +33,7 @@ LEAST_NORM = 1e-6
 
 
 @dataclass(frozen=True)
-class Pinhole:
+class UndistortedImage:
     """A message's image without distortion.
 
     Attributes:
@@ -119,38 +119,40 @@ def pose_matrix(message: Any) -> Float64[np.ndarray, "4 4"]:
 
 def _camera_pose(image: Any, pose: Any) -> Float64[np.ndarray, "4 4"]:
     """The pose of an image's camera; a transform says of which frame it is."""
-    child, camera = str(getattr(pose, "child_frame_id", "")).lstrip("/"), frame_of(image)
+    child, camera = str(getattr(pose, "child_frame_id", "")).lstrip("/"), frame_id_of(image)
     if child and child != camera:
         raise ValueError(f"the transform is of the frame {child}; expected that of the image, {camera}")
     return pose_matrix(pose)
 
 
-def _pinhole(image: Any, info: Any, rectified: bool) -> Pinhole:
+def _pinhole(image: Any, info: Any, rectified: bool) -> UndistortedImage:
     """An image without distortion, with its lens."""
     if is_depth(image):
-        raise ValueError(f"the image in the frame {frame_of(image)} has depth; expected colours or grey")
+        raise ValueError(f"the image in the frame {frame_id_of(image)} has depth; expected colours or grey")
     if hasattr(image, "encoding"):
         colours = np.ascontiguousarray(pixels_of(image)[..., ::-1])
     else:
         colours = decode_rgb(bytes(image.data), Path("CompressedImage"))
     height, width = colours.shape[:2]
-    lens = lens_of(Path("CameraInfo"), frame_of(info), info, (height, width), rectified=rectified)
+    lens = lens_of(Path("CameraInfo"), frame_id_of(info), info, (height, width), rectified=rectified)
     maps = undistortion(lens)
-    return Pinhole(colours if maps is None else lens.undistorted(colours, maps), lens)
+    return UndistortedImage(colours if maps is None else lens.undistorted(colours, maps), lens)
 
 
 def _registered_depth(depth: Any, image: Any, info: Any, rectified: bool) -> Float32[np.ndarray, "h w"]:
     """Z-depth of every pixel of an undistorted image [m], 0 where unknown."""
-    if frame_of(depth) != frame_of(image):
+    if frame_id_of(depth) != frame_id_of(image):
         raise ValueError(
-            f"depth is in the frame {frame_of(depth)}; expected {frame_of(image)}, registered to the image"
+            f"depth is in the frame {frame_id_of(depth)}; expected {frame_id_of(image)}, registered to the image"
         )
     if not is_depth(depth):
-        raise ValueError(f"depth in the frame {frame_of(depth)} has colours; expected 16UC1, 32FC1 or compressedDepth")
+        raise ValueError(
+            f"depth in the frame {frame_id_of(depth)} has colours; expected 16UC1, 32FC1 or compressedDepth"
+        )
     counts = _depth_pixels(depth)
     metres = counts * np.float32(MILLIMETRE) if counts.dtype.kind == "u" else counts
     metres = np.where(np.isfinite(metres) & (metres > 0), metres, 0).astype(np.float32)
-    lens = lens_of(Path("CameraInfo"), frame_of(info), info, metres.shape, rectified=rectified)
+    lens = lens_of(Path("CameraInfo"), frame_id_of(info), info, metres.shape, rectified=rectified)
     maps = undistortion(lens)
     return metres if maps is None else lens.undistorted(metres, maps, nearest=True)
 

@@ -12,8 +12,8 @@ import numpy as np
 import torch
 
 from semgs.data.tables.classes import ClassTable
-from semgs.export.points import cloud_message, points_of
-from semgs.export.scene_objects import PlacedThing, placed
+from semgs.export.points import cloud_message, make_points
+from semgs.export.scene_objects import PlacedThing, place_things
 from semgs.files.bags import message_store
 from semgs.geometry.rotations import quaternion_from_matrix
 from semgs.robotics.objects import Objects
@@ -33,7 +33,7 @@ def point_cloud(scene: SavedScene, header: Any, found: Objects | None = None) ->
         ImportError: rosbags is not installed.
     """
     instances = None if found is None else found.instances
-    return cloud_message(points_of(scene, instances), message_store().types, _header(header))
+    return cloud_message(make_points(scene, instances), message_store().types, _header(header))
 
 
 def detections(found: Objects, header: Any) -> Any:
@@ -50,7 +50,7 @@ def detections(found: Objects, header: Any) -> Any:
     """
     types = message_store().types
     array = types["vision_msgs/msg/Detection3DArray"]
-    return array(_header(header), [_detection(one, header, types) for one in placed(found)])
+    return array(_header(header), [_detection(one, header, types) for one in place_things(found)])
 
 
 def label_info(classes: ClassTable, header: Any, threshold: float = 0.0) -> Any:

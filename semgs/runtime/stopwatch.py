@@ -1,4 +1,4 @@
-"""Stages of long work: each is shown when it begins, and timed."""
+"""Time: stages of long work, each shown when it begins and timed, and a clock that waits for CUDA."""
 
 from __future__ import annotations
 
@@ -52,3 +52,12 @@ class Stages:
         if COMPILE not in self.seconds:
             self.seconds[COMPILE] = 0.0
             self._compiling()
+
+
+def now() -> float:
+    """The time, after all pending work on CUDA is finished [s]."""
+    import torch  # takes seconds, and commands import this module before they check their options
+
+    if torch.cuda.is_initialized():
+        torch.cuda.synchronize()
+    return perf_counter()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from jaxtyping import Float
 from torch import Tensor
 
-from semgs.rendering.temperatures import highest
+from semgs.rendering.temperatures import highest_probability
 from semgs.scene.scene_file import SavedScene
 
 
@@ -14,4 +14,4 @@ def class_confidences(scene: SavedScene) -> Float[Tensor, " g"]:
     semantic = scene.gaussians.semantic
     if semantic is None:
         return scene.per_gaussian(scene.confidences)
-    return highest(semantic.features, None if scene.temperatures is None else scene.temperatures.gaussians)
+    return highest_probability(semantic.features, None if scene.temperatures is None else scene.temperatures.gaussians)

@@ -14,41 +14,15 @@ from torch import Tensor
 from semgs.data.tables.classes import ClassTable
 from semgs.files.images.notebook import depth_row, html
 from semgs.geometry.cameras import Cameras
-from semgs.geometry.fusion import fused
+from semgs.geometry.fusion import fuse_classes
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.summaries import array_of, summary
+from semgs.geometry.summaries import array_of, describe
 from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
 from semgs.rendering.temperatures import Temperatures
 
 SUMS_TO_1 = 1e-3
 """Probabilities sum to 1 up to this."""
-
-
-@dataclass(frozen=True)
-class Places:
-    """The pixels of the input views that Gaussians stand for, if not every pixel has one: scenes merged from several windows.
-
-    Attributes:
-        index: of each Gaussian, in the order view, row, column of all blocks of pixels.
-        stride: pixels along each side of a block.
-    """
-
-    index: Int64[Tensor, " g"]
-    stride: int
-
-    def views(self, size: tuple[int, int]) -> Int64[Tensor, " g"]:
-        """The input view of each Gaussian.
-
-        Args:
-            size: (height, width) of the input views [px].
-        """
-        rows, columns = (-(-side // self.stride) for side in size)
-        return self.index // (rows * columns)
-
-    def __getitem__(self, keep: Tensor) -> Places:
-        """The places of some of the Gaussians."""
-        return Places(self.index[keep], self.stride)
 
 
 @dataclass(frozen=True)
@@ -64,7 +38,9 @@ class Encoding:
         depth_range: near and far of the input views, unchanged, in float64 on the CPU [m].
         classes: the class table of the Gaussians; None for a colour-only network, or if unknown.
         temperatures: calibrate the class distributions; None if unknown.
-        places: the pixels that Gaussians stand for; None if every pixel, or every block of pixels, has one.
+        stride: pixels along each side of the block that a Gaussian stands for.
+        places: of each Gaussian the number of its block, in the order view, row, column, in scenes merged from several windows; None if
+            every block has a Gaussian.
     """
 
     gaussians: Gaussians
@@ -74,10 +50,11 @@ class Encoding:
     depth_range: Float[Tensor, "*batch v 2"]
     classes: ClassTable | None = None
     temperatures: Temperatures | None = None
-    places: Places | None = None
+    stride: int = 1
+    places: Int64[Tensor, " g"] | None = None
 
     def __repr__(self) -> str:
-        return summary(
+        return describe(
             "Encoding",
             gaussians=self.gaussians,
             depths=self.depths,
@@ -142,7 +119,7 @@ class Encoding:
         Args:
             maps: of the context views, at their size.
         """
-        return per_gaussian(maps.to(self.gaussians.means), len(self.gaussians), self.places)
+        return per_gaussian(maps.to(self.gaussians.means), self.stride, self.places)
 
     def with_depths(
         self,
@@ -167,12 +144,8 @@ class Encoding:
         Raises:
             ValueError: a map is not of the context views' size, or a depth is not a positive number.
         """
-        for name, maps in (
-            ("depths", depths),
-            ("opacities", opacities),
-            ("confidences", confidences),
-            ("depth_spread", depth_spread),
-        ):
+        given = {"depths": depths, "opacities": opacities, "confidences": confidences, "depth_spread": depth_spread}
+        for name, maps in given.items():
             if maps is not None and maps.shape != self.depths.shape:
                 raise ValueError(
                     f"{name} are {tuple(maps.shape)}; expected {tuple(self.depths.shape)}: views, height, width"
@@ -181,28 +154,30 @@ class Encoding:
             raise ValueError("depths contain a number that is not finite or not positive; expected a depth everywhere")
         stride = self.stride
         means = self.gaussians.means
-        placed = _lower_median(depths.to(means), stride)
-        ratios = (placed / self._z_depths(cameras)).flatten(-3)
-        centres = cameras.centres.to(means).repeat_interleave(placed.shape[-2] * placed.shape[-1], -2)
+        own_depths = _lower_median(depths.to(means), stride)
+        ratios = (own_depths / self._z_depths(cameras)).flatten(-3)
+        centres = cameras.centres.to(means).repeat_interleave(own_depths.shape[-2] * own_depths.shape[-1], -2)
 
-        def resized(shape: Appearance) -> Appearance:
+        def resize(shape: Appearance) -> Appearance:
             return replace(shape, scales=shape.scales * ratios[..., None])
 
-        moved = replace(
+        def block_means(maps: Tensor) -> Tensor:
+            return self._full(_means(maps, stride))
+
+        gaussians = replace(
             self.gaussians,
             means=centres + (means - centres) * ratios[..., None],
-            opacities=self.gaussians.opacities
-            if opacities is None
-            else _means(opacities, stride).flatten(-3).to(means),
-            colour=resized(self.gaussians.colour),
-            semantic=None if self.gaussians.semantic is None else resized(self.gaussians.semantic),
+            colour=resize(self.gaussians.colour),
+            semantic=None if self.gaussians.semantic is None else resize(self.gaussians.semantic),
         )
+        if opacities is not None:
+            gaussians = replace(gaussians, opacities=_means(opacities, stride).flatten(-3).to(means))
         return replace(
             self,
-            gaussians=moved,
-            depths=self._full(placed),
-            confidences=self.confidences if confidences is None else self._full(_means(confidences, stride)),
-            depth_spread=self.depth_spread if depth_spread is None else self._full(_means(depth_spread, stride)),
+            gaussians=gaussians,
+            depths=self._full(own_depths),
+            confidences=self.confidences if confidences is None else block_means(confidences),
+            depth_spread=self.depth_spread if depth_spread is None else block_means(depth_spread),
         )
 
     def placed_depths(self, cameras: Cameras) -> Float[Tensor, "*batch v h w"]:
@@ -216,13 +191,14 @@ class Encoding:
         """The opacity of the Gaussian at each pixel of the context views."""
         return self._full(self._maps(self.gaussians.opacities))
 
-    @property
-    def stride(self) -> int:
-        """Pixels along each side of a Gaussian's place."""
-        return block_size(len(self.gaussians), *self.depths.shape[-3:])
-
     def _maps(self, numbers: Float[Tensor, "*batch g"]) -> Float[Tensor, "*batch v rows columns"]:
-        """A number of each Gaussian, by view, row and column."""
+        """A number of each Gaussian, by view, row and column.
+
+        Raises:
+            ValueError: the Gaussians are not those of whole views.
+        """
+        if self.places is not None:
+            raise ValueError("expected Gaussians for each pixel or block of pixels of the views")
         views, height, width = self.depths.shape[-3:]
         rows, columns = (-(-side // self.stride) for side in (height, width))
         return numbers.reshape(*numbers.shape[:-1], views, rows, columns)
@@ -267,7 +243,7 @@ class Encoding:
         scale = torch.diag(torch.tensor([1 / self.stride, 1 / self.stride, 1.0], dtype=torch.float64))
         small = cameras.adjusted(scale, (grid.shape[-2], grid.shape[-1]))
         scenes = ndindex(*grid.shape[:-4])
-        agreed = torch.stack([fused(grid[at], depths[at], spread[at], small[at]) for at in scenes])
+        agreed = torch.stack([fuse_classes(grid[at], depths[at], spread[at], small[at]) for at in scenes])
         features = agreed.movedim(-3, -1).reshape(semantic.features.shape)
         return replace(self, gaussians=replace(self.gaussians, semantic=replace(semantic, features=features)))
 
@@ -297,23 +273,16 @@ class Encoding:
 
 
 def per_gaussian(
-    maps: Float[Tensor, "*batch v c h w"], gaussians: int, places: Places | None = None
+    maps: Float[Tensor, "*batch v c h w"], stride: int, places: Int64[Tensor, " g"] | None = None
 ) -> Float[Tensor, "*batch g c"]:
     """For each of a scene's Gaussians the mean over the pixels that it stands for.
 
     Args:
         maps: of the context views.
-        gaussians: how many there are.
-        places: the pixels that they stand for; None for all.
-
-    Raises:
-        ValueError: they do not stand on a grid of the views' pixels.
+        stride, places: of the scene, as in `Encoding`.
     """
-    views, _, height, width = maps.shape[-4:]
-    stride = block_size(gaussians, views, height, width) if places is None else places.stride
-    blocks = _means(maps, stride).flatten(-2).mT
-    every = blocks.reshape(*maps.shape[:-4], -1, maps.shape[-3])
-    return every if places is None else every[..., places.index.to(every.device), :]
+    blocks = _means(maps, stride).flatten(-2).mT.reshape(*maps.shape[:-4], -1, maps.shape[-3])
+    return blocks if places is None else blocks[..., places.to(blocks.device), :]
 
 
 def _means(maps: Float[Tensor, "*batch c h w"], stride: int) -> Float[Tensor, "*batch c rows columns"]:
@@ -332,14 +301,8 @@ def _lower_median(maps: Float[Tensor, "*batch v h w"], stride: int) -> Float[Ten
 
 
 def block_size(gaussians: int, views: int, height: int, width: int) -> int:
-    """Pixels along each side of a Gaussian's place, from how many there are of both.
-
-    Raises:
-        ValueError: they do not stand on a grid of the views' pixels.
-    """
+    """Pixels along each side of a Gaussian's block, from how many there are of both; 0 if the Gaussians are on no grid of the views."""
     for stride in range(1, min(height, width) + 1):
         if views * -(-height // stride) * -(-width // stride) == gaussians:
             return stride
-    raise ValueError(
-        f"{gaussians} Gaussians for {views} views of {height}x{width}; expected one for each pixel or block of pixels"
-    )
+    return 0

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float, Float64, Int64
 from torch import Tensor
 
-from semgs.geometry.cameras import back_project, shrunk
+from semgs.geometry.cameras import back_project, shrink_cameras
 from semgs.geometry.harmonics import colours_from_harmonics
 from semgs.scene.scene_file import SavedScene
 
@@ -24,24 +24,18 @@ OFFSET_PX = 0.5 / 0.8
 """The detector shrinks images to 0.8 of their size and counts from the centre of the first pixel there."""
 
 
-def own_grid(scene: SavedScene) -> tuple[int, int, int]:
-    """(views, rows, columns) of the blocks of pixels that Gaussians stand for."""
-    rows, columns = (-(-side // scene.stride) for side in scene.cameras.size)
-    return len(scene.frames), rows, columns
-
-
 def own_images(scene: SavedScene) -> Float[Tensor, "v rows columns 3"]:
     """What the Gaussians show in their own input views, a pixel for each place; merged scenes, which have gaps there, are rendered."""
     if scene.places is None:
-        return own_colours(scene).reshape(*own_grid(scene), 3)
-    images = scene.render(shrunk(scene.cameras, scene.stride)).images
+        return own_colours(scene).reshape(*scene.grid, 3)
+    images = scene.render(shrink_cameras(scene.cameras, scene.stride)).images
     return images.movedim(-3, -1)
 
 
 def own_points(scene: SavedScene) -> Float64[Tensor, "v rows columns 3"]:
     """The surface at each place of the input views: the Gaussians, or, in merged scenes, the depth of the views."""
     if scene.places is None:
-        return scene.gaussians.means.double().reshape(*own_grid(scene), 3)
+        return scene.gaussians.means.double().reshape(*scene.grid, 3)
     points = back_project(scene.depths.double(), scene.cameras)
     return points[:, :: scene.stride, :: scene.stride]
 
@@ -49,10 +43,10 @@ def own_points(scene: SavedScene) -> Float64[Tensor, "v rows columns 3"]:
 def own_labels(scene: SavedScene) -> Int64[Tensor, "v rows columns"]:
     """The likeliest class at each place of the input views of a scene with classes; -1 for places without a Gaussian."""
     assert scene.gaussians.semantic is not None
-    labels, grid = scene.gaussians.semantic.features.argmax(-1), own_grid(scene)
+    labels, grid = scene.gaussians.semantic.features.argmax(-1), scene.grid
     if scene.places is not None:
         every = torch.full((prod(grid),), -1)
-        every[scene.places.index] = labels
+        every[scene.places] = labels
         labels = every
     return labels.reshape(grid)
 

@@ -35,14 +35,14 @@ from semgs.data.views import Views
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError, input_error
 from semgs.files.strict_json import parse_json
-from semgs.files.tensor_files import opened_tensors
+from semgs.files.tensor_files import open_tensors
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.summaries import summary
+from semgs.geometry.summaries import describe
 from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
 from semgs.rendering.temperatures import Temperatures
-from semgs.scene.encoding import Encoding, Places, block_size, per_gaussian
+from semgs.scene.encoding import Encoding, block_size, per_gaussian
 
 FILE_NAME = "scene.safetensors"
 """Name of the scene file in an output folder of `semgs reconstruct`."""
@@ -75,7 +75,9 @@ class SavedScene:
         depth_spread: standard deviation of log depth: 0.1 is about 10 % of the depth; None if unknown.
         temperatures: calibrate the class distributions; None if unknown.
         origin: add it to a position to get the source's coordinates; (0, 0, 0) unless the source is far from its own origin.
-        places: the pixels of the context views that Gaussians stand for, in merged scenes; None if every block of pixels has one.
+        stride: pixels along each side of the block that a Gaussian stands for; if it is not given, it follows from how many there are of
+            both, and is 0 if the Gaussians are on no grid of the views.
+        places: of each Gaussian the number of its block, in the order view, row, column, in merged scenes; None if every block has a Gaussian.
 
     Raises:
         ValueError: sizes or counts disagree, or a number is invalid: not finite, an opacity or confidence outside 0..1, a negative scale
@@ -97,7 +99,8 @@ class SavedScene:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     depth_spread: Float[Tensor, "v h w"] | None = None
     temperatures: Temperatures | None = None
-    places: Places | None = None
+    stride: int = 0
+    places: Int64[Tensor, " g"] | None = None
 
     def __post_init__(self) -> None:
         maps = (len(self.frames), *self.cameras.size)
@@ -120,8 +123,10 @@ class SavedScene:
             raise ValueError(
                 f"the Gaussians have {held} classes and the table is {self.classes}; expected both or none"
             )
+        if self.places is None and not self.stride:
+            object.__setattr__(self, "stride", block_size(len(self.gaussians), *maps))
         if self.places is not None:
-            check_places(self.places, len(self.gaussians), maps)
+            _check_places(self.places, self.stride, len(self.gaussians), maps)
         self.gaussians.checked()
         near, far = self.depth_range.unbind(-1)
         spread = torch.zeros(()) if self.depth_spread is None else self.depth_spread
@@ -172,11 +177,12 @@ class SavedScene:
             frames=tuple(frames) or tuple(map(str, range(len(views)))),
             source=source,
             model=model,
+            stride=encoding.stride,
             places=encoding.places,
         )
 
     def __repr__(self) -> str:
-        return summary(
+        return describe(
             "SavedScene",
             gaussians=self.gaussians,
             cameras=self.cameras,
@@ -191,17 +197,23 @@ class SavedScene:
         )
 
     @property
-    def stride(self) -> int:
-        """Pixels along each side of a Gaussian's place."""
-        if self.places is not None:
-            return self.places.stride
-        return block_size(len(self.gaussians), len(self.frames), *self.cameras.size)
+    def grid(self) -> tuple[int, int, int]:
+        """(views, rows, columns) of the blocks of pixels that Gaussians stand for.
+
+        Raises:
+            ValueError: they stand for none.
+        """
+        if not self.stride:
+            raise ValueError("expected a scene with a Gaussian for each pixel or block of pixels")
+        rows, columns = (-(-side // self.stride) for side in self.cameras.size)
+        return len(self.frames), rows, columns
 
     @property
     def own_views(self) -> Int64[Tensor, " g"]:
         """The input view of each Gaussian."""
         if self.places is not None:
-            return self.places.views(self.cameras.size)
+            _, rows, columns = self.grid
+            return self.places // (rows * columns)
         return torch.arange(len(self.frames)).repeat_interleave(len(self.gaussians) // len(self.frames))
 
     def per_gaussian(self, maps: Float[Tensor, "v h w"]) -> Float[Tensor, " g"]:
@@ -210,7 +222,7 @@ class SavedScene:
         Args:
             maps: of the context views, at their size.
         """
-        return per_gaussian(maps[:, None], len(self.gaussians), self.places)[:, 0]
+        return per_gaussian(maps[:, None], self.stride, self.places)[:, 0]
 
     @property
     def near(self) -> float:
@@ -258,8 +270,7 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
     }
     version = FAR_VERSION if any(scene.origin) else VERSION
     if scene.places is not None:
-        tensors["places"], version = scene.places.index.contiguous(), MERGED_VERSION
-    table = scene.classes
+        tensors["places"], version = scene.places.contiguous(), MERGED_VERSION
     header = {
         "format": FORMAT,
         "version": version,
@@ -268,18 +279,12 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
         "frames": list(scene.frames),
         "source": scene.source,
         "model": scene.model,
-        "classes": table
-        and {
-            "name": table.name,
-            "names": list(table.names),
-            "colours": [list(colour) for colour in table.colours],
-            "raw_ids": list(table.raw_ids),
-        },
-        "applied_transform": scene.applied_transform and [list(row) for row in scene.applied_transform],
+        "classes": None if scene.classes is None else asdict(scene.classes),
+        "applied_transform": scene.applied_transform,
         "applied_scale": scene.applied_scale,
         **({"temperatures": asdict(scene.temperatures)} if scene.temperatures else {}),
         **({"origin": list(scene.origin)} if any(scene.origin) else {}),
-        **({"stride": scene.places.stride} if scene.places is not None else {}),
+        **({"stride": scene.stride} if scene.places is not None else {}),
     }
     write_bytes(path, save(tensors, metadata={"semgs": json.dumps(header, allow_nan=False)}))
 
@@ -295,7 +300,7 @@ def load_scene(path: str | Path) -> SavedScene:
         raise InputError(
             file, "a scene file", "no such file", advice="give the folder or file that `semgs reconstruct --out` wrote"
         )
-    with opened_tensors(file, "a complete safetensors file") as opened:
+    with open_tensors(file, "a complete safetensors file") as opened:
         header = _header(file, (opened.metadata() or {}).get("semgs"))
         tensors = {name: opened.get_tensor(name).clone() for name in opened.keys()}  # noqa: SIM118 - not a dict
     try:
@@ -352,13 +357,7 @@ def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
         confidences=tensors["confidences"],
         depth_range=tensors["depth_range"],
         unit=header["unit"],
-        classes=table
-        and ClassTable(
-            name=table["name"],
-            names=tuple(table["names"]),
-            colours=tuple((red, green, blue) for red, green, blue in table["colours"]),
-            raw_ids=tuple(table["raw_ids"]),
-        ),
+        classes=None if table is None else ClassTable.from_json(table),
         frames=tuple(header["frames"]),
         source=header["source"],
         model=header["model"],
@@ -367,19 +366,19 @@ def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
         origin=(x, y, z),
         depth_spread=tensors.get("depth_spread"),
         temperatures=None if temperatures is None else Temperatures(**temperatures),
-        places=Places(tensors["places"], header["stride"]) if "places" in tensors else None,
+        stride=header["stride"] if "places" in tensors else 0,
+        places=tensors.get("places"),
     )
 
 
-def check_places(places: Places, gaussians: int, maps: tuple[int, ...]) -> None:
+def _check_places(places: Int64[Tensor, " _"], stride: int, gaussians: int, maps: tuple[int, ...]) -> None:
     """Check that places are blocks of pixels of (views, height, width), one for each Gaussian.
 
     Raises:
         ValueError: they are not.
     """
-    if not isinstance(places.stride, int) or not 1 <= places.stride <= min(maps[1:]):
-        raise ValueError(f"stride is {places.stride!r}; expected 1 to {min(maps[1:])} pixels")
-    blocks = maps[0] * -(-maps[1] // places.stride) * -(-maps[2] // places.stride)
-    index = places.index
-    if index.shape != (gaussians,) or (len(index) and not 0 <= int(index.min()) <= int(index.max()) < blocks):
-        raise ValueError(f"places are {tuple(index.shape)}; expected ({gaussians},) with numbers of 0 to {blocks - 1}")
+    if not isinstance(stride, int) or not 1 <= stride <= min(maps[1:]):
+        raise ValueError(f"stride is {stride!r}; expected 1 to {min(maps[1:])} pixels")
+    blocks = maps[0] * -(-maps[1] // stride) * -(-maps[2] // stride)
+    if places.shape != (gaussians,) or (len(places) and not 0 <= int(places.min()) <= int(places.max()) < blocks):
+        raise ValueError(f"places are {tuple(places.shape)}; expected ({gaussians},) with numbers of 0 to {blocks - 1}")

@@ -21,7 +21,7 @@ from jaxtyping import Bool, Float64
 from torch import Tensor
 
 from semgs.geometry.cameras import inverse_rigid
-from semgs.geometry.rigid import cameras_in, gaussians_in
+from semgs.geometry.rigid import move_cameras, move_gaussians
 from semgs.scene.own_views import lines, own_labels, own_points
 from semgs.scene.scene_file import SavedScene
 
@@ -236,8 +236,8 @@ def upright(scene: SavedScene, axes: Axes, up: Up | UpDirection = "auto") -> Fra
     turned[:3, 3] = -(scene.gaussians.means.double() @ turned[:3, :3].T).median(0).values
     moved = replace(
         scene,
-        gaussians=gaussians_in(turned, scene.gaussians),
-        cameras=cameras_in(turned, scene.cameras),
+        gaussians=move_gaussians(turned, scene.gaussians),
+        cameras=move_cameras(turned, scene.cameras),
         applied_transform=None,
         applied_scale=None,
         origin=(0.0, 0.0, 0.0),

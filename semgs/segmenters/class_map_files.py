@@ -136,7 +136,7 @@ class MapFiles:
         if path.suffix == ".npz":
             return to_view(self.probabilities(path, frame), frame, size, undistorted=self.made_by is not None)
         labelled = replace(frame, labels=ClassMap(path, self.classes, self.labels.meaning), depth=None, mask=None)
-        labels = labelled.view(BOUNDS, self.classes, size=size, crop=True).labels
+        labels = labelled.view(BOUNDS, self.classes, size=size, fit="crop").labels
         assert labels is not None
         return one_hot(labels[0], len(self.classes))
 
@@ -235,7 +235,9 @@ def save_table(folder: Path, classes: ClassTable, made_by: MadeBy) -> None:
     write_json(folder / RECORD, {**asdict(made_by), "photos": {}})
 
 
-def save_map(folder: Path, frame: Frame, probabilities: Float32[np.ndarray, "class rows columns"], photo: str) -> None:
+def save_class_map(
+    folder: Path, frame: Frame, probabilities: Float32[np.ndarray, "class rows columns"], photo: str
+) -> None:
     """Write the map of a frame's undistorted photo, in half precision.
 
     Args:

@@ -21,7 +21,7 @@ from semgs.segmenters.networks.cost import Cost, cost_of
 
 
 @runtime_checkable
-class Source(Protocol):
+class ClassSource(Protocol):
     """Where the class distributions of frames come from."""
 
     @property
@@ -63,7 +63,7 @@ class Translated:
         correspondence: from its classes to others.
     """
 
-    source: Source
+    source: ClassSource
     correspondence: Correspondence
 
     @property
@@ -87,10 +87,10 @@ class Translated:
         return self.correspondence.table[self.source.known].sum(0) > 0
 
     def of(self, frame: Frame, size: tuple[int, int]) -> Float[Tensor, "class h w"]:
-        """As `Source.of`.
+        """As `ClassSource.of`.
 
         Raises:
-            InputError: as `Source.of`.
+            InputError: as `ClassSource.of`.
         """
         return self.correspondence(self.source.of(frame, size))
 
@@ -98,12 +98,12 @@ class Translated:
         """As `Costly.cost`.
 
         Raises:
-            InputError: as `Source.of`.
+            InputError: as `ClassSource.of`.
         """
         return cost_of(self.source, frames)
 
 
-def notes_of(source: Source) -> tuple[str, ...]:
+def notes_of(source: ClassSource) -> tuple[str, ...]:
     """What the user should know about a source, a sentence each: which of its class names are unknown."""
     if not isinstance(source, Translated) or not source.correspondence.unknown:
         return ()
@@ -114,13 +114,13 @@ def notes_of(source: Source) -> tuple[str, ...]:
     )
 
 
-def distributions(
-    source: Source, scene: Scene, positions: Sequence[int], size: Sequence[int]
+def read_distributions(
+    source: ClassSource, scene: Scene, positions: Sequence[int], size: Sequence[int]
 ) -> Float[Tensor, "v class h w"]:
     """What a source says about frames of a scene, one frame after the other.
 
     Raises:
-        InputError: as `Source.of`.
+        InputError: as `ClassSource.of`.
     """
     height, width = checked_size(size)
     return torch.stack([source.of(scene.frames[position], (height, width)) for position in positions])

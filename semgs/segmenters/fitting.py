@@ -17,10 +17,11 @@ from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.data.views import Views
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
+from semgs.files.records import make_record
 from semgs.files.strict_json import read_json
 from semgs.geometry.fusion import LEAST
-from semgs.segmenters.class_source import Source
-from semgs.segmenters.labelling import Votes
+from semgs.segmenters.class_source import ClassSource
+from semgs.segmenters.labelling import ClassVotes
 from semgs.segmenters.names import Correspondence
 
 FORMAT = "semgs.correspondence"
@@ -51,11 +52,11 @@ class Fit:
     segmenter: str
     theirs: tuple[str, ...]
     correspondence: Correspondence
-    votes: Votes | None = None
+    votes: ClassVotes | None = None
 
 
-def counts(
-    source: Source, scene: Scene, views: Views, positions: Sequence[int], ours: int
+def count_pairs(
+    source: ClassSource, scene: Scene, views: Views, positions: Sequence[int], ours: int
 ) -> Float64[np.ndarray, "theirs ours"]:
     """How much probability a source gives each of its classes at the pixels of each of ours.
 
@@ -67,7 +68,7 @@ def counts(
         ours: number of our classes.
 
     Raises:
-        InputError: as `Source.of`.
+        InputError: as `ClassSource.of`.
     """
     found = np.zeros((len(source.classes), ours))
     assert views.labels is not None
@@ -80,13 +81,13 @@ def counts(
     return found
 
 
-def correspondence(counted: Float64[np.ndarray, "theirs ours"], classes: ClassTable) -> Correspondence:
+def make_correspondence(counted: Float64[np.ndarray, "theirs ours"], classes: ClassTable) -> Correspondence:
     """P(our class | their class), with the class frequency of the scenes divided out to the power of one half.
 
     A class of theirs that never occurred says nothing.
 
     Args:
-        counted: the sum of `counts`.
+        counted: the sum of `count_pairs`.
         classes: our table.
     """
     frequency = counted.sum(0) / max(counted.sum(), 1e-12)
@@ -96,9 +97,9 @@ def correspondence(counted: Float64[np.ndarray, "theirs ours"], classes: ClassTa
     return Correspondence(table.astype(np.float32), classes)
 
 
-def fitted_votes(
+def fit_votes(
     samples: Iterable[tuple[Float[Tensor, "class n"], Float[Tensor, "class n"], UInt8[Tensor, " n"]]], classes: int
-) -> Votes:
+) -> ClassVotes:
     """The votes that make the combined distribution likeliest, found by L-BFGS from equal votes.
 
     Args:
@@ -119,13 +120,13 @@ def fitted_votes(
         return found
 
     optimiser.step(loss)  # type: ignore[no-untyped-call]
-    return Votes(*(tuple(round(value, 4) for value in row) for row in free.detach().tolist()))
+    return ClassVotes(*(tuple(round(value, 4) for value in row) for row in free.detach().tolist()))
 
 
-def pixels(
+def sample_pixels(
     views: Views, theirs: Float[Tensor, "v class h w"], own: Float[Tensor, "v class h w"]
 ) -> tuple[Float[Tensor, "class n"], Float[Tensor, "class n"], UInt8[Tensor, " n"]]:
-    """A sample for `fitted_votes`: at most `PIXELS` labelled pixels of each view, in even steps."""
+    """A sample for `fit_votes`: at most `PIXELS` labelled pixels of each view, in even steps."""
     assert views.labels is not None
     known = (views.labels != IGNORE).flatten().nonzero()[:, 0]
     taken = known[:: max(1, len(known) // (PIXELS * len(views)))]
@@ -133,8 +134,8 @@ def pixels(
     return said, thought, views.labels.flatten()[taken]
 
 
-def fit(
-    source: Callable[[Scene], Source],
+def fit_correspondence(
+    source: Callable[[Scene], ClassSource],
     scenes: Sequence[Scene],
     read: Callable[[Scene], tuple[Sequence[int], Views]],
     done: Callable[[int], object] = lambda count: None,
@@ -148,16 +149,16 @@ def fit(
         done: called with the number of finished scenes.
 
     Raises:
-        InputError: as `Source.of`.
+        InputError: as `ClassSource.of`.
     """
     classes = scenes[0].classes
     assert classes is not None
     total: Any = 0
     for number, scene in enumerate(scenes, 1):
         positions, views = read(scene)
-        total = total + counts(source(scene), scene, views, positions, len(classes))
+        total = total + count_pairs(source(scene), scene, views, positions, len(classes))
         done(number)
-    return correspondence(total, classes)
+    return make_correspondence(total, classes)
 
 
 def save_fit(path: Path, fitted: Fit) -> None:
@@ -190,12 +191,14 @@ def read_fit(path: Path) -> Fit:
     if not isinstance(content, dict) or content.get("format") != FORMAT or content.get("version") != VERSION:
         raise InputError(path, expected, "another file")
     try:
-        classes = ClassTable.from_json(content["classes"])
+        classes = make_record(ClassTable, content["classes"])
         table = np.array(content["table"], dtype=np.float32)
         theirs = tuple(str(name) for name in content["theirs"])
         if table.shape != (len(theirs), len(classes)) or not np.isfinite(table).all() or table.min() < 0:
             raise ValueError(f"table is {table.shape}")
-        votes = content["votes"] and Votes(**{key: tuple(map(float, row)) for key, row in content["votes"].items()})
+        votes = content["votes"] and ClassVotes(
+            **{key: tuple(map(float, row)) for key, row in content["votes"].items()}
+        )
         if votes and any(len(row) != len(classes) for row in (votes.theirs, votes.own, votes.bias)):
             raise ValueError(f"votes are not of {len(classes)} classes")
         return Fit(str(content["segmenter"]), theirs, Correspondence(table, classes), votes)

@@ -11,14 +11,14 @@ from torch import Tensor
 
 from semgs.data.scene import Scene
 from semgs.data.views import Views
-from semgs.geometry.fusion import LEAST, fused
+from semgs.geometry.fusion import LEAST, fuse_classes
 from semgs.scene.encoding import Encoding
-from semgs.segmenters.class_source import Source, Translated, distributions, notes_of
+from semgs.segmenters.class_source import ClassSource, Translated, notes_of, read_distributions
 from semgs.segmenters.networks.network_source import Photos
 
 
 @dataclass(frozen=True)
-class Votes:
+class ClassVotes:
     """How much a segmenter and the network each vote for a class: factors of log probabilities, and what is added.
 
     Attributes:
@@ -41,9 +41,9 @@ class Labelling:
         fusion: whether views agree on a class for each point; otherwise each Gaussian has that of its own pixel.
     """
 
-    source: Source
+    source: ClassSource
     own: bool = False
-    votes: Votes | None = None
+    votes: ClassVotes | None = None
     fusion: bool = True
 
     @property
@@ -73,10 +73,10 @@ class Labelling:
             views: the frames as read.
 
         Raises:
-            InputError: as `Source.of`.
+            InputError: as `ClassSource.of`.
             ValueError: the network's own classes are to vote, and it has none or another table.
         """
-        found = distributions(self.source, scene, positions, views.size).to(encoding.depths)
+        maps = read_distributions(self.source, scene, positions, views.size).to(encoding.depths)
         if self.own:
             if encoding.classes != self.source.classes:
                 table = encoding.classes.name if encoding.classes else "no classes"
@@ -84,15 +84,15 @@ class Labelling:
                     f"the network has {table}, the segmenter {self.source.classes.name}; expected one table"
                 )
             if self.votes is None:
-                found = combined(found, encoding.class_maps(), torch.from_numpy(self.source.known).to(found.device))
+                maps = combine(maps, encoding.class_maps(), torch.from_numpy(self.source.known).to(maps.device))
             else:
-                found = weighed(found, encoding.class_maps(), self.votes)
+                maps = weigh(maps, encoding.class_maps(), self.votes)
         if self.fusion:
-            found = fused(found, encoding.depths, encoding.depth_spread, views.cameras)
-        return encoding.with_classes(found, self.source.classes)
+            maps = fuse_classes(maps, encoding.depths, encoding.depth_spread, views.cameras)
+        return encoding.with_classes(maps, self.source.classes)
 
 
-def combined(
+def combine(
     theirs: Float[Tensor, "*batch class h w"], own: Float[Tensor, "*batch class h w"], known: Bool[Tensor, " class"]
 ) -> Float[Tensor, "*batch class h w"]:
     """The product of two distributions; for a class that the first cannot say, it votes neither way.
@@ -104,14 +104,14 @@ def combined(
         own: of the network.
         known: the classes that the segmenter can say.
     """
-    said = (theirs + LEAST).log()
+    theirs_log = (theirs + LEAST).log()
     shares = own * known[:, None, None]
-    neutral = (shares * said).sum(-3, keepdim=True) / shares.sum(-3, keepdim=True).clamp(min=LEAST)
-    return ((own + LEAST).log() + torch.where(known[:, None, None], said, neutral)).softmax(-3)
+    neutral = (shares * theirs_log).sum(-3, keepdim=True) / shares.sum(-3, keepdim=True).clamp(min=LEAST)
+    return ((own + LEAST).log() + torch.where(known[:, None, None], theirs_log, neutral)).softmax(-3)
 
 
-def weighed(
-    theirs: Float[Tensor, "*batch class h w"], own: Float[Tensor, "*batch class h w"], votes: Votes
+def weigh(
+    theirs: Float[Tensor, "*batch class h w"], own: Float[Tensor, "*batch class h w"], votes: ClassVotes
 ) -> Float[Tensor, "*batch class h w"]:
     """The weighted product of two distributions."""
     factors = [torch.tensor(row).to(own)[:, None, None] for row in (votes.theirs, votes.own, votes.bias)]

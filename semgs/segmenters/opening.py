@@ -17,11 +17,11 @@ from semgs.data.views import Views
 from semgs.files.errors import InputError, input_error
 from semgs.files.paths import typed_path
 from semgs.segmenters.class_map_files import RECORD, TABLE, MapFiles, save_table
-from semgs.segmenters.class_source import Source, Translated
+from semgs.segmenters.class_source import ClassSource, Translated
 from semgs.segmenters.fitting import Fit, read_fit
 from semgs.segmenters.names import Correspondence, scannet20_of
 from semgs.segmenters.networks.exported import ENDINGS, open_exported
-from semgs.segmenters.networks.huggingface import is_model, open_model
+from semgs.segmenters.networks.huggingface import is_model, open_transformers_model
 from semgs.segmenters.networks.network_source import Photos, Segmenter
 from semgs.segmenters.photo_maps import resized_map
 
@@ -31,7 +31,7 @@ Table = Literal["scannet20", "own"]
 
 @final
 @dataclass(frozen=True)
-class Opened:
+class ViewSegmenter:
     """A segmentation network, and the class table of its answers.
 
     Attributes:
@@ -51,10 +51,10 @@ class Opened:
         """The class distribution of every pixel of views [v], from their images alone."""
         images = (views.images * 255).round().byte().permute(0, 2, 3, 1).cpu().numpy()
         maps = [resized_map(torch.from_numpy(self.segmenter(image)), views.size, views.size) for image in images]
-        found = torch.stack(maps)
-        return found if self.correspondence is None else self.correspondence(found)
+        distributions = torch.stack(maps)
+        return distributions if self.correspondence is None else self.correspondence(distributions)
 
-    def source(self, scene: Scene, save: Path | None = None, earlier: Path | None = None) -> Source:
+    def source(self, scene: Scene, save: Path | None = None, earlier: Path | None = None) -> ClassSource:
         """The network as a source for a scene's frames.
 
         Args:
@@ -76,7 +76,7 @@ class Opened:
         return photos if self.correspondence is None else Translated(photos, self.correspondence)
 
 
-def open_segmenter(name: str | Path, classes: Table = "scannet20", words: Sequence[str] = ()) -> Opened:
+def open_segmenter(name: str | Path, classes: Table = "scannet20", words: Sequence[str] = ()) -> ViewSegmenter:
     """Open a segmentation network.
 
     Args:
@@ -89,14 +89,14 @@ def open_segmenter(name: str | Path, classes: Table = "scannet20", words: Sequen
         ImportError: the library that runs it is not installed.
         ValueError: a word is empty, or two are equal.
     """
-    found = network(name, words)
-    return Opened(found, None if words or classes == "own" else _correspondence(name, found.classes))
+    network = open_network(name, words)
+    return ViewSegmenter(network, None if words or classes == "own" else _match_names(name, network.classes))
 
 
-def network(name: str | Path, words: Sequence[str] = ()) -> Segmenter:
+def open_network(name: str | Path, words: Sequence[str] = ()) -> Segmenter:
     """The network of a name, with its own classes; as for `open_segmenter`."""
     if is_model(str(name)):
-        return open_model(str(name), tuple(words))
+        return open_transformers_model(str(name), tuple(words))
     path = typed_path(str(name))
     if words:
         raise InputError(path, "a text-prompted model for --words, such as CLIPSeg", "something else")
@@ -106,14 +106,14 @@ def network(name: str | Path, words: Sequence[str] = ()) -> Segmenter:
     raise InputError(path, expected, "something else" if path.exists() else "nothing")
 
 
-def sources(
+def open_class_sources(
     name: str,
     classes: Table | None = None,
     correspondence: Path | None = None,
     save: Path | None = None,
     earlier: Path | None = None,
     words: Sequence[str] = (),
-) -> Callable[[Scene], Source]:
+) -> Callable[[Scene], ClassSource]:
     """Open a segmenter once, for the frames of any scene.
 
     Class maps of several scenes are in a folder for each, by the scene's name, inside the one that is named; the class table is beside the maps or
@@ -136,10 +136,10 @@ def sources(
     fitted = None if correspondence is None else read_fit(correspondence)
     path = typed_path(name)
     if is_map_folder(path) and not words:
-        return lambda scene: _of_files(folder_of(path, scene), scene, classes, fitted)
-    found = network(name, words)
+        return lambda scene: _open_files(find_map_folder(path, scene), scene, classes, fitted)
+    network = open_network(name, words)
     table: Table = "own" if words else classes or "scannet20"
-    return lambda scene: _translated(Opened(found).source(scene, save, earlier), name, table, fitted)
+    return lambda scene: _translate(ViewSegmenter(network).source(scene, save, earlier), name, table, fitted)
 
 
 def is_map_folder(path: Path) -> bool:
@@ -147,29 +147,29 @@ def is_map_folder(path: Path) -> bool:
     return path.is_dir() and not (path / "config.json").is_file()
 
 
-def folder_of(folder: Path, scene: Scene) -> Path:
+def find_map_folder(folder: Path, scene: Scene) -> Path:
     """The folder with the maps of a scene."""
     return folder / scene.name if (folder / scene.name).is_dir() else folder
 
 
-def _of_files(folder: Path, scene: Scene, classes: Table | None, fitted: Fit | None) -> Source:
+def _open_files(folder: Path, scene: Scene, classes: Table | None, fitted: Fit | None) -> ClassSource:
     """Class maps as a source."""
     table = folder if (folder / TABLE).is_file() or not (folder.parent / TABLE).is_file() else folder.parent
-    found = MapFiles.opened(folder, scene, table)
-    own = found.made_by is None and fitted is None
-    return _translated(found, folder, classes or ("own" if own else "scannet20"), fitted)
+    files = MapFiles.opened(folder, scene, table)
+    own = files.made_by is None and fitted is None
+    return _translate(files, folder, classes or ("own" if own else "scannet20"), fitted)
 
 
-def _translated(source: Source, name: str | Path, classes: Table, fitted: Fit | None) -> Source:
+def _translate(source: ClassSource, name: str | Path, classes: Table, fitted: Fit | None) -> ClassSource:
     """A source in the table that is wanted."""
     if fitted is not None:
         if fitted.theirs != source.classes.names:
             raise InputError(str(name), f"the classes that {fitted.segmenter} has in the fit", "others")
         return Translated(source, fitted.correspondence)
-    return source if classes == "own" else Translated(source, _correspondence(name, source.classes))
+    return source if classes == "own" else Translated(source, _match_names(name, source.classes))
 
 
-def _correspondence(name: str | Path, classes: ClassTable) -> Correspondence:
+def _match_names(name: str | Path, classes: ClassTable) -> Correspondence:
     """The correspondence of a table with ScanNet's 20 classes.
 
     Raises:

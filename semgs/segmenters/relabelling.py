@@ -22,8 +22,8 @@ from semgs.data.tables.classes import IGNORE
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
 from semgs.files.paths import typed_path
-from semgs.segmenters.class_source import Source
-from semgs.segmenters.opening import Table, is_map_folder, sources
+from semgs.segmenters.class_source import ClassSource
+from semgs.segmenters.opening import Table, is_map_folder, open_class_sources
 
 MOST_PIXELS = 307_200
 """Distributions of larger photos are computed at this many pixels (480 x 640): with 150 classes they take 180 MB."""
@@ -46,7 +46,7 @@ class LikeliestClass:
         confidence: pixels get no label if no class is this likely.
     """
 
-    source: Source
+    source: ClassSource
     frame: Frame
     confidence: float
     stored: ClassVar[bool] = False
@@ -55,7 +55,7 @@ class LikeliestClass:
         """As `MapSource.read`.
 
         Raises:
-            InputError: as `Source.of`.
+            InputError: as `ClassSource.of`.
         """
         size = self.frame.lens.size
         labels = likeliest_labels(self.source.of(self.frame, _reduced(size)), self.confidence)
@@ -69,7 +69,7 @@ def likeliest_labels(probabilities: Float[Tensor, "class h w"], confidence: floa
     return torch.where((best >= confidence) & clear, labels, IGNORE).to(torch.uint8)
 
 
-def relabelled(scene: Scene, source: Source, confidence: float) -> Scene:
+def relabel_scene(scene: Scene, source: ClassSource, confidence: float) -> Scene:
     """A scene with a segmenter's labels instead of its own."""
     frames = tuple(replace(frame, labels=LikeliestClass(source, frame, confidence)) for frame in scene.frames)
     made_by = source.made_by
@@ -90,7 +90,7 @@ class Relabelling:
     """
 
     reading: Reading
-    source_of: Callable[[Scene], Source] = field(repr=False)
+    source_of: Callable[[Scene], ClassSource] = field(repr=False)
     settings: Mapping[str, Any]
     confidence: float = 0.5
 
@@ -101,14 +101,14 @@ class Relabelling:
             InputError: it cannot be opened, or there are no maps of it.
         """
         scene = self.reading.open(source)
-        return relabelled(scene, self.source_of(scene), self.confidence)
+        return relabel_scene(scene, self.source_of(scene), self.confidence)
 
     def as_json(self) -> dict[str, Any]:
         """The details for `settings.json`."""
         return {**self.reading.as_json(), **self.settings, "confidence": self.confidence}
 
 
-def relabelling(
+def open_relabelling(
     segmenter: str,
     reading: Reading,
     classes: Table | None = None,
@@ -121,11 +121,11 @@ def relabelling(
     """Scenes with the labels of a segmenter.
 
     Args:
-        segmenter: as for `semgs.segmenters.opening.sources`.
+        segmenter: as for `semgs.segmenters.opening.open_class_sources`.
         reading: how to read the scenes.
-        classes: the table of the labels, as for `sources`.
+        classes: the table of the labels, as for `open_class_sources`.
         confidence: as for `LikeliestClass`.
-        correspondence, words: as for `sources`.
+        correspondence, words: as for `open_class_sources`.
         alone: whether there is one scene only. Then class maps need no folder with its name.
 
     Raises:
@@ -133,9 +133,9 @@ def relabelling(
         ImportError: the library that runs it is not installed.
     """
     folder = typed_path(segmenter)
-    found = sources(segmenter, classes, correspondence, words=words)
+    found = open_class_sources(segmenter, classes, correspondence, words=words)
 
-    def own(scene: Scene) -> Source:
+    def own(scene: Scene) -> ClassSource:
         if not alone and is_map_folder(folder) and not (folder / scene.name).is_dir():
             raise InputError(folder / scene.name, f"a folder with the class maps of scene {scene.name}", "none")
         return found(scene)

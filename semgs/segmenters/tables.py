@@ -18,7 +18,7 @@ GREY = (205, 205, 205)
 """Its colour, so that the words stand out."""
 
 
-def table_of(name: str, names: Sequence[str]) -> ClassTable:
+def make_class_table(name: str, names: Sequence[str]) -> ClassTable:
     """A class table with colours from a fixed scheme; ScanNet's names keep their colours.
 
     Raises:
@@ -31,7 +31,7 @@ def table_of(name: str, names: Sequence[str]) -> ClassTable:
     return ClassTable(name, tuple(names), colours, tuple(range(len(names))))
 
 
-def table_of_words(words: Sequence[str]) -> ClassTable:
+def make_word_table(words: Sequence[str]) -> ClassTable:
     """The table of words that a user gave, and of `NOTHING` behind them.
 
     Raises:
@@ -45,7 +45,7 @@ def table_of_words(words: Sequence[str]) -> ClassTable:
         raise ValueError(f"expected different words, found {twice!r} twice")
     if not 0 < len(plain) < IGNORE:
         raise ValueError(f"expected 1 to {IGNORE - 1} words, found {len(plain)}")
-    found = table_of("words", (*words, NOTHING))
+    found = make_class_table("words", (*words, NOTHING))
     return replace(found, colours=(*found.colours[:-1], GREY))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import jpeg_bytes
-from semgs.sfm.photos import BLANK, QUALITY, Photo, PhotoSet, sharpness_of, small_grey
+from semgs.sfm.photos import BLANK, QUALITY, PhotoSet, UprightPhoto, sharpness_of, small_grey
 
 MOST_JUDGED = 900
 """Of longer clips, every n-th frame is judged."""
@@ -71,7 +71,7 @@ def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
         if index in wanted:
             name = f"frame_{index:05d}.jpg"
             write_bytes(folder / name, jpeg_bytes(pixels, QUALITY))
-            photos.append(Photo(name, (pixels.shape[0], pixels.shape[1])))
+            photos.append(UprightPhoto(name, (pixels.shape[0], pixels.shape[1])))
         if index >= max(wanted):
             break
     note = f"{len(photos)} of {len(judged)} frames of the clip were chosen: sharp ones, with motion between them."
@@ -88,12 +88,12 @@ def moving(frames: list[Judged]) -> list[Judged]:
     """The frames without those that show nearly the same picture as the last one that was kept."""
     kept = frames[:1]
     for one in frames[1:]:
-        if motion(kept[-1].grey, one.grey) >= LEAST_MOTION:
+        if measure_motion(kept[-1].grey, one.grey) >= LEAST_MOTION:
             kept.append(one)
     return kept
 
 
-def motion(first: np.ndarray, second: np.ndarray) -> float:
+def measure_motion(first: np.ndarray, second: np.ndarray) -> float:
     """By how much a share `MOVING` of the corners moved at least between two frames in grey [share of the longer side]; infinite if they are lost."""
     corners = cv2.goodFeaturesToTrack(first, CORNERS, 0.01, 5)
     if corners is None:

@@ -47,7 +47,7 @@ QUALITY = 95
 
 
 @dataclass(frozen=True)
-class Photo:
+class UprightPhoto:
     """An upright photo.
 
     Attributes:
@@ -75,7 +75,7 @@ class PhotoSet:
 
     path: Path
     folder: Path
-    photos: tuple[Photo, ...]
+    photos: tuple[UprightPhoto, ...]
     ordered: bool = False
     notes: tuple[str, ...] = ()
 
@@ -119,7 +119,7 @@ def copy_photos(path: Path, folder: Path) -> PhotoSet:
         raise InputError(path, f"at most {MOST_PHOTOS} photos", f"{len(files):,}", advice=advice)
     unread = [file for file in files if file.suffix.lower() in UNREAD]
     damaged, panoramas, blank, again = list[str](), list[str](), list[str](), list[str]()
-    photos, sharpness, seen = list[Photo](), list[float](), set[bytes]()
+    photos, sharpness, seen = list[UprightPhoto](), list[float](), set[bytes]()
     for file in (one for one in files if one.suffix.lower() in PICTURES):
         try:
             header, optics, pixels = read_header(file), read_optics(file), read_upright(file)
@@ -139,7 +139,7 @@ def copy_photos(path: Path, folder: Path) -> PhotoSet:
             as_it_is = header.orientation == 1 and file.suffix.lower() != ".heic"
             name = file.name if as_it_is else _jpeg_name(file, files)
             write_bytes(folder / name, read_bytes(file) if as_it_is else jpeg_bytes(pixels, QUALITY))
-            photos.append(Photo(name, (height, width), optics.focal_px))
+            photos.append(UprightPhoto(name, (height, width), optics.focal_px))
             sharpness.append(sharpness_of(grey))
         seen.add(key)
     count, kinds = len(files), ", ".join(sorted({file.suffix.lower() for file in unread}))
@@ -159,7 +159,7 @@ def copy_photos(path: Path, folder: Path) -> PhotoSet:
     return PhotoSet(path, folder, tuple(photos), notes=tuple(notes))
 
 
-def with_focal(photos: PhotoSet, focal_px: float) -> Sequence[Photo]:
+def with_focal(photos: PhotoSet, focal_px: float) -> Sequence[UprightPhoto]:
     """The photos with a focal length that the user gave.
 
     Raises:
@@ -170,7 +170,7 @@ def with_focal(photos: PhotoSet, focal_px: float) -> Sequence[Photo]:
         raise ValueError(
             f"--focal is for photos of one size; {photos.path} has {', '.join('x'.join(map(str, one)) for one in sizes)}"
         )
-    return tuple(Photo(photo.name, photo.size, focal_px) for photo in photos.photos)
+    return tuple(UprightPhoto(photo.name, photo.size, focal_px) for photo in photos.photos)
 
 
 def counted(names: Sequence[str], count: int, what: str) -> list[str]:

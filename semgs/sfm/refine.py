@@ -40,7 +40,7 @@ FALLS_TO = 0.6
 
 @final
 @dataclass(frozen=True, eq=False)
-class Sightings:
+class MatchedRays:
     """Points seen by two cameras each.
 
     Attributes:
@@ -148,7 +148,7 @@ def refine(scene: Scene, frames: Sequence[int]) -> Refinement:
     return Refinement(frames, given, found if accepted else given, count, spacing, before, after, accepted)
 
 
-def sightings(scene: Scene, frames: Sequence[int], matches: Matches) -> Sightings:
+def sightings(scene: Scene, frames: Sequence[int], matches: Matches) -> MatchedRays:
     """Matches as rays of the cameras of some frames.
 
     Args:
@@ -161,10 +161,10 @@ def sightings(scene: Scene, frames: Sequence[int], matches: Matches) -> Sighting
     focal = np.array([scene.frames[index].lens.focal for index in frames], dtype=np.float64)[cameras]
     centre = np.array([scene.frames[index].lens.centre for index in frames], dtype=np.float64)[cameras]
     rays = np.concatenate(((matches.points - centre) / focal, np.ones((len(cameras), 2, 1))), axis=-1)
-    return Sightings(cameras, rays, focal * matches.shrink[..., None])
+    return MatchedRays(cameras, rays, focal * matches.shrink[..., None])
 
 
-def adjusted(given: Float64[np.ndarray, "n 4 4"], seen: Sightings, spacing: float) -> Float64[np.ndarray, "n 4 4"]:
+def adjusted(given: Float64[np.ndarray, "n 4 4"], seen: MatchedRays, spacing: float) -> Float64[np.ndarray, "n 4 4"]:
     """The most probable cameras.
 
     Args:
@@ -183,7 +183,7 @@ def adjusted(given: Float64[np.ndarray, "n 4 4"], seen: Sightings, spacing: floa
     return _moved(given, step, spacing)
 
 
-def epipolar_px(poses: Float64[np.ndarray, "n 4 4"], seen: Sightings) -> Float64[np.ndarray, " m"]:
+def epipolar_px(poses: Float64[np.ndarray, "n 4 4"], seen: MatchedRays) -> Float64[np.ndarray, " m"]:
     """The signed distance of each match from the epipolar geometry of its cameras, to first order [px of the reduced images]."""
     (first, second), (a, b) = poses[seen.cameras].swapaxes(0, 1), seen.rays.swapaxes(0, 1)
     baseline = second[:, :3, 3] - first[:, :3, 3]

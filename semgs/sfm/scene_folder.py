@@ -16,7 +16,7 @@ from semgs.sfm.writing import IMAGES, write_colmap, write_transforms
 
 
 @dataclass(frozen=True)
-class Known:
+class PhotoDetails:
     """What the user knows about photos.
 
     Attributes:
@@ -30,8 +30,8 @@ class Known:
     frames: int = 24
 
 
-def write_scene(
-    path: Path, folder: Path, known: Known, say: Callable[[str], object] = print, *, colmap: bool = False
+def write_photo_scene(
+    path: Path, folder: Path, known: PhotoDetails, say: Callable[[str], object] = print, *, colmap: bool = False
 ) -> Solution:
     """Estimate the cameras of photos, and write them with the photos into a folder that is a scene.
 

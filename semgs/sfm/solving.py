@@ -19,7 +19,7 @@ import numpy as np
 from semgs.data.cameras.lens import Lens
 from semgs.files.errors import InputError
 from semgs.files.paths import check_utf8
-from semgs.sfm.photos import Photo, PhotoSet
+from semgs.sfm.photos import PhotoSet, UprightPhoto
 from semgs.sfm.pycolmap_library import pycolmap
 from semgs.sfm.reasons import why_not
 
@@ -71,7 +71,7 @@ class PosedPhoto:
     """A photo with its estimated camera.
 
     Attributes:
-        name: as of `Photo`.
+        name: as of `UprightPhoto`.
         lens: focal length, principal point in the middle, radial distortion.
         world_from_camera: pose [4 4], OpenCV axes.
     """
@@ -102,7 +102,7 @@ class Solution:
     notes: tuple[str, ...] = ()
 
 
-def expected_seconds(photos: Sequence[Photo], ordered: bool, cores: int) -> float:
+def expected_seconds(photos: Sequence[UprightPhoto], ordered: bool, cores: int) -> float:
     """About how long `solve` takes."""
     count = len(photos)
     pairs = sum(1 for i in range(count) for j in range(i + 1, count) if not ordered or j - i <= 10)
@@ -112,7 +112,7 @@ def expected_seconds(photos: Sequence[Photo], ordered: bool, cores: int) -> floa
     return 1 + (finding + matching) / cores + SECONDS_PER_CAMERA * count * min(1.0, longer / 1000)
 
 
-def solve(photos: PhotoSet, listed: Sequence[Photo], focal_given: bool = False) -> Solution:
+def solve(photos: PhotoSet, listed: Sequence[UprightPhoto], focal_given: bool = False) -> Solution:
     """Estimate the cameras of photos.
 
     Args:
@@ -165,7 +165,7 @@ def posed_photos(model: Any, names: Sequence[str]) -> tuple[PosedPhoto, ...]:
     return tuple(found[name] for name in names if name in found)
 
 
-def _extract(database: Path, folder: Path, listed: Sequence[Photo]) -> None:
+def _extract(database: Path, folder: Path, listed: Sequence[UprightPhoto]) -> None:
     """Find the features of all photos. Photos of one size and focal length share a camera.
 
     The photos are numbered before, in their order: extraction, on all cores, would number them as it ends, and solutions differ with the numbers.
@@ -283,7 +283,7 @@ def _refusal(database: Path, registered: int, count: int) -> tuple[str, None, st
 
 
 def _solution(
-    equal: Sequence[Any], photos: PhotoSet, listed: Sequence[Photo], held: bool, focal_given: bool
+    equal: Sequence[Any], photos: PhotoSet, listed: Sequence[UprightPhoto], held: bool, focal_given: bool
 ) -> Solution:
     """The first of some models as ours, with notes."""
     model = equal[0]
@@ -306,7 +306,7 @@ def _solution(
     )
 
 
-def _focal_note(posed: Sequence[PosedPhoto], listed: Sequence[Photo], held: bool, focal_given: bool) -> str:
+def _focal_note(posed: Sequence[PosedPhoto], listed: Sequence[UprightPhoto], held: bool, focal_given: bool) -> str:
     """Where the focal length is from."""
     text = _described(posed[0].lens)
     if focal_given:

@@ -11,8 +11,8 @@ from semgs.rendering.gsplat_backend import rasterizer
 from semgs.training.run.execution import Execution
 
 
-def launched(execution: Execution) -> Any:
-    """A Fabric whose processes are running: `setup_module`, `backward`, `no_backward_sync`, `all_reduce`, `broadcast`, `is_global_zero`.
+def launch(execution: Execution) -> Any:
+    """Start the processes of a training. Returns a running Fabric, with `setup_module`, `backward`, `no_backward_sync`, `all_reduce`, `broadcast`, `is_global_zero`.
 
     With more than one device it starts the other processes of this machine by calling the same command again, unless
     torchrun or SLURM started them. Gradients are averaged over all processes (DDP).

@@ -22,7 +22,7 @@ import math
 import time
 from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -34,28 +34,34 @@ from semgs.files.atomic import remove_parts
 from semgs.files.errors import input_error
 from semgs.files.images.pictures import write_png
 from semgs.rooms.assets.lock import verify
-from semgs.training.data.batches import Portion, surveyed, training_batches, validation_batches
-from semgs.training.engine import launched
-from semgs.training.presets import from_preset
+from semgs.training.data.batches import Portion, training_batches, validation_batches
+from semgs.training.data.data_check.data_check import check_data
+from semgs.training.data.data_settings import DataSettings
+from semgs.training.data.teacher import Teacher
+from semgs.training.engine import launch
+from semgs.training.presets import preset_changes
 from semgs.training.run.checkpoints import best_checkpoint, newest_checkpoint, save_checkpoint
 from semgs.training.run.execution import Execution
-from semgs.training.run.faults import TOLERATED_IN_A_ROW, BadScenes, broken_down
-from semgs.training.run.log import RunLog, tell
+from semgs.training.run.faults import TOLERATED_IN_A_ROW, BadScenes, save_broken_batch
+from semgs.training.run.log import RunLog, print_lines
 from semgs.training.run.run_folder import (
     BEST,
     SETTINGS,
     WEIGHTS,
-    alone,
-    claim,
+    claim_folder,
     export_weights,
-    hold_assets,
-    network,
-    prolong,
+    extend_run,
+    lock_run,
+    record_assets,
+    run_network,
 )
-from semgs.training.run.session import Session, Stopped, timed
+from semgs.training.run.session import Session, Stopped, time_waiting
+from semgs.training.schedule import Schedule
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
-from semgs.training.supervision.supervision import rate_shares, supervision_of
+from semgs.training.supervision.rates import Rates, relative_rates
+from semgs.training.supervision.supervision import make_supervision
+from semgs.training.supervision.supervision_settings import SupervisionSettings
 from semgs.training.training_settings import TrainingSettings
 
 
@@ -115,49 +121,66 @@ def train(
     """
     began = time.monotonic()
     execution = execution or Execution()
-    settings.check_whole()
+    settings.check_complete()
     execution.share().check(settings.batch)
     for folder in settings.assets:
         verify(folder)
-    claim(out, settings)
-    hold_assets(out, settings.assets)
-    fabric = launched(execution)
-    console = console if fabric.is_global_zero else None
-    tell(console, from_preset(settings))
-    with alone(out) if fabric.is_global_zero else nullcontext():
-        if fabric.is_global_zero:
-            prolong(out, settings)
+    claim_folder(out, settings)
+    record_assets(out, settings.assets)
+    fabric = launch(execution)
+    leads = fabric.is_global_zero
+    console = console if leads else None
+    print_lines(console, preset_changes(settings))
+    with lock_run(out) if leads else nullcontext():
+        if leads:
+            extend_run(out, settings)
             if fabric.world_size == 1:  # other processes of a training write without the lock
                 for part in (out, out / "checkpoints", out / "validation"):
                     remove_parts(part, out / SETTINGS)
-        model = network(out, settings)
-        data = surveyed(settings, out)
-        where = execution.device if fabric.world_size == 1 else f"{execution.device}, {fabric.world_size} processes"
-        tell(console, [*data.notes, f"{settings.model}: {model.origin}", f"on {where}"])
-        supervision = supervision_of(replace(settings, class_weights=data.class_weights))
-        state = TrainingState.begin(
-            model.to(fabric.device), supervision, settings.learning_rate, settings.average_decay, fabric,
-            shares=rate_shares(model, settings),
-        )  # fmt: skip
-        resume(state, out, console)
-        share = execution.share(fabric.global_rank)
-        feed = Feed(
-            training_batches(settings, data, state.step, execution.workers, out / "rooms", share),
-            validation_batches(settings, data) if fabric.is_global_zero else [],
-            data.scenes,
-            data.bad,
-        )
+        state, feed = _prepare(settings, out, execution, fabric, console)
         left = None if execution.minutes is None else execution.minutes - (time.monotonic() - began) / 60
-        outcome = fit(state, settings, out, feed, Session(left, execution.save_minutes, state.seconds), console)
-        stepped = outcome.step > 0  # without a step there is no checkpoint
-        if fabric.is_global_zero and stepped:
+        session = Session(left, execution.save_minutes, state.seconds)
+        outcome = fit(
+            state, settings.part(Schedule), out, feed, session,
+            validate_every=settings.validate_every, validate_start=settings.init != "random", console=console,
+        )  # fmt: skip
+        has_checkpoint = outcome.step > 0
+        if leads and has_checkpoint:
             export_weights(out, out / WEIGHTS)
             if best_checkpoint(out / "checkpoints") is not None:
                 export_weights(out, out / BEST, best=True)
-        weights = f"; weights: {out / WEIGHTS}" if stepped else ""
-        how = f"step {outcome.step} of {settings.steps}, {outcome.skipped} skipped{weights}"
-        tell(console, [how, *([] if outcome.finished else ["repeat the command to resume"])])
+        weights = f"; weights: {out / WEIGHTS}" if has_checkpoint else ""
+        summary = f"step {outcome.step} of {settings.steps}, {outcome.skipped} skipped{weights}"
+        print_lines(console, [summary, *([] if outcome.finished else ["repeat the command to resume"])])
         return outcome
+
+
+def _prepare(
+    settings: TrainingSettings, out: Path, execution: Execution, fabric: Any, console: Console | None
+) -> tuple[TrainingState, Feed]:
+    """The network with its optimiser, resumed from the newest checkpoint, and the batches from there on."""
+    sampling, schedule = settings.part(DataSettings), settings.part(Schedule)
+    learning = settings.part(SupervisionSettings)
+    network = run_network(out, settings)
+    data = check_data(sampling, learning, settings.init, out)
+    device = execution.device if fabric.world_size == 1 else f"{execution.device}, {fabric.world_size} processes"
+    print_lines(console, [*data.notes, f"{settings.model}: {network.origin}", f"on {device}"])
+    teacher = Teacher.open(learning.teacher) if learning.teacher else None
+    state = TrainingState.begin(
+        network.to(fabric.device),
+        make_supervision(learning, data.class_weights, 0 if teacher is None else teacher.classes),
+        schedule.learning_rate,
+        schedule.average_decay,
+        fabric,
+        rates=relative_rates(network, settings.part(Rates)),
+    )
+    resume(state, out, console)
+    batches = training_batches(
+        sampling, data, schedule.steps, state.step, pool=out / "rooms", workers=execution.workers,
+        share=execution.share(fabric.global_rank), single_images=learning.single_images, teacher=teacher,
+    )  # fmt: skip
+    validation = validation_batches(sampling, data.classes, learning.single_images) if fabric.is_global_zero else []
+    return state, Feed(batches, validation, data.scenes, data.bad)
 
 
 def resume(state: TrainingState, out: Path, console: Console | None = None) -> None:
@@ -173,53 +196,70 @@ def resume(state: TrainingState, out: Path, console: Console | None = None) -> N
     advice = "another version of semgs wrote it; resume with that version, or name a new folder"
     with input_error(folder, "checkpoints of this network", advice=advice):
         state.restore(checkpoint.tensors, checkpoint.numbers)
-    tell(
-        console,
-        [*(f"{record}: damaged, skipped" for record in checkpoint.damaged), f"resuming from step {state.step}"],
-    )
+    damaged = [f"{record}: damaged, skipped" for record in checkpoint.damaged]
+    print_lines(console, [*damaged, f"resuming from step {state.step}"])
 
 
 def fit(
     state: TrainingState,
-    settings: TrainingSettings,
+    schedule: Schedule,
     out: Path,
     feed: Feed,
     session: Session,
+    *,
+    validate_every: int = 1000,
+    validate_start: bool = False,
     console: Console | None = None,
 ) -> Outcome:
-    """The loop itself: train from the state's own step to the last one, or until the session is over."""
-    fabric, folder, first = state.fabric, out / "checkpoints", state.step
-    leads, owed = fabric.is_global_zero, state.validation_due
-    with (
-        RunLog(out if leads else None, state.step, settings.steps, console) as log,
-        session,
-    ):
-        known = BadScenes(feed.scenes, log.say, feed.bad)
-        if feed.validation and state.step == 0 and settings.init != "random":
-            state.validation_due = True  # how good the initial weights are
-        _check(state, feed.validation, out, log, session)
-        for portion, waited in () if _any(fabric, session.stopping) else timed(feed.batches):
+    """The loop itself: train from the state's own step to the last one, or until the session is over.
+
+    Args:
+        state: of the training; changed in place.
+        schedule: of its steps.
+        out: the run folder, for the log and checkpoints.
+        feed: its batches.
+        session: how long it may take.
+        validate_every: steps between validations; there is one after the last step, too.
+        validate_start: also validate before the first step, to see how good the initial weights are.
+        console: where progress is shown; None shows nothing.
+
+    Raises:
+        InputError: too many scenes are bad.
+        FloatingPointError: ten steps in a row had no finite gradient.
+    """
+    fabric, folder, first_step = state.fabric, out / "checkpoints", state.step
+    leads, was_due = fabric.is_global_zero, state.validation_due
+    with RunLog(out if leads else None, state.step, schedule.steps, console) as log, session:
+        bad_scenes = BadScenes(feed.scenes, log.say, feed.bad)
+        if feed.validation and validate_start and state.step == 0:
+            state.validation_due = True
+        _validate_if_due(state, feed.validation, out, log, session)
+        batches = () if _any_process(fabric, session.stopping) else time_waiting(feed.batches)
+        for portion, waited in batches:
             if portion.failure is not None:
                 raise portion.failure
-            known.add(portion.bad)
-            report = training_step(state, portion.pieces, settings)
-            state.seconds = session.stepped()
-            log.step(state.step, state.seconds, report, settings.batch, waited, state.skipped, len(known))
+            bad_scenes.add(portion.bad)
+            report = training_step(state, portion.pieces, schedule)
+            state.seconds = session.end_step()
+            scenes = fabric.world_size * sum(len(batch.scenes) for batch in portion.pieces)
+            log.step(state.step, state.seconds, report, scenes, waited, state.skipped, len(bad_scenes))
             if state.skipped_in_a_row >= TOLERATED_IN_A_ROW:
-                raise broken_down(out, state.step, portion, None if fabric.world_size == 1 else fabric.global_rank)
-            if feed.validation and (state.step % settings.validate_every == 0 or state.step == settings.steps):
+                raise save_broken_batch(
+                    out, state.step, portion, None if fabric.world_size == 1 else fabric.global_rank
+                )
+            if feed.validation and (state.step % validate_every == 0 or state.step == schedule.steps):
                 state.validation_due = True
-            _check(state, feed.validation, out, log, session)
-            if _any(fabric, session.over):
+            _validate_if_due(state, feed.validation, out, log, session)
+            if _any_process(fabric, session.over):
                 break
             if leads and session.save_due:
-                session.saved(lambda: save_checkpoint(folder, state))
-        if leads and (state.step > first or (owed and not state.validation_due)):
+                session.time_save(lambda: save_checkpoint(folder, state))
+        if leads and (state.step > first_step or (was_due and not state.validation_due)):
             save_checkpoint(folder, state)
-    return Outcome(state.step, state.step >= settings.steps and not state.validation_due, state.skipped)
+    return Outcome(state.step, state.step >= schedule.steps and not state.validation_due, state.skipped)
 
 
-def _check(state: TrainingState, validation: Sequence[Batch], out: Path, log: RunLog, session: Session) -> None:
+def _validate_if_due(state: TrainingState, batches: Sequence[Batch], out: Path, log: RunLog, session: Session) -> None:
     """If it is due, validate the averaged weights, log the result, and save them if they are the best so far.
 
     If the session is to stop, the validation remains due, and the next session begins with it.
@@ -227,7 +267,7 @@ def _check(state: TrainingState, validation: Sequence[Batch], out: Path, log: Ru
     if not state.validation_due:
         return
     try:
-        result = state.supervision.validate(state.average.module, session.until_stopped(validation))
+        result = state.supervision.validate(state.average.module, session.until_stopped(batches))
     except Stopped:
         return
     state.validation_due = False
@@ -240,6 +280,6 @@ def _check(state: TrainingState, validation: Sequence[Batch], out: Path, log: Ru
         save_checkpoint(out / "checkpoints", state)
 
 
-def _any(fabric: Any, flag: bool) -> bool:
+def _any_process(fabric: Any, flag: bool) -> bool:
     """Whether the flag is set in any of the processes; all of them get the same answer."""
     return bool(fabric.all_reduce(torch.tensor(float(flag), device=fabric.device), reduce_op="sum") > 0)

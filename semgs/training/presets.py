@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from semgs.objectives.loss_weights import LossWeights
-from semgs.training.run.differences import differences, shown
+from semgs.training.run.differences import describe, differences
 from semgs.training.training_settings import TrainingSettings
 
 
 def small() -> TrainingSettings:
-    """The network for a CPU, in rooms: small pictures, more scenes a step, and depth as an extra teacher."""
+    """The network for a CPU as it ships, in rooms: small images, and depth as an extra teacher. semgs recipe small trains it in the stages
+    of the included weights."""
     return TrainingSettings(
         preset="small",
         model="small",
@@ -26,6 +27,11 @@ def small() -> TrainingSettings:
         losses=LossWeights(),
         depth_weight=0.1,
     )
+
+
+def small_plain() -> TrainingSettings:
+    """As `small`, with the paper's layers alone: no class backbone, cost filter, cue or fusion."""
+    return replace(small(), preset="small_plain", model="small_plain")
 
 
 def base() -> TrainingSettings:
@@ -47,15 +53,16 @@ def base_text() -> TrainingSettings:
     return replace(paper(), preset="base_text", model="base_text", losses=losses, init="random")
 
 
-PRESETS = {"small": small, "base": base, "paper": paper, "base_text": base_text}
+PRESETS = {"small": small, "small_plain": small_plain, "base": base, "paper": paper, "base_text": base_text}
 """The trainings that `semgs train` knows by name."""
 
 
-def from_preset(settings: TrainingSettings) -> list[str]:
+def preset_changes(settings: TrainingSettings) -> list[str]:
     """How settings differ from the preset that they began as, a sentence for each field."""
     if settings.preset not in PRESETS:
         return []
-    found = differences(settings, PRESETS[settings.preset]())
+    changes = differences(settings, PRESETS[settings.preset]())
     return [
-        f"{name}: {shown(here)} (preset {settings.preset}: {shown(there)})" for name, (here, there) in found.items()
+        f"{name}: {describe(here)} (preset {settings.preset}: {describe(there)})"
+        for name, (here, there) in changes.items()
     ]

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from semgs.model.switches import Switches
 from semgs.objectives.loss_weights import LossWeights
+from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.presets import PRESETS
-from semgs.training.training_settings import Augmentation, TrainingSettings
+from semgs.training.training_settings import TrainingSettings
 
 STAGES = ("classes", "depth", "joint")
 """The stages of a recipe, in order."""
@@ -78,7 +79,7 @@ def settings_of(stage: str, start: Start, out: Path) -> TrainingSettings:
 def _classes(common: TrainingSettings, start: Start) -> TrainingSettings:
     """What things look like: single images, the first part of the steps at half the size."""
     return replace(
-        common, supervision="pictures", steps=4000, batch=16, contexts=(1, 1), targets=0, half_size=0.6,
+        common, supervision="pictures", steps=4000, batch=16, half_size=0.6,
         learning_rate=2e-3, clip=2.0, average_decay=0.998, class_weights="inverse_fourth_root_frequency",
         network=Switches(class_backbone=True, class_fusion=True), backbone=start.backbone, teacher=start.teacher,
         augmentation=Augmentation(colour=0.5, crop=0.4, flip=True, roll=10.0, camera=1.0),

@@ -11,14 +11,14 @@ import torch
 from torch import Tensor, nn
 from torch.optim.swa_utils import AveragedModel
 
-from semgs.training.engine import launched
+from semgs.training.engine import launch
 from semgs.training.run.execution import Execution
 from semgs.training.supervision.objective import Objective, Supervision
 
 HEAD = "head."
 """Prefix of a head's tensors in a checkpoint."""
 
-SHARE = "share"
+RELATIVE_RATE = "relative_rate"
 """Key of a parameter group: its learning rate, relative to the setting."""
 
 
@@ -65,7 +65,7 @@ class TrainingState:
         learning_rate: float,
         average_decay: float,
         fabric: Any = None,
-        shares: Mapping[str, float] | None = None,
+        rates: Mapping[str, float] | None = None,
     ) -> TrainingState:
         """The state before the first step. Parameters that do not learn are frozen, and so are batch norms that do not measure.
 
@@ -75,22 +75,22 @@ class TrainingState:
             learning_rate: of Adam, until a step sets it.
             average_decay: of the moving average.
             fabric: the launched engine; None launches one for this process alone.
-            shares: learning rates of parameters by name, relative to that of the others; 0 freezes one.
+            rates: learning rates of parameters by name, relative to that of the others; 0 freezes one.
         """
-        shares = shares or {}
-        learning = {name for name in supervision.learning(model) if shares.get(name, 1.0) > 0}
+        rates = rates or {}
+        learning = {name for name in supervision.learning(model) if rates.get(name, 1.0) > 0}
         for name, parameter in model.named_parameters():
             parameter.requires_grad_(name in learning)
         model.train()
-        fabric = fabric or launched(Execution(next(model.parameters()).device.type))
-        average = AveragedModel(model, multi_avg_fn=_warmed_up_average(average_decay))
+        fabric = fabric or launch(Execution(next(model.parameters()).device.type))
+        average = AveragedModel(model, multi_avg_fn=_average_from_zero(average_decay))
         average.eval()
         objective = Objective(model, supervision)
         head = objective.head
-        optimizer = torch.optim.Adam(_groups(_learners(model, head), shares), lr=learning_rate)
+        optimizer = torch.optim.Adam(_parameter_groups(_named_parameters(model, head), rates), lr=learning_rate)
         objective = fabric.setup_module(objective)
         if not supervision.measures:
-            hold_statistics(model)
+            freeze_statistics(model)
         return cls(model, supervision, fabric, objective, average, optimizer, head=head)
 
     def tensors(self) -> dict[str, Tensor]:
@@ -99,7 +99,7 @@ class TrainingState:
         if self.head is not None:
             tensors |= {f"{HEAD}{name}": tensor for name, tensor in self.head.state_dict().items()}
         tensors |= {f"average.{name}": tensor for name, tensor in self.average.state_dict().items()}
-        for name, parameter in _learners(self.model, self.head).items():
+        for name, parameter in _named_parameters(self.model, self.head).items():
             moments = self.optimizer.state.get(parameter, {})
             tensors |= {f"optimizer.{name}/{key}": tensor for key, tensor in moments.items()}
         return {name: tensor.detach().clone().contiguous() for name, tensor in tensors.items()}
@@ -122,20 +122,20 @@ class TrainingState:
             ValueError: the tensors are of another network.
         """
         try:
-            self.model.load_state_dict(_under("model.", tensors))
-            self.average.load_state_dict(_under("average.", tensors))
+            self.model.load_state_dict(_with_prefix("model.", tensors))
+            self.average.load_state_dict(_with_prefix("average.", tensors))
             if self.head is not None:
-                self.head.load_state_dict(_under(HEAD, tensors))
+                self.head.load_state_dict(_with_prefix(HEAD, tensors))
         except RuntimeError as error:
             raise ValueError(f"checkpoints of another one: {error}") from error
         moments: dict[str, dict[str, Tensor]] = {}
-        for name, tensor in _under("optimizer.", tensors).items():
+        for name, tensor in _with_prefix("optimizer.", tensors).items():
             parameter, key = name.rsplit("/", 1)
             moments.setdefault(parameter, {})[key] = tensor
-        names = {parameter: name for name, parameter in _learners(self.model, self.head).items()}
-        order = [names[one] for group in self.optimizer.param_groups for one in group["params"]]
-        held = {order.index(name): values for name, values in moments.items()}
-        self.optimizer.load_state_dict({"state": held, "param_groups": self.optimizer.state_dict()["param_groups"]})
+        names = {parameter: name for name, parameter in _named_parameters(self.model, self.head).items()}
+        order = [names[parameter] for group in self.optimizer.param_groups for parameter in group["params"]]
+        numbered = {order.index(name): values for name, values in moments.items()}
+        self.optimizer.load_state_dict({"state": numbered, "param_groups": self.optimizer.state_dict()["param_groups"]})
         self.step = int(numbers["step"])
         self.skipped = int(numbers["skipped"])
         self.skipped_in_a_row = int(numbers["skipped_in_a_row"])
@@ -145,34 +145,34 @@ class TrainingState:
         self.best_score = float(numbers.get("best_score", -math.inf))
 
 
-def are_numbers(found: Mapping[str, object]) -> bool:
+def are_numbers(values: Mapping[str, object]) -> bool:
     """Whether these could come from `TrainingState.numbers`."""
     whole = {"step", "skipped", "skipped_in_a_row"}
-    if not whole | {"seconds"} <= found.keys() or ("best_step" in found) != ("best_score" in found):
+    if not whole | {"seconds"} <= values.keys() or ("best_step" in values) != ("best_score" in values):
         return False
     return all(
         type(value) in ((int,) if name in whole | {"best_step", "validation_due"} else (int, float))
         and math.isfinite(value)  # type: ignore[arg-type]
         and (value >= 0 or name == "best_score")  # type: ignore[operator]
-        for name, value in found.items()
+        for name, value in values.items()
     )
 
 
-def _learners(model: nn.Module, head: nn.Module | None) -> dict[str, nn.Parameter]:
+def _named_parameters(model: nn.Module, head: nn.Module | None) -> dict[str, nn.Parameter]:
     """The parameters of a model and of its head, by name."""
-    beside = {} if head is None else {f"{HEAD}{name}": one for name, one in head.named_parameters()}
-    return dict(model.named_parameters()) | beside
+    extra = {} if head is None else {f"{HEAD}{name}": parameter for name, parameter in head.named_parameters()}
+    return dict(model.named_parameters()) | extra
 
 
-def _groups(named: Mapping[str, nn.Parameter], shares: Mapping[str, float]) -> list[dict[str, Any]]:
+def _parameter_groups(named: Mapping[str, nn.Parameter], rates: Mapping[str, float]) -> list[dict[str, Any]]:
     """Adam's parameter groups, one for each relative learning rate; the fastest first."""
     groups: dict[float, list[nn.Parameter]] = {}
     for name, parameter in named.items():
-        groups.setdefault(shares.get(name, 1.0), []).append(parameter)
-    return [{"params": groups[share], SHARE: share} for share in sorted(groups, reverse=True)]
+        groups.setdefault(rates.get(name, 1.0), []).append(parameter)
+    return [{"params": groups[rate], RELATIVE_RATE: rate} for rate in sorted(groups, reverse=True)]
 
 
-def hold_statistics(model: nn.Module) -> None:
+def freeze_statistics(model: nn.Module) -> None:
     """Freeze the statistics of a network's batch norms, also in training mode."""
     for module in model.modules():
         if isinstance(module, nn.BatchNorm2d):
@@ -181,10 +181,10 @@ def hold_statistics(model: nn.Module) -> None:
 
 def averaged_weights(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
     """The averaged weights among a state's tensors, by their names in the network."""
-    return _under("average.module.", tensors)
+    return _with_prefix("average.module.", tensors)
 
 
-def _warmed_up_average(decay: float):
+def _average_from_zero(decay: float):
     """A moving average for `AveragedModel` whose decay rises as (1 + n) / (10 + n) until it reaches `decay`.
 
     Otherwise the average of a young run would be its random start.
@@ -198,6 +198,6 @@ def _warmed_up_average(decay: float):
     return update
 
 
-def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+def _with_prefix(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
     """The tensors whose names begin with the prefix, without the prefix."""
     return {name.removeprefix(prefix): tensor for name, tensor in tensors.items() if name.startswith(prefix)}

@@ -10,9 +10,9 @@ import torch
 from torch import nn
 
 from semgs.data.views import Batch
-from semgs.training.state import SHARE, TrainingState
+from semgs.training.schedule import Schedule
+from semgs.training.state import RELATIVE_RATE, TrainingState
 from semgs.training.supervision.objective import TERMS
-from semgs.training.training_settings import TrainingSettings
 
 
 @dataclass(frozen=True)
@@ -43,18 +43,18 @@ class StepReport:
     moved: bool = False
 
 
-def training_step(state: TrainingState, pieces: Sequence[Batch], settings: TrainingSettings) -> StepReport:
+def training_step(state: TrainingState, pieces: Sequence[Batch], schedule: Schedule) -> StepReport:
     """Update the weights with one batch. If the loss or the gradient is not finite, the weights stay as they are.
 
     Args:
         state: of the training; changed in place.
         pieces: this process's share of the batch, in equal pieces; every process has the same number of pieces of the same size.
-        settings: of the training; only the schedule of the learning rate and `clip` are used.
+        schedule: of the learning rate, and the norm to which the gradient is clipped.
     """
-    rate = learning_rate(state.step, settings.steps, settings.learning_rate, settings.warmup)
+    rate = schedule.rate(state.step)
     for group in state.optimizer.param_groups:
-        group["lr"] = rate * group[SHARE]
-    report = descend(state, pieces, settings, rate)
+        group["lr"] = rate * group[RELATIVE_RATE]
+    report = descend(state, pieces, schedule.clip, rate)
     if report.moved:
         state.optimizer.step()
         state.average.update_parameters(state.model)
@@ -64,7 +64,7 @@ def training_step(state: TrainingState, pieces: Sequence[Batch], settings: Train
     return report
 
 
-def descend(state: TrainingState, pieces: Sequence[Batch], settings: TrainingSettings, rate: float) -> StepReport:
+def descend(state: TrainingState, pieces: Sequence[Batch], clip: float, rate: float) -> StepReport:
     """Compute the clipped gradient of a batch in the parameters: the mean over its pieces and over the processes."""
     state.optimizer.zero_grad()
     measured = []
@@ -74,32 +74,14 @@ def descend(state: TrainingState, pieces: Sequence[Batch], settings: TrainingSet
             terms = state.objective(piece)
             state.fabric.backward(terms["total"] / len(pieces))
         measured.append(torch.stack([terms[name].detach() for name in TERMS]))
-    norm = nn.utils.clip_grad_norm_(state.objective.parameters(), settings.clip)
+    norm = nn.utils.clip_grad_norm_(state.objective.parameters(), clip)
     mean = state.fabric.all_reduce(torch.stack(measured).mean(0), reduce_op="mean")
-    found = dict(zip(TERMS, mean.tolist(), strict=True))
-    views = found.pop("unlabelled") * len(pieces) * state.fabric.world_size
+    means = dict(zip(TERMS, mean.tolist(), strict=True))
+    unlabelled = means.pop("unlabelled") * len(pieces) * state.fabric.world_size
     return StepReport(
         learning_rate=rate,
-        **found,
+        **means,
         gradient_norm=float(norm),
-        unlabelled=0 if math.isnan(views) else round(views),
-        moved=math.isfinite(found["total"]) and bool(torch.isfinite(norm)),
+        unlabelled=0 if math.isnan(unlabelled) else round(unlabelled),
+        moved=math.isfinite(means["total"]) and bool(torch.isfinite(norm)),
     )
-
-
-def learning_rate(step: int, steps: int, peak: float, warmup: float) -> float:
-    """The rate of a step: half a cosine up from peak / 25, then half a cosine down to nearly zero.
-
-    This is Smith's one-cycle policy as MVSplat uses it (PyTorch's `OneCycleLR` without its momentum cycle). As a function of the
-    step alone it has no state to save.
-    """
-    first, last = peak / 25, peak / 25e4
-    top = max(warmup * steps - 1, 1e-9)
-    if step <= top:
-        return _cosine(first, peak, step / top)
-    return _cosine(peak, last, min((step - top) / max(steps - 1 - top, 1e-9), 1))
-
-
-def _cosine(start: float, end: float, share: float) -> float:
-    """From start to end along half a cosine."""
-    return end + (start - end) * (1 + math.cos(math.pi * share)) / 2

@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float, Float32, Int64, UInt8
 from torch import Tensor
 
 from semgs.figures.class_images import UNKNOWN_GREY
 from semgs.files.images.colours import Colour, depth_limits, depth_picture, heat_picture
 from semgs.geometry.gaussians import Appearance
-from semgs.geometry.harmonics import colours_from_harmonics
 from semgs.geometry.rotations import covariance
 from semgs.scene.confidence import class_confidences
+from semgs.scene.own_views import own_colours
 from semgs.scene.scene_file import SavedScene
 
 Mode = Literal["colour", "classes", "confidence", "depth", "things"]
@@ -79,7 +78,7 @@ class SceneSplats:
         scale: the viewer's units per unit of the scene.
         labels: the class of each Gaussian; the number of classes for unknown ones, and 0 for a scene without classes.
         groups: the classes that occur, the most frequent first.
-        colours: of each Gaussian as its own input view sees it.
+        colours: of each Gaussian as its own input view sees it, because splats of viewers look the same from everywhere.
         confidences: as `class_confidences`.
         depths: along the optical axis of its own input view [unit of the scene].
         instances: the number of the thing that each Gaussian belongs to, 0 for none; None if things were not searched.
@@ -124,7 +123,7 @@ class SceneSplats:
             scale=TYPICAL_DEPTH / float(np.median(known)) if known.size else 1.0,
             labels=labels,
             groups=_groups(labels, names, colours, _most_opaque(scene.gaussians.opacities.numpy(), at_most)),
-            colours=_colours(scene),
+            colours=np.rint(255 * own_colours(scene).numpy()).astype(np.uint8),
             confidences=confidences,
             depths=depths,
             instances=instances,
@@ -211,15 +210,6 @@ def _most_opaque(opacities: Float32[np.ndarray, " g"], at_most: int | None) -> B
     if at_most is not None:
         kept[np.argsort(-opacities, kind="stable")[at_most:]] = False
     return kept
-
-
-def _colours(scene: SavedScene) -> UInt8[np.ndarray, "g 3"]:
-    """The colour of each Gaussian from the camera of its own input view, because splats of viewers look the same from everywhere."""
-    gaussians = scene.gaussians
-    centres = scene.cameras.centres[scene.own_views]
-    directions = torch.nn.functional.normalize(gaussians.means.double() - centres, dim=-1).to(gaussians.means)
-    colours = colours_from_harmonics(gaussians.colour.features, directions).clamp(max=1)
-    return np.rint(255 * colours.numpy()).astype(np.uint8)
 
 
 def _covariances(shape: Appearance, scale: float) -> Float[np.ndarray, "g 3 3"]:

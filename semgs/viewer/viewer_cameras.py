@@ -11,9 +11,9 @@ import numpy as np
 import torch
 from jaxtyping import UInt8
 
+from semgs.export.colmap import photo_paths
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_rgb
-from semgs.files.strict_json import read_json
 from semgs.geometry.cameras import Arrays, Cameras, as_float64
 from semgs.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
 from semgs.scene.scene_file import SavedScene
@@ -105,11 +105,8 @@ def pixel_of(direction: Arrays, camera: Cameras) -> tuple[float, float]:
 def photos_in(folder: Path, scene: SavedScene) -> list[UInt8[np.ndarray, "h w 3"]]:
     """The photos of a scene's input views in the folder of `semgs reconstruct`; none if it does not contain them all."""
     try:
-        views = [view for view in read_json(folder / "report.json")["views"] if view["role"] == "context"]
-        if tuple(view["name"] for view in views) != scene.frames:
-            return []
-        return [read_rgb(folder / f"renders/context_{view['position']:03d}_input.png") for view in views]
-    except (InputError, KeyError, TypeError, ValueError):
+        return [read_rgb(path) for path in photo_paths(folder, scene)]
+    except InputError:
         return []
 
 

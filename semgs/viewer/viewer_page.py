@@ -8,7 +8,7 @@ from html import escape
 import numpy as np
 from jaxtyping import UInt8
 
-from semgs.export.scene_objects import placed
+from semgs.export.scene_objects import place_things
 from semgs.files.text import printable
 from semgs.robotics.objects import Objects
 from semgs.scene.scene_file import SavedScene
@@ -68,7 +68,7 @@ def scene_page(
         add_input_views(server, views)
         if things is not None:
             server.scene.add_frame("/things", show_axes=False)
-            add_boxes(server, placed(things), splats.scale)
+            add_boxes(server, place_things(things), splats.scale)
         page = server.scene.as_html(dark_mode=True)
     page = page.replace(TITLE, f"<title>{escape(printable(scene.source))}</title>", 1)
     return page.replace("<body>", f"<body>{HINT}", 1)

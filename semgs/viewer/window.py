@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from jaxtyping import UInt8
 
-from semgs.export.scene_objects import PlacedThing, placed
+from semgs.export.scene_objects import PlacedThing, place_things
 from semgs.export.stills import Stills
 from semgs.figures.class_images import overlay
 from semgs.figures.depth_images import depth_bar, depth_ticks
@@ -65,7 +65,7 @@ FLIGHT_SECONDS = 0.5
 
 
 @contextmanager
-def viewing(
+def open_window(
     scene: SavedScene,
     photos: Sequence[UInt8[np.ndarray, "h w 3"]] = (),
     *,
@@ -92,7 +92,7 @@ def viewing(
         InputError: it is not possible to listen on this address.
     """
     splats = SceneSplats.of(scene, min_confidence, at_most, None if things is None else things.instances)
-    boxes = () if things is None else placed(things)
+    boxes = () if things is None else place_things(things)
     with serving(host, port) as server:
         yield Window(server, splats, input_views(scene, splats.scale, photos), up_of(scene, up), min_confidence, boxes)
 
@@ -130,10 +130,10 @@ class Window:
         self._frusta = add_input_views(server, views)
         self._things = add_boxes(server, boxes, splats.scale)
         self._add_panel()
-        server.scene.on_click()(self._clicked)
+        server.scene.on_click()(self._describe_click)
         for frustum, view in zip(self._frusta, views, strict=True):
-            frustum.on_click(partial(self._input_clicked, view))
-        server.on_client_connect(self._connected)
+            frustum.on_click(partial(self._fly_to_clicked, view))
+        server.on_client_connect(self._follow_camera)
 
     def _add_panel(self) -> None:
         """Add all controls."""
@@ -164,22 +164,22 @@ class Window:
                 visible=False,
             ),
         }
-        self._mode_control.on_update(lambda _: self._switch())
-        self._tint_control.on_update(lambda _: self._switch())
+        self._mode_control.on_update(lambda _: self._show_mode())
+        self._tint_control.on_update(lambda _: self._show_mode())
         self._boxes: dict[str, GuiCheckboxHandle] = {}
         if splats.scene.classes is not None:
             self._add_legend()
         with gui.add_folder("Clicked"):
-            self._found = gui.add_html(texts.paragraph("Nothing yet."))
+            self._click_text = gui.add_html(texts.paragraph("Nothing yet."))
         with gui.add_folder("Views"):
             numbers = [str(number + 1) for number in range(len(self._views))]
             flights = gui.add_button_group("Fly to input", numbers)
             flights.on_click(lambda event: self._fly(event.client, self._views[int(event.target.value) - 1]))
             self._inputs_control = gui.add_checkbox("Show inputs", True)
-            self._inputs_control.on_update(self._inputs_box_clicked)
+            self._inputs_control.on_update(self._toggle_inputs)
             if self._things:
                 self._things_control = gui.add_checkbox("Show boxes of things", True)
-                self._things_control.on_update(self._things_box_clicked)
+                self._things_control.on_update(self._toggle_things)
             button = gui.add_button(
                 "Render from here", hint="Render an image from this camera with SemGS's own renderer"
             )
@@ -196,43 +196,43 @@ class Window:
             for group in groups:
                 box = gui.add_checkbox(texts.legend_label(group), True)
                 self._boxes[group.name] = box
-                box.on_update(partial(self._box_clicked, group.name))
+                box.on_update(partial(self._toggle_class, group.name))
             style = [(self._boxes[group.name]._impl.uuid, group.colour) for group in groups]
             gui.add_html(texts.legend_style(style))
             every = gui.add_button_group("All classes", ("show", "hide"))
-            every.on_click(lambda event: self._show_all(event.target.value == "show"))
+            every.on_click(lambda event: self._toggle_all_classes(event.target.value == "show"))
 
-    def _box_clicked(self, name: str, event: object) -> None:
+    def _toggle_class(self, name: str, event: object) -> None:
         """Show or hide a class, as its checkbox says."""
         self._nodes[name].visible = self._boxes[name].value
 
-    def _show_all(self, visible: bool) -> None:
+    def _toggle_all_classes(self, visible: bool) -> None:
         """Show or hide all classes."""
         for name, box in self._boxes.items():
             box.value = visible  # type: ignore[misc]  # mypy does not see its setter
             self._nodes[name].visible = visible
 
-    def _inputs_box_clicked(self, event: GuiEvent) -> None:
+    def _toggle_inputs(self, event: GuiEvent) -> None:
         """Show or hide the input views, as their checkbox says."""
         if event.client is not None:
-            self._moved(event.client.camera)
+            self._hide_views_in_the_way(event.client.camera)
 
-    def _things_box_clicked(self, event: object) -> None:
+    def _toggle_things(self, event: object) -> None:
         """Show or hide the boxes of things, as their checkbox says."""
         for node in self._things:
             node.visible = self._things_control.value
 
-    def _connected(self, client: ClientHandle) -> None:
+    def _follow_camera(self, client: ClientHandle) -> None:
         """Follow the camera of a browser."""
-        client.camera.on_update(self._moved)
+        client.camera.on_update(self._hide_views_in_the_way)
 
-    def _moved(self, camera: CameraHandle) -> None:
+    def _hide_views_in_the_way(self, camera: CameraHandle) -> None:
         """Show the input views that are not in the way of a camera, if the panel says so."""
         x, y, z = camera.position.tolist()
         for frustum, view in zip(self._frusta, self._views, strict=True):
             frustum.visible = self._inputs_control.value and not in_the_way(view, (x, y, z))
 
-    def _switch(self) -> None:
+    def _show_mode(self) -> None:
         """Replace the splats by those of the mode and the overlay that the panel says. While a slider moves, steps in between are left out."""
         with self._lock:
             mode, tint = MODES[self._mode_control.value], self._tint_control.value
@@ -248,7 +248,7 @@ class Window:
                     part = whole.of(group.members)
                     self._nodes[group.name].set_gaussians(part.centres, part.covariances, part.colours, part.opacities)
 
-    def _clicked(self, event: SceneClickEvent) -> None:
+    def _describe_click(self, event: SceneClickEvent) -> None:
         """Say what is under a click, and mark it."""
         seen = event.client.camera
         size = (seen.image_height, seen.image_width)
@@ -256,19 +256,19 @@ class Window:
             scene, scale = self._splats.scene, self._splats.scale
             camera = camera_seen_from(seen.wxyz, np.array(event.ray_origin), seen.fov, size, scale)
             pixel = pixel_of(np.array(event.ray_direction), camera)
-            hit = pick(scene, camera, pixel, self._visible(), self._min_confidence)
-            self._found.content = texts.hit_text(hit, self._metric)
+            hit = pick(scene, camera, pixel, self._find_visible(), self._min_confidence)
+            self._click_text.content = texts.hit_text(hit, self._metric)
             if hit is None:
                 self._server.scene.remove_by_name("/clicked")
                 return
             at = scale * (np.array(hit.position) - np.array(scene.origin))
             self._server.scene.add_label("/clicked", texts.hit_label(hit), position=at, anchor="bottom-center")
 
-    def _visible(self) -> np.ndarray:
+    def _find_visible(self) -> np.ndarray:
         """The Gaussians of the classes that are shown."""
         return self._splats.visible([name for name, box in self._boxes.items() if not box.value])
 
-    def _input_clicked(self, view: InputView, event: SceneNodePointerEvent) -> None:
+    def _fly_to_clicked(self, view: InputView, event: SceneNodePointerEvent) -> None:
         """Fly to an input view."""
         self._fly(event.client, view)
 
@@ -295,12 +295,12 @@ class Window:
         size = (RENDER_HEIGHT, max(1, round(RENDER_HEIGHT * seen.aspect)))
         with self._lock:
             camera = camera_seen_from(seen.wxyz, seen.position, seen.fov, size, self._splats.scale)
-            self._picture.image = self._image(camera)
+            self._picture.image = self._render_image(camera)
             self._rendered.visible = True
 
-    def _image(self, camera: Cameras) -> UInt8[np.ndarray, "h w 3"]:
+    def _render_image(self, camera: Cameras) -> UInt8[np.ndarray, "h w 3"]:
         """The shown classes from a camera, in the mode of the panel."""
-        kept = torch.from_numpy(self._visible())
+        kept = torch.from_numpy(self._find_visible())
         scene = self._splats.scene
         scene = replace(scene, gaussians=scene.gaussians.map(lambda tensor: tensor[kept]))
         cameras = camera.arranged(lambda array: array[None])

@@ -9,7 +9,7 @@ import pytest
 from semgs.bench.bench_file import BenchResult, is_bench, numbers, read_bench
 from semgs.bench.measure import WHOLE, CannotMeasureError
 from semgs.bench.rows import BenchRow, chosen_rows
-from semgs.bench.run_bench import run_bench, steps
+from semgs.bench.run_bench import count_steps, run_bench
 from semgs.bench.workloads import Run, Watch
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
@@ -55,7 +55,7 @@ def test_as_many_steps_are_told_as_were_announced() -> None:
     rows = chosen_rows(["total_small_n2_float32", "cnn_small_n2", "render_n2"])
     told: list[int] = []
     run_bench(rows, {}, prepared=stand_in, begin=lambda: None, peaks=lambda name: None, done=lambda: told.append(1))
-    assert len(told) == steps(rows)
+    assert len(told) == count_steps(rows)
 
 
 def test_the_file_holds_what_was_found(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from semgs.bench.bench_inputs import context_views, generated_scene, network
+from semgs.bench.bench_inputs import context_views, generated_scene, load_network
 from semgs.bench.measure import WHOLE, CannotMeasureError
 from semgs.bench.peak_memory import PeakWatch, forget_peak, peak_mb
 from semgs.bench.rows import STAGES, BenchRow, every_row
@@ -85,7 +85,7 @@ def test_the_generated_scene_follows_from_its_seed() -> None:
 def test_the_random_weights_of_base_give_gaussians_of_one_pixel() -> None:
     views = context_views(2, (64, 80))
     with torch.no_grad():
-        encoding = network("base")(views)
+        encoding = load_network("base")(views)
     pixel = (1 / views.cameras.focal_px).sum(-1)[:, None, None].float()
     unit = (pixel * encoding.depths).reshape(-1, 1) / 2  # what a pixel is at a Gaussian's depth [m]
     for one in (encoding.gaussians.colour, encoding.gaussians.semantic):

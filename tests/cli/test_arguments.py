@@ -13,7 +13,7 @@ from semgs.cli.commands.scenes.reconstruct import Reconstruct
 from semgs.cli.main import main
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.usage_errors import UsageError
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
@@ -60,7 +60,7 @@ def test_what_is_asked_of_a_scene_is_converted_once_and_refused_where_it_cannot_
     options = SceneOptions(camera="/left", intrinsics=(50.0, 51.0, 20.0, 10.0))
     options.check()
     assert options.asked is options.asked
-    assert options.asked == Asked(camera="/left", intrinsics=(50.0, 51.0, 20.0, 10.0))
+    assert options.asked == SceneDetails(camera="/left", intrinsics=(50.0, 51.0, 20.0, 10.0))
     with pytest.raises(UsageError, match="depth_unit is -1"):
         SceneOptions(depth_unit=-1.0).check()
 

@@ -15,7 +15,7 @@ import pytest
 import torch
 from networks import preset
 
-from semgs.cli.main import guarded, main
+from semgs.cli.main import main, run_guarded
 from semgs.data.scenes import LAYOUTS
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.files.folders import own_folder
@@ -281,7 +281,7 @@ def test_an_interrupt_that_a_library_turns_into_another_exception_is_one(sent: s
 
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        assert guarded(work) == code
+        assert run_guarded(work) == code
     finally:
         signal.signal(signal.SIGINT, before)
 

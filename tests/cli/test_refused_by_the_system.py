@@ -21,9 +21,9 @@ from privileges import permissions_hold
 from semgs.cli.arguments import parse
 from semgs.cli.commands.scenes.demo import Demo
 from semgs.cli.main import main
-from semgs.cli.terminal import Plain
+from semgs.cli.terminal import Printable
 from semgs.cli.usage_errors import line_for
-from semgs.files.folders import alone
+from semgs.files.folders import lock_folder
 
 Told = Callable[..., str]
 
@@ -85,7 +85,7 @@ def test_a_second_prepare_into_a_folder_is_told_before_it_works(room: Path, tmp_
     assert main([str(one) for one in command]) == 0
     part = out / ".room.zip.0123abcd.part"
     part.touch()
-    with alone(out / "settings.json", "", ""):
+    with lock_folder(out / "settings.json", "", ""):
         assert told(*command) == (
             f"{out}: expected a folder that no other process prepares scenes into, found one in use; "
             "stop that process first, or name another folder"
@@ -201,13 +201,13 @@ def test_a_hostile_name_of_a_folder_is_prepared_into_and_shown_but_not_trained_i
 
 def test_output_is_shown_and_not_obeyed() -> None:
     stream = io.StringIO()
-    print("a\x1b[2Jb", "c", file=Plain(stream))
+    print("a\x1b[2Jb", "c", file=Printable(stream))
     assert stream.getvalue() == "a\\x1b[2Jb c\n"
 
 
 def test_deleting_the_stream_that_escapes_does_not_touch_the_one_below() -> None:
     stream = io.StringIO()
-    plain = Plain(stream)
+    plain = Printable(stream)
     stream.close()
     plain.close()  # as Python does when it deletes one
 

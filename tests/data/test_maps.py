@@ -37,7 +37,7 @@ def pixels(lens: Lens = LENS) -> Pixels:
 
 def test_a_map_is_cropped_and_resized_as_the_picture_is(tmp_path):
     """Of 4x6, a square is the middle four columns; halved, each pixel takes the old one at its centre: the second of two."""
-    view = frame(tmp_path, depth=InMemory(NUMBERS)).read(RANGE, size=(2, 2), crop=True)
+    view = frame(tmp_path, depth=InMemory(NUMBERS)).read(RANGE, size=(2, 2), fit="crop")
     assert view.depths[0].tolist() == [[8, 10], [20, 22]]
     stretched = frame(tmp_path, depth=InMemory(NUMBERS)).read(RANGE, size=(2, 3))
     assert stretched.depths[0].tolist() == [[7, 9, 11], [19, 21, 23]]

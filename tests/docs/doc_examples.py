@@ -17,7 +17,6 @@ import sys
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -31,7 +30,7 @@ from semgs.cli.arguments import parse
 from semgs.cli.main import COMMANDS, main
 from semgs.data.scenes import open_scenes
 from semgs.data.tables.class_files import read_class_file
-from semgs.evaluation.frames.frame_plan import pinned_plan
+from semgs.evaluation.frames.frame_plan import read_plan
 from semgs.segmenters.networks.exported import read_description
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -208,8 +207,7 @@ def command_of(words: Sequence[str]) -> tuple[str, list[str]]:
 def parse_semgs(words: Sequence[str]) -> None:
     """Parse the options of a semgs command."""
     name, rest = command_of(words)
-    command = COMMANDS[name]
-    parse(getattr(import_module(command.module), command.options), f"semgs {name}", rest)
+    parse(COMMANDS[name].load(), f"semgs {name}", rest)
 
 
 def run_semgs(words: Sequence[str]) -> None:
@@ -327,7 +325,7 @@ def described(example: Example) -> None:
     content, file = json.loads(example.parsed), Path("example.json")
     file.write_text(example.parsed)
     if content.get("format") == "semgs.frames":
-        assert pinned_plan(file, open_scenes(Path("data/rooms"))).tasks
+        assert read_plan(file, open_scenes(Path("data/rooms"))).tasks
     elif "scaling" in content:
         read_description(file)
     elif "classes" in content:

@@ -32,11 +32,11 @@ RUNS = {
     "up_error": ((), "degrees; "),
     "walks": (("{room}", "--every", "3"), ", 8 frames | merged |"),
 }
-"""Arguments of each script, and a part of what it prints. `average_weights` has tests of its own."""
+"""Arguments of each script, and a part of what it prints. `average_weights` has tests of its own, `shared` is for the others."""
 
 
 def test_every_script_is_run_here() -> None:
-    assert {path.stem for path in SCRIPTS.glob("*.py")} == {*RUNS, "average_weights"}
+    assert {path.stem for path in SCRIPTS.glob("*.py")} == {*RUNS, "average_weights", "shared"}
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from planted_mistakes import PLANTED
 
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
-from semgs.doctor.diagnosis import Evidence, diagnose, judged
+from semgs.doctor.diagnosis import Evidence, diagnose, judge_cameras
 from semgs.doctor.misses import misses
 from semgs.doctor.rig import rig_of
 from semgs.rooms.sets.demo_room import demo_scene
@@ -34,14 +34,14 @@ def test_matches_of_the_room_fit_its_cameras_and_its_depth(scene: Scene, matches
     rig = rig_of(scene.frames)
     assert np.median(misses(rig, matches.without_depth())) < 1
     assert np.median(misses(rig, matches)) < 1.5
-    assert judged(rig, Evidence(matches), scene.layout, [frame.name for frame in scene.frames]).verdict == "good"
+    assert judge_cameras(rig, Evidence(matches), scene.layout, [frame.name for frame in scene.frames]).verdict == "good"
 
 
 @pytest.mark.parametrize("number", [0, 1, 2, 3, 4, 5, 9, 10, 11, 12])
 def test_mistakes_in_its_cameras_are_named(scene: Scene, matches: Matches, number: int):
     planted = PLANTED[number]
     wrong = planted.make(rig_of(scene.frames), np.random.default_rng(1))
-    found = judged(wrong, Evidence(matches), scene.layout, [frame.name for frame in scene.frames])
+    found = judge_cameras(wrong, Evidence(matches), scene.layout, [frame.name for frame in scene.frames])
     assert found.finding is not None
     assert found.finding.mistake.name == planted.name
 

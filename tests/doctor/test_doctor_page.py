@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from test_mistakes import NAMES, seen, walk
 
-from semgs.doctor.diagnosis import Evidence, judged
+from semgs.doctor.diagnosis import Evidence, judge_cameras
 from semgs.doctor.doctor_page import PLOT_PX, _axes, _cameras, _measured_points
 
 RED, BLUE = (200, 30, 30), (40, 80, 160)
@@ -29,7 +29,7 @@ def test_grey_points_are_where_the_cameras_measured_them():
     """All pairs see points at known places: from whichever frame, (x, y, z) of the first camera is in front of it."""
     rig = walk()
     matches = seen(rig)
-    found = judged(rig, Evidence(matches), "transforms.json", NAMES)
+    found = judge_cameras(rig, Evidence(matches), "transforms.json", NAMES)
     places = _measured_points(rig, found)
     first = matches.pairs[matches.pair][:, 0]
     inverse = np.linalg.inv(rig.poses[first])
@@ -44,7 +44,7 @@ def test_both_views_show_the_first_camera_in_red_and_the_others_in_blue_also_wit
     poses = rig.poses.copy()
     poses[0] = np.nan
     for one in (rig, replace(rig, poses=poses)):
-        found = judged(rig, Evidence(seen(rig)), "transforms.json", NAMES)
+        found = judge_cameras(rig, Evidence(seen(rig)), "transforms.json", NAMES)
         above, side = _cameras(one, found, "given")
         assert (above.caption, side.caption) == ("given cameras, from above", "given cameras, from the side")
         for view in (above, side):

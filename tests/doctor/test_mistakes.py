@@ -11,7 +11,7 @@ from planted_mistakes import PLANTED, Planted
 from scipy.spatial.transform import Rotation
 
 from semgs.doctor.diagnosis import Diagnosis, Evidence
-from semgs.doctor.diagnosis import judged as judged_on
+from semgs.doctor.diagnosis import judge_cameras as judged_on
 from semgs.doctor.misses import miss, misses, pair_misses, triangulated_depth
 from semgs.doctor.mistakes import BAD_DEPTH, MILLIMETRES
 from semgs.doctor.rig import FileConvention, Rig, inverse
@@ -54,12 +54,12 @@ def seen(rig: Rig, *, depth: bool = True, seed: int = 0, count: int = POINTS) ->
     )  # fmt: skip
 
 
-def judged(rig: Rig, matches: Matches) -> Diagnosis:
+def judge_cameras(rig: Rig, matches: Matches) -> Diagnosis:
     return judged_on(rig, Evidence(matches), "transforms.json", NAMES)
 
 
 def named(rig: Rig, matches: Matches) -> str:
-    found = judged(rig, matches)
+    found = judge_cameras(rig, matches)
     return found.finding.mistake.name if found.finding else found.verdict
 
 
@@ -77,7 +77,7 @@ def test_with_measured_depth_each_mistake_is_named_and_undone(planted: Planted, 
     rig = walk()
     matches = seen(rig)
     wrong = planted.make(rig, np.random.default_rng(seed))
-    found = judged(wrong, matches)
+    found = judge_cameras(wrong, matches)
     assert found.verdict == "suspicious"
     assert found.finding is not None
     assert found.finding.mistake.name == planted.name
@@ -92,7 +92,7 @@ def test_without_depth_scale_cannot_be_told_and_the_rest_is_named(planted: Plant
     matches = seen(rig, depth=False)
     wrong = planted.make(rig, np.random.default_rng(0))
     if "millimetres" in planted.name or "depth unit" in planted.name:
-        found = judged(wrong, matches)
+        found = judge_cameras(wrong, matches)
         assert found.verdict == "good"
         assert planted.name in [one.name for one in found.undecided]
     else:
@@ -168,14 +168,14 @@ def test_a_camera_that_only_turns_leaves_inverted_poses_wrong_and_scale_open():
 def test_a_camera_that_neither_moves_nor_turns_decides_nothing():
     rig = walk(step=0.0, turn=0.0)
     still = replace(rig, poses=np.tile(rig.poses[:1], (len(NAMES), 1, 1)))
-    found = judged(PLANTED[0].make(still, np.random.default_rng(0)), seen(still))
+    found = judge_cameras(PLANTED[0].make(still, np.random.default_rng(0)), seen(still))
     assert found.verdict == "good"
     assert len(found.undecided) >= 12
 
 
 def test_without_matches_nothing_can_be_told():
     none = Matches(np.zeros((0, 2), int), np.zeros(0, int), np.zeros((0, 2, 2)), np.zeros((0, 2)), np.zeros((0, 2)))
-    assert judged(walk(), none).verdict == "cannot tell"
+    assert judge_cameras(walk(), none).verdict == "cannot tell"
 
 
 def test_images_sorted_as_text_are_named():
@@ -196,10 +196,10 @@ def test_cameras_that_nothing_explains_are_suspicious():
     rig = walk()
     poses = rig.poses.copy()
     poses[:, :3, :3] = Rotation.random(len(NAMES), random_state=1).as_matrix()
-    found = judged(replace(rig, poses=poses), seen(rig, count=20))
+    found = judge_cameras(replace(rig, poses=poses), seen(rig, count=20))
     assert (found.verdict, found.finding) == ("suspicious", None)
     assert "no usual mistake explains it" in found.sentence
-    few = judged(replace(rig, poses=poses), seen(rig, count=19))
+    few = judge_cameras(replace(rig, poses=poses), seen(rig, count=19))
     assert few.verdict == "cannot tell"
     assert "the matches may be wrong" in few.sentence
 
@@ -211,7 +211,7 @@ def test_matches_that_are_wrong_in_some_pairs_only_raise_no_alarm():
     shuffled = np.random.default_rng(5).permuted(matches.points, axis=0)
     for right, verdict in ((4, "cannot tell"), (3, "suspicious")):
         points = np.where((matches.pair < right)[:, None, None], matches.points, shuffled)
-        assert judged(rig, replace(matches, points=points)).verdict == verdict
+        assert judge_cameras(rig, replace(matches, points=points)).verdict == verdict
 
 
 def test_camera_to_world_poses_in_a_colmap_model_are_named():

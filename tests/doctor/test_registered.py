@@ -11,7 +11,7 @@ from test_mistakes import NAMES, seen, walk
 from test_warps import corner, small_walk
 
 from semgs.data.scenes import open_scene
-from semgs.doctor.diagnosis import Evidence, diagnose, judged
+from semgs.doctor.diagnosis import Evidence, diagnose, judge_cameras
 from semgs.doctor.mistakes import BAD_DEPTH
 from semgs.doctor.registered import Zoom, unregistered, zooms_of_matches, zooms_of_warps
 from semgs.doctor.rig import Rig, rig_of
@@ -121,7 +121,7 @@ def test_matches_do_not_count_if_depth_maps_then_agree_less():
 
 def test_another_mistake_that_fits_better_comes_first():
     rig, matches = walk(), slanted(1.03**-11)
-    found = judged(rig, Evidence(matches), "transforms.json", NAMES)
+    found = judge_cameras(rig, Evidence(matches), "transforms.json", NAMES)
     assert found.finding is not None
     assert found.finding.mistake is BAD_DEPTH
     assert "0.72 times the focal length" in found.sentence

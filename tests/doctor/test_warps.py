@@ -9,7 +9,7 @@ import pytest
 from planted_mistakes import PLANTED, Planted
 from test_mistakes import NAMES, seen, walk
 
-from semgs.doctor.diagnosis import Evidence, judged
+from semgs.doctor.diagnosis import Evidence, judge_cameras
 from semgs.doctor.rig import Rig
 from semgs.doctor.warps import CAP_PERCENT, DepthView, warp_error
 from semgs.sfm.matches import Matches
@@ -55,7 +55,7 @@ def test_mistakes_are_named_from_depth_alone(number: int):
     rig = small_walk()
     planted: Planted = PLANTED[number]
     evidence = Evidence(NO_MATCHES, corner(rig))
-    found = judged(planted.make(rig, np.random.default_rng(0)), evidence, "transforms.json", NAMES)
+    found = judge_cameras(planted.make(rig, np.random.default_rng(0)), evidence, "transforms.json", NAMES)
     assert found.error > 5
     assert found.finding is not None
     assert found.finding.mistake.name == planted.name
@@ -99,5 +99,5 @@ def test_matches_of_repeated_texture_raise_no_alarm_if_depth_maps_agree():
     poses = rig.poses.copy()
     poses[:, :3, 3] /= 1000
     wrong = seen(replace(rig, poses=poses))
-    assert judged(rig, Evidence(wrong), "transforms.json", NAMES).verdict == "suspicious"
-    assert judged(rig, Evidence(wrong, corner(rig)), "transforms.json", NAMES).verdict == "good"
+    assert judge_cameras(rig, Evidence(wrong), "transforms.json", NAMES).verdict == "suspicious"
+    assert judge_cameras(rig, Evidence(wrong, corner(rig)), "transforms.json", NAMES).verdict == "good"

@@ -18,13 +18,13 @@ from semgs.evaluation.frames.frame_plan import FramePlan, make_plan
 from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.evaluation.frames.protocols import neighbours
-from semgs.evaluation.frames.reading import inputs_of, read_frame, read_views
+from semgs.evaluation.frames.reading import make_inputs, read_frame, read_views
 from semgs.evaluation.frames.saved import SavedPredictions
 from semgs.evaluation.page.evaluation_page import evaluation_page
-from semgs.evaluation.run import write_results
-from semgs.evaluation.scoring.method_scores import Rows, evaluate
-from semgs.evaluation.scoring.records import record
-from semgs.evaluation.scoring.summary import summary
+from semgs.evaluation.run import write_evaluation
+from semgs.evaluation.scoring.method_scores import MethodScores, score_method
+from semgs.evaluation.scoring.records import encode_scores
+from semgs.evaluation.scoring.summary import summarise
 from semgs.evaluation.tables.comparison_tables import (
     BRIEF,
     check_comparable,
@@ -33,7 +33,13 @@ from semgs.evaluation.tables.comparison_tables import (
     paper_grid,
 )
 from semgs.evaluation.tables.environment import hardware, versions
-from semgs.evaluation.tables.evaluation_report import Evaluation, SavedReport, Subject, evaluation_numbers, read_report
+from semgs.evaluation.tables.evaluation_report import (
+    EvaluatedMethod,
+    Evaluation,
+    SavedReport,
+    evaluation_numbers,
+    read_report,
+)
 from semgs.evaluation.tables.notes import notes
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
@@ -76,23 +82,23 @@ def plan(make_scene: MakeScene) -> FramePlan:
     return make_plan("neighbours", neighbours, scenes, (2, 3), (36, 48))
 
 
-def done(plan: FramePlan, rows: list[Rows], name: str = "oracle") -> Evaluation:
-    subject = Subject(name, "weights", "known by heart", "0" * 64, 1)
+def done(plan: FramePlan, rows: list[MethodScores], name: str = "oracle") -> Evaluation:
+    subject = EvaluatedMethod(name, "weights", "known by heart", "0" * 64, 1)
     told = tuple(notes(plan, plan.scenes, rows, 0))
     return Evaluation(subject, "scenes", plan, tuple(rows), SCANNET20, versions(), hardware("cpu"), told)
 
 
-def report(folder: Path, plan: FramePlan, rows: list[Rows], name: str = "oracle") -> SavedReport:
+def report(folder: Path, plan: FramePlan, rows: list[MethodScores], name: str = "oracle") -> SavedReport:
     folder.mkdir(parents=True, exist_ok=True)
     write_json(folder / "report.json", evaluation_numbers(done(plan, rows, name)))
     return read_report(folder)
 
 
 def test_the_truth_scores_exactly_one(plan: FramePlan, tmp_path: Path):
-    rows = evaluate(plan, Oracle(), tmp_path)
+    rows = score_method(plan, Oracle(), tmp_path)
     assert [(one.views, len(one.method)) for one in rows] == [(2, 5), (3, 5)]
     for one in rows:
-        found = summary(one.method)
+        found = summarise(one.method)
         for name in (
             "miou", "miou_per_image", "accuracy", "accuracy_per_image", "class_accuracy", "class_accuracy_per_image",
             "depth_delta_125",
@@ -103,7 +109,7 @@ def test_the_truth_scores_exactly_one(plan: FramePlan, tmp_path: Path):
 
 
 def test_saved_maps_give_the_reported_miou_to_ten_lines_of_anybodys(plan: FramePlan, tmp_path: Path):
-    numbers = evaluation_numbers(done(plan, evaluate(plan, Oracle(wrong=9), tmp_path)))
+    numbers = evaluation_numbers(done(plan, score_method(plan, Oracle(wrong=9), tmp_path)))
     for entry in numbers["results"]:
         pairs = [
             (np.array(Image.open(path)), np.array(Image.open(tmp_path / "truth" / path.parent.name / path.name)))
@@ -134,8 +140,8 @@ def test_a_copy_of_the_nearer_context_scores_as_the_trivial_row_does(plan: Frame
             assert labels is not None
             return Prediction(labels=labels[0])
 
-    for one in evaluate(plan, Copier(), tmp_path):
-        found, copy = summary(one.method), summary(one.trivial["copy"])
+    for one in score_method(plan, Copier(), tmp_path):
+        found, copy = summarise(one.method), summarise(one.baselines["copy"])
         assert {name: copy[name] for name in found} == found
         assert "psnr" in copy
         assert 0 < found["not_given"] < 0.2
@@ -143,7 +149,7 @@ def test_a_copy_of_the_nearer_context_scores_as_the_trivial_row_does(plan: Frame
 
 def test_a_method_is_given_neither_the_truth_nor_the_target(plan: FramePlan, tmp_path: Path):
     oracle = Oracle()
-    evaluate(plan, oracle, tmp_path, save=False)
+    score_method(plan, oracle, tmp_path, save=False)
     for inputs in oracle.given:
         assert (inputs.contexts.labels, inputs.contexts.depths) == (None, None)
         assert len(inputs.contexts) == inputs.task.views
@@ -170,7 +176,7 @@ def test_evaluating_a_network_twice_gives_the_same_bits(plan: FramePlan, tmp_pat
     found = []
     for name in ("first", "second"):
         (tmp_path / name).mkdir()
-        found.append(without_times(evaluation_numbers(done(few, evaluate(few, network(), tmp_path / name)))))
+        found.append(without_times(evaluation_numbers(done(few, score_method(few, network(), tmp_path / name)))))
     assert found[0] == found[1]
     files = sorted(path.relative_to(tmp_path / "first") for path in (tmp_path / "first").rglob("*.*"))
     assert len(files) == 3 * 4 + 3
@@ -180,7 +186,7 @@ def test_evaluating_a_network_twice_gives_the_same_bits(plan: FramePlan, tmp_pat
 
 def test_a_network_is_scored_by_its_arg_max_and_unseen_is_a_separate_mask(plan: FramePlan, tmp_path: Path):
     few = FramePlan(plan.protocol, plan.tasks[:1])
-    rows = evaluate(few, network(), tmp_path)
+    rows = score_method(few, network(), tmp_path)
     stem = tmp_path / "predictions/N2/attic/001"
     labels, unseen = (np.array(Image.open(f"{stem}{end}")) for end in (".png", ".unseen.png"))
     assert labels.max() < 20
@@ -194,7 +200,7 @@ def test_a_network_is_scored_by_its_arg_max_and_unseen_is_a_separate_mask(plan: 
 
 def test_a_target_may_be_rendered_with_the_nearest_input_views_alone(plan: FramePlan):
     task = next(one for one in plan.tasks if len(one.sample.contexts) == 3)
-    inputs, model = inputs_of(task, read_views(task)), load("small").eval()
+    inputs, model = make_inputs(task, read_views(task)), load("small").eval()
     nearest = NearestViews(2, model.placer.shrink_seen)
     found, every = (NetworkMethod(model, "cpu", "small", nearest=one).predict(inputs) for one in (nearest, None))
     encoding = nearest(encode(model, inputs.contexts).encoding, inputs.contexts.cameras, inputs.camera)
@@ -209,20 +215,20 @@ def test_two_workers_give_the_same_numbers(plan: FramePlan, tmp_path: Path):
     found = []
     for workers in (0, 2):
         (tmp_path / str(workers)).mkdir()
-        rows = evaluate(plan, network(), tmp_path / str(workers), workers=workers)
-        found.append([summary(one.method) for one in rows])
+        rows = score_method(plan, network(), tmp_path / str(workers), workers=workers)
+        found.append([summarise(one.method) for one in rows])
     for alone, together in zip(*found, strict=True):
         assert together == pytest.approx(alone, rel=1e-4)
 
 
 def test_progress_is_told_after_every_target_and_a_broken_file_ends_the_work(plan: FramePlan, tmp_path: Path):
     told: list[int] = []
-    evaluate(plan, Oracle(), tmp_path, save=False, done=told.append)
+    score_method(plan, Oracle(), tmp_path, save=False, done=told.append)
     assert told == list(range(1, len(plan.tasks) + 1))
     picture = plan.tasks[3].scene.frames[2].picture
     picture.write_bytes(picture.read_bytes()[:200])
     with pytest.raises(InputError, match=r"hall.*images.*002\.png"):
-        evaluate(plan, Oracle(), tmp_path, save=False)
+        score_method(plan, Oracle(), tmp_path, save=False)
 
 
 def test_scenes_without_labels_count_in_colour_and_depth_only_and_it_is_said(make_scene: MakeScene, tmp_path: Path):
@@ -235,12 +241,12 @@ def test_scenes_without_labels_count_in_colour_and_depth_only_and_it_is_said(mak
 
     scenes = [make_scene("attic", frames=4), make_scene("bare", frames=4, labels=False, depth=False)]
     plan = make_plan("neighbours", neighbours, scenes, (2,), (36, 48))
-    (rows,) = evaluate(plan, Blind(), tmp_path)
+    (rows,) = score_method(plan, Blind(), tmp_path)
     assert [frame.confusion is None for frame in rows.method] == [False, False, True, True]
-    assert len(rows.trivial["majority"]) == 2
-    assert len(rows.trivial["warp"]) == 2
-    alone = evaluate(make_plan("neighbours", neighbours, scenes[:1], (2,), (36, 48)), Blind(), tmp_path)[0]
-    found, expected = summary(rows.method), summary(alone.method)
+    assert len(rows.baselines["majority"]) == 2
+    assert len(rows.baselines["warp"]) == 2
+    alone = score_method(make_plan("neighbours", neighbours, scenes[:1], (2,), (36, 48)), Blind(), tmp_path)[0]
+    found, expected = summarise(rows.method), summarise(alone.method)
     assert found["miou_per_image"] == expected["miou_per_image"]
     assert found["psnr"] != expected["psnr"]
     told = " ".join(notes(plan, scenes, [rows], 0))
@@ -249,15 +255,15 @@ def test_scenes_without_labels_count_in_colour_and_depth_only_and_it_is_said(mak
 
 
 def test_a_report_survives_its_file(plan: FramePlan, tmp_path: Path):
-    rows = evaluate(plan, Oracle(wrong=9), tmp_path)
+    rows = score_method(plan, Oracle(wrong=9), tmp_path)
     saved = report(tmp_path / "a", plan, rows)
     for one in rows:
         again = saved.results[one.views]
-        assert summary(again.frames) == pytest.approx(summary(one.method), rel=1e-12)
-        assert again.numbers["miou"] == summary(one.method)["miou"]
+        assert summarise(again.frames) == pytest.approx(summarise(one.method), rel=1e-12)
+        assert again.numbers["miou"] == summarise(one.method)["miou"]
         assert again.numbers["fps_encoding_each"] == pytest.approx(1 / 0.625)
         assert again.numbers["fps_encoding_shared"] == pytest.approx(8)
-        assert set(again.trivial) == {"copy", "warp", "majority"}
+        assert set(again.baselines) == {"copy", "warp", "majority"}
         assert [scene["scene"] for scene in again.numbers["per_scene"]] == ["attic", "hall"]
         assert len(again.numbers["per_class"]) == 20
         low, high = again.numbers["intervals"]["miou"]
@@ -269,7 +275,7 @@ def test_a_report_survives_its_file(plan: FramePlan, tmp_path: Path):
 
 
 def test_scores_over_the_seen_pixels_are_shown_where_a_twentieth_was_not_seen(plan: FramePlan, tmp_path: Path):
-    saved = report(tmp_path / "a", plan, evaluate(plan, Oracle(wrong=9), tmp_path))
+    saved = report(tmp_path / "a", plan, score_method(plan, Oracle(wrong=9), tmp_path))
 
     def columns(unseen: float) -> set[str]:
         """Headings of the table of a terminal if so much was not seen from two views."""
@@ -282,7 +288,7 @@ def test_scores_over_the_seen_pixels_are_shown_where_a_twentieth_was_not_seen(pl
 
 
 def test_a_report_from_before_the_scores_over_the_seen_pixels_is_read(plan: FramePlan, tmp_path: Path):
-    report(tmp_path / "a", plan, evaluate(plan, Oracle(wrong=9), tmp_path))
+    report(tmp_path / "a", plan, score_method(plan, Oracle(wrong=9), tmp_path))
     path = tmp_path / "a/report.json"
     text = json.loads(path.read_text())
     for entry in text["results"]:
@@ -297,10 +303,10 @@ def test_a_report_from_before_the_scores_over_the_seen_pixels_is_read(plan: Fram
 
 
 def test_a_score_below_the_copy_is_marked(plan: FramePlan, tmp_path: Path):
-    rows = evaluate(plan, Oracle(wrong=30), tmp_path)
+    rows = score_method(plan, Oracle(wrong=30), tmp_path)
     saved = report(tmp_path / "a", plan, rows)
     found = saved.results[2]
-    worse = [name for name in ("miou", "accuracy") if found.numbers[name] < found.trivial["copy"][name]]
+    worse = [name for name in ("miou", "accuracy") if found.numbers[name] < found.baselines["copy"][name]]
     assert set(worse) <= set(found.numbers["below_copy"])
     assert "depth_abs_rel" not in found.numbers["below_copy"]
     grid = overview_grid(saved)
@@ -314,7 +320,7 @@ def test_reports_of_other_frames_sizes_or_truth_are_not_compared(
     plan: FramePlan, make_scene: MakeScene, tmp_path: Path
 ):
     def of(plan: FramePlan, name: str) -> SavedReport:
-        return report(tmp_path / name, plan, evaluate(plan, Oracle(), tmp_path, save=False), name)
+        return report(tmp_path / name, plan, score_method(plan, Oracle(), tmp_path, save=False), name)
 
     base = of(plan, "base")
     check_comparable([base, of(FramePlan("pinned: neighbours", plan.of(2)), "some")])
@@ -332,7 +338,7 @@ def test_reports_of_other_frames_sizes_or_truth_are_not_compared(
 
 def test_tables_of_several_reports(plan: FramePlan, tmp_path: Path):
     reports = [
-        report(tmp_path / name, plan, evaluate(plan, Oracle(wrong), tmp_path, save=False), "oracle")
+        report(tmp_path / name, plan, score_method(plan, Oracle(wrong), tmp_path, save=False), "oracle")
         for name, wrong in (("poor", 18), ("good", 4))
     ]
     paper = paper_grid(reports)
@@ -354,7 +360,7 @@ def test_tables_of_several_reports(plan: FramePlan, tmp_path: Path):
 
 
 def test_the_page_holds_tables_bars_matrix_and_pictures_and_loads_nothing(plan: FramePlan, tmp_path: Path):
-    rows = evaluate(plan, Oracle(wrong=9), tmp_path)
+    rows = score_method(plan, Oracle(wrong=9), tmp_path)
     page = evaluation_page(done(plan, rows), report(tmp_path / "a", plan, rows))
     assert page.count('class="bars"') == page.count('class="matrix"') == 2
     assert page.count('class="gallery"') == 10
@@ -369,19 +375,21 @@ def test_the_page_holds_tables_bars_matrix_and_pictures_and_loads_nothing(plan: 
 
 def test_the_report_that_is_handed_on_is_the_one_in_the_file(plan: FramePlan, tmp_path: Path):
     """To the last number, infinite PSNR of the oracle included."""
-    evaluation = done(plan, evaluate(plan, Oracle(), tmp_path))
-    handed = write_results(tmp_path, evaluation)
+    evaluation = done(plan, score_method(plan, Oracle(), tmp_path))
+    handed = write_evaluation(tmp_path, evaluation)
     read = read_report(tmp_path)
     assert overview_grid(handed) == overview_grid(read)
     for views, result in read.results.items():
         assert handed.results[views].numbers == result.numbers
-        assert [record(frame) for frame in handed.results[views].frames] == [record(frame) for frame in result.frames]
+        assert [encode_scores(frame) for frame in handed.results[views].frames] == [
+            encode_scores(frame) for frame in result.frames
+        ]
     page = (tmp_path / "report.html").read_text()
     assert page == evaluation_page(evaluation, read)
 
 
 def test_what_is_shown_of_the_best_and_worst_is_what_was_predicted(plan: FramePlan, tmp_path: Path):
-    rows = evaluate(plan, Oracle(wrong=9), tmp_path)
+    rows = score_method(plan, Oracle(wrong=9), tmp_path)
     saved = SavedPredictions(tmp_path / "predictions", "x")
     for one in rows:
         assert set(one.shown) == {(task.scene.name, task.target) for task in plan.of(one.views)}
@@ -404,7 +412,7 @@ def test_a_method_that_says_how_sure_it_is_has_its_curve_in_report_and_page(plan
             confidences[: self.wrong] = 0.6
             return replace(super().predict(inputs), confidences=confidences)
 
-    rows = evaluate(plan, Sure(wrong=9), tmp_path)
+    rows = score_method(plan, Sure(wrong=9), tmp_path)
     evaluation = done(plan, rows)
     saved = report(tmp_path, plan, rows)
     for result in saved.results.values():
@@ -412,10 +420,10 @@ def test_a_method_that_says_how_sure_it_is_has_its_curve_in_report_and_page(plan
         assert curve[0.5] == 0
         assert curve[1.0] == pytest.approx(1 - result.numbers["accuracy"])
         assert 0 < result.numbers["aurc"] < curve[1.0]
-        assert summary(result.frames)["ece"] == pytest.approx(result.numbers["ece"])
+        assert summarise(result.frames)["ece"] == pytest.approx(result.numbers["ece"])
     html = evaluation_page(evaluation, saved)
     assert html.count("Confidence from") == 2
     assert "wrong classes among the most confident pixels" in html
-    plain = evaluation_numbers(done(plan, evaluate(plan, Oracle(wrong=9), tmp_path)))
+    plain = evaluation_numbers(done(plan, score_method(plan, Oracle(wrong=9), tmp_path)))
     assert [entry["risk_coverage"] for entry in plain["results"]] == [[], []]
     assert [entry["ece"] for entry in plain["results"]] == [None, None]

@@ -16,12 +16,12 @@ from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20
 from semgs.data.views import Views
 from semgs.evaluation.single_images import evaluate_single_images, score_single_images, single_numbers
-from semgs.evaluation.tables.evaluation_report import Subject
+from semgs.evaluation.tables.evaluation_report import EvaluatedMethod
 from semgs.files.images.pictures import read_uint8
 from semgs.model.semgs import SemGS
 from semgs.rendering.temperatures import Temperatures
 
-SUBJECT = Subject("by colour", "weights", "known by heart", "0" * 64, 1)
+SUBJECT = EvaluatedMethod("by colour", "weights", "known by heart", "0" * 64, 1)
 
 
 def by_colour(temperatures: Temperatures | None = None) -> SemGS:

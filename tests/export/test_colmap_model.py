@@ -12,7 +12,7 @@ from known import SIZE, plane_scene
 
 from semgs.data.scenes import open_scene
 from semgs.export.colmap import image_names, save_model, tracks_of
-from semgs.export.points import points_of
+from semgs.export.points import make_points
 from semgs.files.images.pictures import write_png
 from semgs.scene.scene_file import SavedScene
 
@@ -23,7 +23,7 @@ def write(folder: Path, scene: SavedScene) -> None:
     keep = tracks.matched
     (folder / "sparse" / "0").mkdir(parents=True)
     (folder / "images").mkdir()
-    save_model(folder / "sparse" / "0", scene, points_of(scene).only(keep), tracks.only(keep))
+    save_model(folder / "sparse" / "0", scene, make_points(scene).only(keep), tracks.only(keep))
     for name in image_names(scene.frames):
         write_png(folder / "images" / name, np.full((*SIZE, 3), 128, np.uint8))
 

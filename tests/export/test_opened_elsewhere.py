@@ -22,7 +22,7 @@ from semgs.export.gltf import save_gltf
 from semgs.export.ply import DEGREE_0, save_ply, save_semantic_ply
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.rigid import cameras_in, gaussians_in
+from semgs.geometry.rigid import move_cameras, move_gaussians
 from semgs.rendering.render import Rendering, render
 from semgs.scene.scene_file import SavedScene, load_scene
 from semgs.scene.upright import upright
@@ -84,7 +84,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> SavedScene:
 def moved(demo: SavedScene, request: pytest.FixtureRequest) -> Moved:
     motion = torch.eye(4, dtype=torch.float64)
     motion[:3] = torch.tensor(MOTIONS[request.param], dtype=torch.float64).T
-    there = replace(demo, gaussians=gaussians_in(motion, demo.gaussians), cameras=cameras_in(motion, demo.cameras))
+    there = replace(demo, gaussians=move_gaussians(motion, demo.gaussians), cameras=move_cameras(motion, demo.cameras))
     return Moved(there, motion[:3, 2])
 
 
@@ -131,7 +131,7 @@ def test_splat_transform_makes_the_same_gltf_from_our_ply(tmp_path: Path) -> Non
     scene = some_scene(16)
     save_ply(tmp_path / "a.ply", scene.gaussians)
     splat_transform(tmp_path / "a.ply", tmp_path / "theirs.glb")
-    save_gltf(tmp_path / "ours.glb", replace(scene, gaussians=gaussians_in(HALF_TURN, scene.gaussians)))
+    save_gltf(tmp_path / "ours.glb", replace(scene, gaussians=move_gaussians(HALF_TURN, scene.gaussians)))
     theirs, own = read_glb(tmp_path / "theirs.glb"), read_glb(tmp_path / "ours.glb")
     names = set(theirs.primitive["attributes"])
     assert names == set(own.primitive["attributes"]) - {"_CLASS", "_CONFIDENCE"}
@@ -171,7 +171,7 @@ def test_splat_transform_keeps_our_gaussians_in_compressed_files(tmp_path: Path,
     save_ply(tmp_path / "a.ply", scene.gaussians)
     splat_transform(tmp_path / "a.ply", "--filter-harmonics", "1", tmp_path / f"b.{ending}")
     splat_transform(tmp_path / f"b.{ending}", tmp_path / "c.glb")
-    again, gaussians = read_glb(tmp_path / "c.glb"), gaussians_in(HALF_TURN, scene.gaussians)
+    again, gaussians = read_glb(tmp_path / "c.glb"), move_gaussians(HALF_TURN, scene.gaussians)
     distances = torch.cdist(gaussians.means.double(), torch.tensor(again.attribute("POSITION")).double())
     nearest = distances.argmin(1).numpy()  # they may be in another order
     assert sorted(nearest) == list(range(6))

@@ -9,25 +9,25 @@ import pytest
 import torch
 from known import CHAIR, SIZE, WALL, plane_scene
 
-from semgs.export.points import FRAME, TOPIC, points_of, save_bag, save_points
+from semgs.export.points import FRAME, TOPIC, make_points, save_bag, save_points
 from semgs.geometry.harmonics import basis
 
 
 def test_a_point_has_the_colour_that_its_own_camera_sees_and_its_likeliest_class() -> None:
     scene = plane_scene()
-    points, second = points_of(scene), SIZE[0] * SIZE[1] + 5  # a pixel of the second view
+    points, second = make_points(scene), SIZE[0] * SIZE[1] + 5  # a pixel of the second view
     way = scene.gaussians.means[second] - scene.cameras.centres[1].float()
     colour = 0.5 + basis(way / way.norm(), 2) @ scene.gaussians.colour.features[second]
     assert points.colours[second].tolist() == (255 * colour.clamp(0, 1)).round().tolist()
     assert points.labels is not None
     assert points.labels[: SIZE[1]].unique().tolist() == sorted({WALL, CHAIR, 6})
     assert points.confidences.allclose(torch.tensor(0.8))
-    assert points_of(plane_scene(classes=False)).confidences.allclose(torch.tensor(0.75))
+    assert make_points(plane_scene(classes=False)).confidences.allclose(torch.tensor(0.75))
 
 
 def test_trimesh_reads_positions_colours_and_scalar_fields(tmp_path: Path) -> None:
     trimesh = pytest.importorskip("trimesh")
-    points = points_of(plane_scene())
+    points = make_points(plane_scene())
     save_points(tmp_path / "points.ply", points)
     cloud = trimesh.load(tmp_path / "points.ply")
     assert np.array_equal(cloud.vertices.astype(np.float32), points.means.numpy())
@@ -39,7 +39,7 @@ def test_trimesh_reads_positions_colours_and_scalar_fields(tmp_path: Path) -> No
 
 
 def test_without_classes_there_is_no_label(tmp_path: Path) -> None:
-    save_points(tmp_path / "points.ply", points_of(plane_scene(classes=False)))
+    save_points(tmp_path / "points.ply", make_points(plane_scene(classes=False)))
     header = (tmp_path / "points.ply").read_bytes().partition(b"end_header")[0]
     assert b"scalar_label" not in header
     assert header.endswith(b"property float scalar_confidence\n")
@@ -48,7 +48,7 @@ def test_without_classes_there_is_no_label(tmp_path: Path) -> None:
 def test_the_reference_library_of_mcap_reads_one_latched_cloud(tmp_path: Path) -> None:
     reader = pytest.importorskip("mcap.reader")
     pytest.importorskip("rosbags")
-    points = points_of(plane_scene())
+    points = make_points(plane_scene())
     save_bag(tmp_path / "points.mcap", points)
     assert [path.name for path in tmp_path.iterdir()] == ["points.mcap"]
     with (tmp_path / "points.mcap").open("rb") as file:
@@ -70,7 +70,7 @@ def test_the_reference_library_of_mcap_reads_one_latched_cloud(tmp_path: Path) -
 
 def test_rosbags_reads_the_fields_that_rviz_looks_for(tmp_path: Path) -> None:
     highlevel = pytest.importorskip("rosbags.highlevel")
-    points = points_of(plane_scene()).only(torch.arange(2 * SIZE[0] * SIZE[1]) % 3 == 0)
+    points = make_points(plane_scene()).only(torch.arange(2 * SIZE[0] * SIZE[1]) % 3 == 0)
     save_bag(tmp_path / "points.mcap", points)
     with highlevel.AnyReader([tmp_path / "points.mcap"]) as bag:
         ((connection, _, data),) = bag.messages()
@@ -84,7 +84,7 @@ def test_rosbags_reads_the_fields_that_rviz_looks_for(tmp_path: Path) -> None:
 
 def test_equal_scenes_give_equal_files(tmp_path: Path) -> None:
     pytest.importorskip("rosbags")
-    points = points_of(plane_scene())
+    points = make_points(plane_scene())
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
         save_points(tmp_path / name / "points.ply", points)

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from semgs.figures.class_images import LegendEntry
-from semgs.figures.comparison import Block, PictureRow, comparison, mosaic
+from semgs.figures.comparison import FigureBlock, PictureRow, comparison, mosaic
 
 SIZE = (60, 80)
 
@@ -33,7 +33,7 @@ RED, GREEN, BLUE, PINK = (200, 10, 20), (10, 200, 30), (30, 20, 210), (240, 120,
 
 def test_rows_go_down_and_columns_to_the_right_and_all_have_their_size():
     rows = (PictureRow("a/1", (picture(RED), picture(GREEN))), PictureRow("a/2", (picture(BLUE), None)))
-    sheet = opened(comparison([Block("", ("one", "two"), rows)])["png"])
+    sheet = opened(comparison([FigureBlock("", ("one", "two"), rows)])["png"])
     (red, green, blue) = (places(sheet, colour) for colour in (RED, GREEN, BLUE))
     assert red[0] == pytest.approx(green[0])
     assert red[1] < green[1]
@@ -45,7 +45,7 @@ def test_rows_go_down_and_columns_to_the_right_and_all_have_their_size():
 
 def test_blocks_stand_below_each_other_or_side_by_side():
     one, two = (
-        Block(name, ("x",), (PictureRow("r", (picture(colour),)),)) for name, colour in (("A", RED), ("B", BLUE))
+        FigureBlock(name, ("x",), (PictureRow("r", (picture(colour),)),)) for name, colour in (("A", RED), ("B", BLUE))
     )
     for beside in (False, True):
         sheet = opened(comparison([one, two], beside=beside)["png"])
@@ -55,7 +55,7 @@ def test_blocks_stand_below_each_other_or_side_by_side():
 
 
 def test_the_legend_shows_every_colour_and_makes_room_for_itself():
-    block = Block("", ("x",), (PictureRow("r", (picture(RED),)),))
+    block = FigureBlock("", ("x",), (PictureRow("r", (picture(RED),)),))
     without = opened(comparison([block])["png"])
     entries = [LegendEntry("sofa", GREEN, 0.9), LegendEntry("table", BLUE, 0.1)]
     sheet = opened(comparison([block], entries)["png"])
@@ -66,7 +66,7 @@ def test_the_legend_shows_every_colour_and_makes_room_for_itself():
 
 
 def test_the_same_figure_is_the_same_bytes_in_every_form():
-    block = Block("t", ("x",), (PictureRow("r", (picture(RED),)),))
+    block = FigureBlock("t", ("x",), (PictureRow("r", (picture(RED),)),))
     first, second = (comparison([block], forms=("png", "pdf")) for _ in range(2))
     assert first == second
     assert first["pdf"].startswith(b"%PDF")
@@ -86,9 +86,9 @@ def test_a_mosaic_takes_no_more_place_than_one_picture_and_shows_all():
 
 def test_what_cannot_be_drawn_is_refused():
     with pytest.raises(ValueError, match="2 pictures for 1 headings"):
-        Block("", ("x",), (PictureRow("r", (picture(RED), picture(RED))),))
+        FigureBlock("", ("x",), (PictureRow("r", (picture(RED), picture(RED))),))
     with pytest.raises(ValueError, match="no picture at all"):
-        Block("", ("x",), (PictureRow("r", (None,)),))
+        FigureBlock("", ("x",), (PictureRow("r", (None,)),))
     with pytest.raises(ValueError, match="no pictures to compare"):
         comparison([])
     with pytest.raises(ValueError, match="expected one size"):
@@ -98,7 +98,7 @@ def test_what_cannot_be_drawn_is_refused():
 def test_a_long_label_stays_beside_its_own_row():
     labels = ("recording/" + 9 * "0123456789" + "w", "recording/" + 9 * "0123456789")
     rows = tuple(PictureRow(label, (picture(RED),)) for label in labels)
-    sheet = opened(comparison([Block("", ("x",), rows)])["png"])
+    sheet = opened(comparison([FigureBlock("", ("x",), rows)])["png"])
     gap = np.nonzero((sheet == np.array(RED)).all(-1).any(1))[0]
     (between,) = np.nonzero(np.diff(gap) > 1)[0]
     beside = np.nonzero((sheet == np.array(RED)).all(-1).any(0))[0][0]
@@ -109,7 +109,7 @@ def test_a_long_label_stays_beside_its_own_row():
 def test_a_caption_stands_below_its_own_row_and_moves_the_next_one_down():
     def sheet(caption: str) -> np.ndarray:
         rows = (PictureRow("", (picture(RED),), caption), PictureRow("", (picture(BLUE),)))
-        return opened(comparison([Block("", ("",), rows)])["png"])
+        return opened(comparison([FigureBlock("", ("",), rows)])["png"])
 
     without, captioned = sheet(""), sheet("x = 1")
     assert places(captioned, RED) == places(without, RED)

@@ -31,4 +31,4 @@ def test_commands_that_plot_say_what_to_install(tmp_path: Path, capsys: pytest.C
 
 def test_a_figure_has_the_pixels_of_its_size() -> None:
     figure = plotting.new_figure((3.0, 2.0), dpi=50)
-    assert plotting.pixels(figure).shape == (100, 150, 3)
+    assert plotting.render_figure(figure).shape == (100, 150, 3)

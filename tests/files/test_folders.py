@@ -13,7 +13,7 @@ from privileges import permissions_hold
 
 from semgs.files import folders
 from semgs.files.errors import InputError
-from semgs.files.folders import MARK, alone, check_folder, check_writable, own_folder
+from semgs.files.folders import MARK, check_folder, check_writable, lock_folder, own_folder
 
 
 def tree(folder: Path) -> dict[str, str]:
@@ -231,7 +231,7 @@ def test_a_mount_point_is_told_before_the_work(tmp_path: Path, monkeypatch: pyte
 def test_one_process_at_a_time_has_a_folder(tmp_path: Path) -> None:
     record = tmp_path / "settings.json"
     record.write_text("{}")
-    hold = "import sys, pathlib; from semgs.files.folders import alone\nwith alone(pathlib.Path(sys.argv[1]), '', ''): print('held', flush=True); input()"
+    hold = "import sys, pathlib; from semgs.files.folders import lock_folder\nwith lock_folder(pathlib.Path(sys.argv[1]), '', ''): print('held', flush=True); input()"
     with subprocess.Popen(
         [sys.executable, "-c", hold, str(record)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as other:
@@ -239,9 +239,9 @@ def test_one_process_at_a_time_has_a_folder(tmp_path: Path) -> None:
         assert other.stdout.readline() == "held\n"
         with (
             pytest.raises(InputError, match="expected a quiet folder, found a busy one"),
-            alone(record, "a quiet folder", "a busy one"),
+            lock_folder(record, "a quiet folder", "a busy one"),
         ):
             raise AssertionError("both have it")
         other.kill()
-    with alone(record, "a quiet folder", "a busy one"):
+    with lock_folder(record, "a quiet folder", "a busy one"):
         assert record.read_text() == "{}"

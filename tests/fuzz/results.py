@@ -100,18 +100,18 @@ def training_run(folder: Path) -> Path:
     from semgs.model import networks
     from semgs.objectives.losses import LossWeights
     from semgs.training.run.checkpoints import save_checkpoint
-    from semgs.training.run.run_folder import claim
+    from semgs.training.run.run_folder import claim_folder
     from semgs.training.state import TrainingState
-    from semgs.training.supervision.supervision import supervision_of
+    from semgs.training.supervision.supervision import make_supervision
     from semgs.training.training_settings import TrainingSettings
 
     settings = TrainingSettings(
-        model="small", steps=12, size=(16, 24), losses=LossWeights(semantic=0.5), validate_every=6, seed=3
+        model="small_plain", steps=12, size=(16, 24), losses=LossWeights(semantic=0.5), validate_every=6, seed=3
     )
-    claim(folder / "run", settings)
+    claim_folder(folder / "run", settings)
     torch.manual_seed(0)
     state = TrainingState.begin(
-        nn.Linear(3, 2), supervision_of(settings), settings.learning_rate, settings.average_decay
+        nn.Linear(3, 2), make_supervision(settings), settings.learning_rate, settings.average_decay
     )  # type: ignore[arg-type]
     for state.step in (6, 12):
         save_checkpoint(folder / "run/checkpoints", state)
@@ -137,7 +137,7 @@ def read_training_run(path: Path, out: Path, changed: Sequence[str]) -> None:
     from semgs.training.run.log import RunLog
     from semgs.training.run.run_folder import run_folder as run
     from semgs.training.state import TrainingState
-    from semgs.training.supervision.supervision import supervision_of
+    from semgs.training.supervision.supervision import make_supervision
 
     settings = run.read_settings(path)
     scenes_of(path / run_record())
@@ -150,7 +150,7 @@ def read_training_run(path: Path, out: Path, changed: Sequence[str]) -> None:
     best_checkpoint(path / "checkpoints")
     run.finished(path)
     if newest is not None:
-        state = TrainingState.begin(nn.Linear(3, 2), supervision_of(settings), 1e-3, 0.9)  # type: ignore[arg-type]
+        state = TrainingState.begin(nn.Linear(3, 2), make_supervision(settings), 1e-3, 0.9)  # type: ignore[arg-type]
         state.restore(newest.tensors, newest.numbers)
     if "run/network.json" in changed:
         run.network(path, settings)
@@ -192,7 +192,7 @@ def read_evaluation_run(path: Path, out: Path, changed: Sequence[str]) -> None:
     from semgs.bench.bench_file import is_bench, read_bench
     from semgs.evaluation.frames.frame_plan import make_plan
     from semgs.evaluation.frames.protocols import neighbours
-    from semgs.evaluation.frames.saved import SavedPredictions, views_in
+    from semgs.evaluation.frames.saved import SavedPredictions, find_view_counts
     from semgs.evaluation.tables.card import card_grids
     from semgs.evaluation.tables.comparison_tables import data_grid, overview_grid
     from semgs.evaluation.tables.evaluation_report import read_report
@@ -210,7 +210,7 @@ def read_evaluation_run(path: Path, out: Path, changed: Sequence[str]) -> None:
         else:
             plan = make_plan("neighbours", neighbours, [open_scene(path / "scene")], (2,), (36, 48))
             saved = SavedPredictions(path / "predictions", "mine")
-            assert views_in(path / "predictions") == (2,)
+            assert find_view_counts(path / "predictions") == (2,)
             saved.check(plan)
             for task in plan.tasks:
                 saved.read(task)
@@ -259,7 +259,7 @@ def segmenter(folder: Path) -> Path:
 
 
 def read_segmenter(path: Path, out: Path, changed: Sequence[str]) -> None:
-    from semgs.segmenters.class_map_files import MadeBy, MapFiles, save_map, save_table
+    from semgs.segmenters.class_map_files import MadeBy, MapFiles, save_class_map, save_table
     from semgs.segmenters.features.feature_files import FeatureFiles
     from semgs.segmenters.fitting import read_fit, save_fit
     from semgs.segmenters.networks.exported import read_description
@@ -285,7 +285,7 @@ def read_segmenter(path: Path, out: Path, changed: Sequence[str]) -> None:
                 assert torch.isfinite(found).all()
                 torch.testing.assert_close(found.sum(0), torch.ones(24, 32), atol=1e-3, rtol=0, check_dtype=False)
             save_table(out / "maps", maps.classes, MadeBy("net", "0"))
-            save_map(
+            save_class_map(
                 out / "maps",
                 scene.frames[0],
                 np.full((len(maps.classes), 6, 8), 1 / len(maps.classes), np.float32),

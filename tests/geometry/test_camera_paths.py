@@ -8,7 +8,7 @@ import pytest
 import torch
 from posed import posed_cameras
 
-from semgs.geometry.camera_paths import between, orbit, resized
+from semgs.geometry.camera_paths import interpolate_cameras, orbit, resize_cameras
 from semgs.geometry.cameras import Cameras, project
 
 PIVOT = torch.tensor([1.0, 2, 3], dtype=torch.float64)
@@ -41,11 +41,11 @@ def test_a_swing_of_60_degrees_goes_to_30_on_both_sides_and_starts_in_the_middle
 
 def test_the_path_between_cameras_visits_each_there_and_back_and_rests_at_the_ends() -> None:
     cameras = posed_cameras(3, (30, 41))
-    found = between(cameras, 4)
+    found = interpolate_cameras(cameras, 4)
     visited = [0, 1, 2, 1]
     torch.testing.assert_close(found.world_from_camera, cameras.world_from_camera[visited], rtol=0, atol=1e-12)
     torch.testing.assert_close(found.intrinsics, cameras.intrinsics[visited])
-    steps = (between(cameras, 400).centres.diff(dim=0)).norm(dim=-1)
+    steps = (interpolate_cameras(cameras, 400).centres.diff(dim=0)).norm(dim=-1)
     assert steps[0] < steps.max() / 50
     assert steps[199] < steps.max() / 50
     assert steps.max() < 4 * steps.mean()
@@ -53,7 +53,7 @@ def test_the_path_between_cameras_visits_each_there_and_back_and_rests_at_the_en
 
 def test_half_way_between_two_cameras_all_is_the_mean_and_poses_stay_rigid() -> None:
     cameras = posed_cameras(2, (30, 41))
-    found = between(cameras, 4)[1]
+    found = interpolate_cameras(cameras, 4)[1]
     torch.testing.assert_close(found.centres, cameras.centres.mean(0))
     torch.testing.assert_close(found.intrinsics, cameras.intrinsics.mean(0))
     rotation, (first, last) = found.world_from_camera[:3, :3], cameras.world_from_camera[:, :3, :3]
@@ -65,5 +65,5 @@ def test_another_size_keeps_the_height_of_the_view_and_its_middle() -> None:
     """Twice the height doubles all lengths; of the then 120 columns, 10 are missing on either side."""
     point = torch.tensor([[1.0, 2.3, 3.1]], dtype=torch.float64)
     x, y, depth = project(point, camera())[0].tolist()
-    assert project(point, resized(camera(), (80, 100)))[0].tolist() == pytest.approx([2 * x - 10, 2 * y, depth])
-    assert resized(camera(), (80, 100)).size == (80, 100)
+    assert project(point, resize_cameras(camera(), (80, 100)))[0].tolist() == pytest.approx([2 * x - 10, 2 * y, depth])
+    assert resize_cameras(camera(), (80, 100)).size == (80, 100)

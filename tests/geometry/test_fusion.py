@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from semgs.geometry.cameras import Cameras
-from semgs.geometry.fusion import LEAST, SPREAD, TOLERANCE, fused
+from semgs.geometry.fusion import LEAST, SPREAD, TOLERANCE, fuse_classes
 
 SIZE = (6, 9)
 
@@ -30,7 +30,7 @@ def test_two_views_of_a_wall_are_pooled_where_both_see_it():
     """At 4 m and 1 m apart the second view's pixels are two columns to the left: the first two columns of view 0 are its own alone."""
     cameras = side_by_side(0.0, 1.0)
     depths, spread = torch.full((2, *SIZE), 4.0).double(), torch.full((2, *SIZE), 0.01).double()
-    found = fused(told((0.9, 0.1), (0.4, 0.6)), depths, spread, cameras)
+    found = fuse_classes(told((0.9, 0.1), (0.4, 0.6)), depths, spread, cameras)
     a, b = (math.sqrt((x + LEAST) * (y + LEAST)) for x, y in ((0.9, 0.4), (0.1, 0.6)))
     pooled = a / (a + b)
     alone = (0.9 + LEAST) / (1 + 2 * LEAST)
@@ -47,7 +47,7 @@ def test_a_view_counts_if_depths_agree_within_two_standard_deviations(ratio, agr
     depths = torch.stack((torch.full(SIZE, 4.0), torch.full(SIZE, 4.0 * ratio))).double()
     spread = torch.stack((torch.full(SIZE, 0.018), torch.full(SIZE, 0.024))).double()
     assert (SPREAD, TOLERANCE) == (0.02, 2.0)
-    found = fused(told((0.9, 0.1), (0.2, 0.8)), depths, spread, cameras)
+    found = fuse_classes(told((0.9, 0.1), (0.2, 0.8)), depths, spread, cameras)
     assert (found[0, 0].max() < 0.85) == agrees
 
 
@@ -82,4 +82,4 @@ def test_fusion_equals_a_loop_over_points_and_views():
                         logs, weight, votes = logs + (say[j, :, at[1], at[2]] + LEAST).log(), weight + 1, votes + 1
                 expected[i, :, row, column] = (logs / weight).softmax(0)
     assert 40 < votes < 3 * 54 * 2 - 40, "some agree and some do not"
-    torch.testing.assert_close(fused(say, depths, spread, cameras), expected, rtol=0, atol=1e-12)
+    torch.testing.assert_close(fuse_classes(say, depths, spread, cameras), expected, rtol=0, atol=1e-12)

@@ -4,7 +4,7 @@ import torch
 from posed import posed_cameras
 
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.rigid import cameras_in, gaussians_in
+from semgs.geometry.rigid import move_cameras, move_gaussians
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.rendering.render import render
 
@@ -32,7 +32,7 @@ def some_gaussians() -> Gaussians:
 def test_a_moved_scene_looks_the_same_from_moved_cameras() -> None:
     gaussians, cameras, moved = some_gaussians(), posed_cameras(2, (18, 24)), motion(0.3, -0.8, 0.5, 0.1)
     here = render(gaussians, cameras, near=0.1)
-    there = render(gaussians_in(moved, gaussians), cameras_in(moved, cameras), near=0.1)
+    there = render(move_gaussians(moved, gaussians), move_cameras(moved, cameras), near=0.1)
     assert here.alphas.max() > 0.5
     assert torch.allclose(here.images, there.images, atol=2e-4)
     assert here.semantics is not None
@@ -43,7 +43,7 @@ def test_a_moved_scene_looks_the_same_from_moved_cameras() -> None:
 
 def test_a_quarter_turn_about_z_takes_x_to_y() -> None:
     gaussians = some_gaussians()
-    moved = gaussians_in(motion(2**-0.5, 0, 0, 2**-0.5), gaussians)
+    moved = move_gaussians(motion(2**-0.5, 0, 0, 2**-0.5), gaussians)
     x, y, z = gaussians.means.unbind(-1)
     assert torch.allclose(moved.means, torch.stack((3 - y, x - 1, z + 0.5), -1), atol=1e-6)
     # Y_1,-1 goes with y, Y_1,1 with x: what was red towards x is red towards y.

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from mapping_walls import INTRINSICS, SIZE, WALL, pose
 
-from semgs.data.choosing.covisibility import flat
+from semgs.data.choosing.covisibility import flat_grid
 from semgs.geometry.cameras import Cameras
-from semgs.mapping.keyframes import NEIGHBOURS, Known, judged, near, predicted
+from semgs.mapping.keyframes import NEIGHBOURS, Known, judge_frame, near, predict_depths
 
 
 def at(x: float, yaw: float = 0.0) -> Cameras:
@@ -18,29 +18,29 @@ def at(x: float, yaw: float = 0.0) -> Cameras:
 
 
 def test_the_first_frame_is_a_keyframe_without_a_window():
-    verdict = judged(at(0.0), [], 1, 4.0)
+    verdict = judge_frame(at(0.0), [], 1, 4.0)
     assert (verdict.use, verdict.partners, verdict.covered) == (True, (), 0.0)
 
 
 def test_a_frame_waits_for_baseline_as_long_as_most_is_shared():
     """The ideal baseline begins at 5 % of the depth: 0.2 m of 4 m."""
     known = [Known(at(0.0), None)]
-    assert not judged(at(0.15), known, 1, 4.0).use
-    assert judged(at(0.25), known, 1, 4.0).partners == (0,)
+    assert not judge_frame(at(0.15), known, 1, 4.0).use
+    assert judge_frame(at(0.25), known, 1, 4.0).partners == (0,)
 
 
 def test_a_frame_that_shows_nothing_new_is_not_used():
     """Between two keyframes with Gaussians, all is seen; one and a half metres to the right, a third of the image is new."""
-    known = [Known(at(x), flat(WALL)) for x in (0.0, 0.6)]
-    assert judged(at(0.3), known, 1, 4.0).covered == 1.0
-    beside = judged(at(1.9), known, 2, 4.0)
+    known = [Known(at(x), flat_grid(WALL)) for x in (0.0, 0.6)]
+    assert judge_frame(at(0.3), known, 1, 4.0).covered == 1.0
+    beside = judge_frame(at(1.9), known, 2, 4.0)
     assert beside.use
     assert beside.partners == (1, 0)
     assert 0.6 < beside.covered < 0.8
 
 
 def test_a_frame_that_shares_nothing_becomes_a_keyframe_of_its_own():
-    verdict = judged(at(0.0, yaw=math.pi), [Known(at(0.0), flat(WALL))], 1, 4.0)
+    verdict = judge_frame(at(0.0, yaw=math.pi), [Known(at(0.0), flat_grid(WALL))], 1, 4.0)
     assert (verdict.use, verdict.partners) == (True, ())
 
 
@@ -52,6 +52,6 @@ def test_neighbours_are_the_nearest_that_look_a_similar_way():
 def test_predicted_depth_is_that_of_the_wall_from_another_place():
     """A keyframe 4 m from the wall says 3 m to a camera that is 1 m closer, everywhere."""
     closer = Cameras(pose(0.2, z=1.0), INTRINSICS, SIZE)
-    grid = predicted(closer, [Known(at(0.0), flat(WALL))], 9.0)
+    grid = predict_depths(closer, [Known(at(0.0), flat_grid(WALL))], 9.0)
     np.testing.assert_allclose(grid.depths, 3.0)
-    assert predicted(closer, [], 9.0).median == pytest.approx(9.0)
+    assert predict_depths(closer, [], 9.0).median == pytest.approx(9.0)

@@ -22,9 +22,9 @@ from semgs.mapping.merging import (
     Part,
     Sheet,
     exposure,
-    joined,
+    join_parts,
     parts_of,
-    settled,
+    settle,
 )
 from semgs.scene.encoding import Encoding
 
@@ -155,7 +155,7 @@ def test_keyframes_added_one_by_one_are_all_windows_merged_at_once():
     parts = parts_of(encoding, seen_at(cameras, images), range(7))
     removed = 0
     for part, whole in zip(merged(parts), parts, strict=True):
-        expected, found = by_loops(parts, whole), settled(part)
+        expected, found = by_loops(parts, whole), settle(part)
         assert sorted(found.index.tolist()) == sorted(expected)
         centre = part.sheet.camera.centres.float()
         before = (whole.gaussians.means[found.index] - centre).norm(dim=-1)
@@ -172,7 +172,7 @@ def test_keyframes_added_one_by_one_are_all_windows_merged_at_once():
 def test_two_keyframes_that_are_equally_sure_meet_in_the_middle():
     """4 m and 4.1 m in the log: sqrt(4 * 4.1) = 4.0497 m, and Gaussians grow with their depth."""
     cameras = cameras_at(0.0, 0.0)
-    parts = [settled(part) for part in merged(parts_of(encoded(cameras, flat(4.0, 4.1)), seen_at(cameras), (0, 1)))]
+    parts = [settle(part) for part in merged(parts_of(encoded(cameras, flat(4.0, 4.1)), seen_at(cameras), (0, 1)))]
     for part, own in zip(parts, (4.0, 4.1), strict=True):
         torch.testing.assert_close(part.gaussians.means[:, 2], torch.full((len(part),), math.sqrt(4.0 * 4.1)))
         scales = torch.full((len(part), 3), 0.1 * math.sqrt(4.0 * 4.1) / own)
@@ -185,20 +185,20 @@ def test_the_surer_keyframe_pulls_more():
     spread = torch.stack((torch.full(SIZE, 0.04), torch.full(SIZE, 0.01)))
     unsure, sure = merged(parts_of(encoded(cameras, flat(4.0, 4.2), spread), seen_at(cameras), (0, 1)))
     expected = 4.0 * (4.2 / 4.0) ** 0.8
-    torch.testing.assert_close(settled(unsure).gaussians.means[:, 2], torch.full((len(unsure),), expected))
-    torch.testing.assert_close(settled(sure).gaussians.means[:, 2], torch.full((len(sure),), expected))
+    torch.testing.assert_close(settle(unsure).gaussians.means[:, 2], torch.full((len(unsure),), expected))
+    torch.testing.assert_close(settle(sure).gaussians.means[:, 2], torch.full((len(sure),), expected))
 
 
 def test_what_another_keyframe_looks_through_is_a_floater_and_what_it_cannot_see_is_not():
     cameras = cameras_at(0.0, 0.0)
     front, back = merged(parts_of(encoded(cameras, flat(2.0, 4.0)), seen_at(cameras), (0, 1)))
-    assert (len(settled(front)), len(settled(back))) == (0, SIZE[0] * SIZE[1])
+    assert (len(settle(front)), len(settle(back))) == (0, SIZE[0] * SIZE[1])
 
 
 def test_a_floater_that_as_many_keyframes_see_stays():
     cameras = cameras_at(0.0, 0.0, 0.0)
     parts = merged(parts_of(encoded(cameras, flat(2.0, 2.0, 4.0)), seen_at(cameras), (0, 1, 2)))
-    assert [len(settled(part)) for part in parts] == [SIZE[0] * SIZE[1]] * 3
+    assert [len(settle(part)) for part in parts] == [SIZE[0] * SIZE[1]] * 3
 
 
 def test_gaussians_go_to_a_depth_that_photos_agree_with():
@@ -211,7 +211,7 @@ def test_gaussians_go_to_a_depth_that_photos_agree_with():
     images[0, ..., 10] = images[1, ..., 4] = 1
     depth = 4 * math.exp(0.5)
     encoding = encoded(cameras, flat(depth, depth), spread=0.48)
-    found = settled(merged(parts_of(encoding, seen_at(cameras, images), (0, 1)))[0])
+    found = settle(merged(parts_of(encoding, seen_at(cameras, images), (0, 1)))[0])
     column = found.index % SIZE[1]
     for place, expected in ((10, 4 * math.exp(0.25)), (14, depth)):
         z = found.gaussians.means[column == place, 2]
@@ -223,7 +223,7 @@ def test_gaussians_that_no_photo_shows_are_dropped():
     cameras, images = cameras_at(0.0, 0.0), torch.zeros(2, 3, *SIZE)
     images[0, ..., 10] = 1
     encoding = encoded(cameras, flat(4.0, 4.0))
-    found = settled(merged(parts_of(encoding, seen_at(cameras, images), (0, 1)))[0])
+    found = settle(merged(parts_of(encoding, seen_at(cameras, images), (0, 1)))[0])
     assert sorted({*range(SIZE[1])} - {*(found.index % SIZE[1]).tolist()}) == [10]
 
 
@@ -231,14 +231,14 @@ def test_a_photo_with_another_exposure_contradicts_nothing():
     cameras, images = cameras_at(0.0, 0.0), torch.full((2, 3, *SIZE), 0.8)
     images[1] -= 0.3
     parts = merged(parts_of(encoded(cameras, flat(4.0, 4.0)), seen_at(cameras, images), (0, 1)))
-    assert [len(settled(part)) for part in parts] == [SIZE[0] * SIZE[1]] * 2
+    assert [len(settle(part)) for part in parts] == [SIZE[0] * SIZE[1]] * 2
     assert exposure(parts[0].sheet, parts[1].sheet) == pytest.approx(0.3)
 
 
 def test_the_first_four_of_six_equal_keyframes_stay_and_get_thinner():
     """Four layers: sizes times (2 / 4)^0.5. Semantic Gaussians keep theirs, because classes sum to 1 whatever the thickness."""
     cameras = cameras_at(*[0.0] * 6)
-    parts = [settled(part) for part in merged(alone(encoded(cameras, flat(*[4.0] * 6)), cameras))]
+    parts = [settle(part) for part in merged(alone(encoded(cameras, flat(*[4.0] * 6)), cameras))]
     assert (LAYERS, SHRINK) == (4, 0.5)
     assert [len(part) > 0 for part in parts] == [True] * 4 + [False] * 2
     torch.testing.assert_close(parts[0].gaussians.colour.scales, torch.full((len(parts[0]), 3), 0.1 * 0.5**0.5))
@@ -261,10 +261,9 @@ def test_places_count_over_the_views_in_order():
     cameras = cameras_at(0.0, 0.3)
     parts = parts_of(encoded(cameras, flat(4.0, 4.0)), seen_at(cameras), (3, 8))
     some = [parts[0][parts[0].index % 2 == 0], parts[1][parts[1].index < 5]]
-    gaussians, places = joined(some)
+    gaussians, places = join_parts(some)
     blocks = SIZE[0] * SIZE[1]
-    assert places.index.tolist() == [*range(0, blocks, 2), *range(blocks, blocks + 5)]
-    assert places.views(SIZE).tolist() == [0] * (blocks // 2) + [1] * 5
+    assert places.tolist() == [*range(0, blocks, 2), *range(blocks, blocks + 5)]
     torch.testing.assert_close(gaussians.means[-5:], parts[1].gaussians.means[:5])
 
 

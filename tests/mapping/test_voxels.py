@@ -9,8 +9,7 @@ import torch
 
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.rotations import covariance
-from semgs.mapping.voxels import joined_in_voxels, voxel_keys
-from semgs.scene.encoding import Places
+from semgs.mapping.voxels import join_in_voxels, voxel_keys
 
 
 def gaussians_at(means: torch.Tensor, opacities: torch.Tensor, scales: tuple[float, float, float]) -> Gaussians:
@@ -26,8 +25,8 @@ def test_two_of_one_voxel_become_their_mixture_and_the_third_stays():
     """Weights of 1 to 3, 4 mm apart along x: the mean is 3 mm from the lighter one, and the variance along x grows by 3/16 of 16 mm^2."""
     means = torch.tensor([[0.101, 0.05, -0.05], [0.105, 0.05, -0.05], [0.5, 0.05, -0.05]])
     given = gaussians_at(means, torch.tensor([0.2, 0.6, 0.4]), (0.01, 0.004, 0.02))
-    found, places = joined_in_voxels(given, Places(torch.tensor([7, 8, 30]), 2), 0.02)
-    assert places.index.tolist() == [30, 8]
+    found, places = join_in_voxels(given, torch.tensor([7, 8, 30]), 0.02)
+    assert places.tolist() == [30, 8]
     torch.testing.assert_close(found.means[1], torch.tensor([0.104, 0.05, -0.05]))
     torch.testing.assert_close(found.colour.features[1], torch.full((1, 3), 0.5))
     sides = torch.diag(covariance(found.colour.quaternions[1], found.colour.scales[1]))

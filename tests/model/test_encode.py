@@ -13,7 +13,7 @@ from semgs.data.scene import Scene
 from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.protocols import TargetSample
-from semgs.evaluation.frames.reading import inputs_of, read_views
+from semgs.evaluation.frames.reading import make_inputs, read_views
 from semgs.model.encode import Network, encode
 from semgs.model.layers.chunks import Chunks
 from semgs.model.memory import memory_plan as planning
@@ -29,10 +29,10 @@ def test_an_evaluation_takes_as_few_views_at_a_time_as_memory_asks_for(
     wall_scene: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     task, model = task_of(wall_scene()), load("small").eval()
-    inputs = inputs_of(task, read_views(task))
+    inputs = make_inputs(task, read_views(task))
     whole = NetworkMethod(model, "cpu", "small").predict(inputs)
     few = planning.MemoryPlan(1e9, "heads", Chunks(1, 1), True, 1e9)
-    monkeypatch.setattr("semgs.model.encode.memory_plan", lambda *_: few)
+    monkeypatch.setattr("semgs.model.semgs.SemGS.memory_plan", lambda *_: few)
     chunks: list[object] = []
     hook = model.register_forward_pre_hook(lambda _, arguments: chunks.append(arguments[1]))
     parts = NetworkMethod(model, "cpu", "small").predict(inputs)

@@ -9,6 +9,8 @@ from networks import preset
 from semgs.model import networks
 from semgs.model.layers.conventions import Conventions
 from semgs.model.settings import MVSplatHeads, PaperHeads
+from semgs.model.weights.load import shipped
+from semgs.model.weights.weights_file import read_header
 
 
 def test_the_paper_word_by_word_is_base_in_all_else():
@@ -29,6 +31,10 @@ def test_the_paper_word_by_word_is_base_in_all_else():
         semantic=replace(literal.semantic, transformer=replace(literal.semantic.transformer, output_transform=True)),
     )
     assert back == base
+
+
+def test_small_is_the_network_of_the_included_weights():
+    assert networks.small() == read_header(shipped("small")).settings
 
 
 def test_the_paper_word_by_word_has_the_parameters_of_its_heads():

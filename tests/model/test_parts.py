@@ -11,12 +11,12 @@ from semgs.model.build import build
 from semgs.model.semgs import PARTS, SemGS
 
 NETWORKS = {
-    "small": lambda: preset("small"),
-    "the paper's heads": lambda: preset("small", paper_heads=True),
-    "a CNN of its own": lambda: preset("small", shared_layers=False),
-    "the backbone": lambda: preset("small", class_backbone=True),
-    "the cue": lambda: preset("small", class_backbone=True, depth_cue=True, cost_filter=8),
-    "colour only": lambda: build(networks.small(), None),
+    "small": lambda: preset("small_plain"),
+    "the paper's heads": lambda: preset("small_plain", paper_heads=True),
+    "a CNN of its own": lambda: preset("small_plain", shared_layers=False),
+    "the backbone": lambda: preset("small_plain", class_backbone=True),
+    "the cue": lambda: preset("small_plain", class_backbone=True, depth_cue=True, cost_filter=8),
+    "colour only": lambda: build(networks.small_plain(), None),
 }
 
 
@@ -59,7 +59,7 @@ def test_tensors_of_a_network_counted_by_hand():
 
 
 def test_what_is_shared_is_the_depths_where_the_semantic_branch_has_a_cnn_of_its_own():
-    shared, own = preset("small").parts(), preset("small", shared_layers=False).parts()
+    shared, own = preset("small_plain").parts(), preset("small_plain", shared_layers=False).parts()
     assert all(name.startswith("cnn.") for name in shared["shared"])
     assert own["shared"] == frozenset()
     assert own["depth"] == shared["depth"] | shared["shared"]
@@ -67,7 +67,7 @@ def test_what_is_shared_is_the_depths_where_the_semantic_branch_has_a_cnn_of_its
 
 
 def test_a_network_of_colour_alone_has_neither_semantics_nor_classes():
-    assert [part for part, names in build(networks.small(), None).parts().items() if not names] == [
+    assert [part for part, names in build(networks.small_plain(), None).parts().items() if not names] == [
         "shared",
         "semantic",
         "classes",
@@ -75,17 +75,17 @@ def test_a_network_of_colour_alone_has_neither_semantics_nor_classes():
 
 
 def test_the_layers_of_the_classes_are_the_heads_last_and_the_backbones():
-    assert preset("small", class_backbone=True).parts()["classes"] == {
+    assert preset("small_plain", class_backbone=True).parts()["classes"] == {
         "semantic.head.2.weight", "semantic.head.2.bias",
         "semantic.refinement.classifier.weight", "semantic.refinement.classifier.bias",
     }  # fmt: skip
 
 
 def test_a_backbone_reads_no_shallow_features_so_depth_keeps_them_for_itself():
-    model = preset("small", class_backbone=True)
+    model = preset("small_plain", class_backbone=True)
     parts = model.parts()
     assert parts["shared"] == frozenset()
-    assert {name for name in parts["depth"] if name.startswith("cnn.")} == preset("small").parts()["shared"]
+    assert {name for name in parts["depth"] if name.startswith("cnn.")} == preset("small_plain").parts()["shared"]
     assert (
         len(model.pretrained_parameters()) == 102
     )  # stem, first block of two convolutions, sixteen of three; weight and bias

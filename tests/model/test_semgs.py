@@ -10,7 +10,7 @@ from posed import posed_views
 from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras, project
 from semgs.model.build import build
-from semgs.model.layers.network_input import Padded
+from semgs.model.layers.network_input import NetworkInput
 from semgs.model.settings import NetworkSettings
 from semgs.model.sweep.depth import Depth
 from semgs.model.switches import Switches, switches_of
@@ -20,14 +20,14 @@ from semgs.scene.encoding import Encoding
 SIZE = (32, 48)
 
 
-@pytest.fixture(scope="module", params=["small", "base"])
+@pytest.fixture(scope="module", params=["small_plain", "base"])
 def model(request):
     return fill_golden(preset(request.param)).double()
 
 
 @pytest.fixture(scope="module")
 def small():
-    return fill_golden(preset("small"))
+    return fill_golden(preset("small_plain"))
 
 
 def encode(model, views) -> Encoding:
@@ -72,7 +72,7 @@ def test_other_sizes_are_padded_with_their_camera(small):
 
 def test_padding_repeats_the_last_row_and_the_last_column_below_and_right():
     views = posed_views(2, (37, 51))
-    padded = Padded.of(views, torch.zeros(1), 2).images
+    padded = NetworkInput.of(views, torch.zeros(1), 2).images
     assert padded.shape == (2, 3, 48, 64)
     for row in range(48):
         for column in (0, 20, 50, 51, 63):
@@ -278,7 +278,7 @@ def test_a_network_of_colours_alone_does_not_classify():
 
 @pytest.mark.parametrize("backbone", [False, True], ids=["blocks", "backbone"])
 def test_convolutions_keep_channels_last_but_in_training_and_the_numbers_do_not_change(backbone: bool):
-    model = fill_golden(preset("small", class_backbone=backbone))
+    model = fill_golden(preset("small_plain", class_backbone=backbone))
     views = posed_views(2, (32, 48))
     kernel = model.colour.heads.refinement.project.weight
     assert kernel.is_contiguous(memory_format=torch.channels_last)

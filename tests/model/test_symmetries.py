@@ -30,11 +30,11 @@ LIMITS = {torch.float64: 1e-8, torch.float32: 1e-4}
 
 
 def small_with_the_papers_heads() -> SemGS:
-    return preset("small", paper_heads=True)
+    return preset("small_plain", paper_heads=True)
 
 
 NETWORKS = {
-    "small": lambda: preset("small"), "base": lambda: preset("base"), "small, paper_heads": small_with_the_papers_heads
+    "small": lambda: preset("small_plain"), "base": lambda: preset("base"), "small, paper_heads": small_with_the_papers_heads
 }  # fmt: skip
 
 

@@ -52,8 +52,8 @@ DATA = (
     ),
     Mutant(
         "ScanNet's depth is taken to be the colour camera's", MAPS,
-        "carried_over(self.map.metres(), self.lens, self.of_picture or pixels.lens)",
-        "fitted(self.map.path, self.map.metres(), pixels.lens.size)",
+        "carry_over(self.map.metres(), self.lens, self.of_picture or pixels.lens)",
+        "fit_to_image(self.map.path, self.map.metres(), pixels.lens.size)",
         of_scannet("a_recording_is_read_as_it_was_written"),
     ),
     Mutant(
@@ -83,7 +83,7 @@ DATA = (
         "back[:, 2] *= -1", "back[:, 2] *= 1", of_scannetpp("a_matrix_goes_to_the_meshs_world_and_axes"),
     ),
     Mutant(
-        "a fisheye is handed to OpenCV with COLMAP's principal point", "semgs/data/cameras/fisheye.py",
+        "a fisheye is handed to OpenCV with COLMAP's principal point", "semgs/data/cameras/lens.py",
         "(self.centre[0] - self._half, self.centre[1] - self._half)", "self.centre", of_scannetpp("a_fisheye_is_undone_to_a_tenth_of_a_pixel"),
     ),
     Mutant(
@@ -186,7 +186,7 @@ DATA = (
     ),
     Mutant(
         "half a pixel is added to Polycam's principal point", POLYCAM,
-        "(cx, cy), (height, width)", "(cx + 0.5, cy + 0.5), (height, width)",
+        "(cx, cy), size", "(cx + 0.5, cy + 0.5), size",
         of_layout("phones/polycam", "a_point_is_where_arkits_axes_and_pixels_put_it"),
     ),
     Mutant(
@@ -196,7 +196,7 @@ DATA = (
     ),
     Mutant(
         "a high blur score means blur", POLYCAM,
-        '"blur_score", SHARP) >= SHARP', '"blur_score", SHARP) <= SHARP',
+        "_sharpness(camera) >= SHARP", "_sharpness(camera) <= SHARP",
         of_layout("phones/polycam", "blurred_frames_and_missing_files_are_left_out_and_counted"),
     ),
     Mutant(
@@ -231,7 +231,7 @@ DATA = (
     ),
     Mutant(
         "width and height of Record3D's depth change places", RECORD3D,
-        "size, sure = (height, width),", "size, sure = (width, height),",
+        "LzfseFile(file, size), 1.0", "LzfseFile(file, size[::-1]), 1.0",
         of_layout("phones/record3d", "what_is_read_equals_what_was_written"),
     ),
     Mutant(

@@ -169,7 +169,7 @@ MODEL = (
     ),
     Mutant(
         "a Gaussian's views are counted within the padded picture", PLACING,
-        "Others.of(scene.cameras, size, like)", "Others.of(scene.cameras, scene.cameras.size, like)", OF_OVERLAP,
+        "Others.of(inputs.cameras, size, like)", "Others.of(inputs.cameras, inputs.cameras.size, like)", OF_OVERLAP,
     ),
     Mutant(
         "Gaussians that one view sees grow", OVERLAP,
@@ -232,11 +232,11 @@ MODEL = (
     ),
     Mutant(
         "a network begins whether memory suffices or not", "semgs/model/semgs.py",
-        "return memory_plan(self, views).chunks", "return WHOLE", ("tests/model/weights/test_load.py",),
+        "return WHOLE if self.training or views.images.ndim > 4 else self.memory_plan(views).chunks", "return WHOLE", ("tests/model/weights/test_load.py",),
     ),
     Mutant(
         "depth teaches the class backbone through its cue", "semgs/model/classes/mobilenet.py",
-        "one.detach()", "one",
+        "cue_map.detach()", "cue_map",
         ("tests/model/sweep/test_depth_cue.py::test_depth_sees_the_cues_that_the_class_branch_gives_and_never_teaches_it",),
     ),
     Mutant(
@@ -261,7 +261,7 @@ MODEL = (
     ),
     Mutant(
         "a sensor's depth is a distance where the network's is one", "semgs/scene/encoding.py",
-        "(placed / self._z_depths(cameras))", "(placed / _lower_median(self.depths, stride))",
+        "(own_depths / self._z_depths(cameras))", "(own_depths / _lower_median(self.depths, stride))",
         ("tests/scene/test_with_depths.py::test_moving_all_gaussians_is_moving_each_along_its_ray",),
     ),
     Mutant(

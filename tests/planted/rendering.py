@@ -81,7 +81,7 @@ RENDERING = (
     ),
     Mutant(
         "classes are drawn with the shapes of colour", RENDER,
-        "classes = layer(scene.semantic, scene.semantic.features)", "classes = layer(scene.colour, scene.semantic.features)",
+        "classes = splat(scene.semantic, scene.semantic.features)", "classes = splat(scene.colour, scene.semantic.features)",
         ("tests/rendering/test_render.py::test_colour_does_not_know_the_semantic_covariances",),
     ),
     Mutant(
@@ -107,7 +107,7 @@ RENDERING = (
     ),
     Mutant(
         "autocast reaches into rendering", RENDER,
-        "with torch.autocast(place.type, enabled=False):", "with torch.autocast(place.type, enabled=torch.is_autocast_enabled(place.type)):",
+        "with torch.autocast(device.type, enabled=False):", "with torch.autocast(device.type, enabled=torch.is_autocast_enabled(device.type)):",
         OF_GSPLAT,
     ),
     Mutant(

@@ -28,7 +28,7 @@ SEGMENTERS = (
     ),
     Mutant(
         "a segmenter votes against what it does not know", "semgs/segmenters/labelling.py",
-        "torch.where(known[:, None, None], said, neutral)", "said",
+        "torch.where(known[:, None, None], theirs_log, neutral)", "theirs_log",
         of_segmenters("labelling", "a_class_that_the_segmenter_cannot_say_gets_a_neutral_vote"),
     ),
     Mutant(

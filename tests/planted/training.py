@@ -48,7 +48,7 @@ TRAINING = (
     ),
     Mutant(
         "validation uses the most input views of the training", "semgs/training/data/batches.py",
-        "fewest = settings.contexts[0]", "fewest = settings.contexts[1]",
+        "(fewest, _), targets = view_counts(", "(_, fewest), targets = view_counts(",
         ("tests/training/data/test_files.py::test_validation_rooms_have_the_fewest_input_views_of_the_training",),
     ),
     Mutant(
@@ -71,7 +71,7 @@ TRAINING = (
     ),
     Mutant(
         "all views of a sample are exposed alike", "semgs/training/data/augmentation.py",
-        "recoloured(views.select([index]), strength, rng).images for index", "recoloured(views.select([index]), strength, np.random.default_rng(0)).images for index",
+        "recolour(views.select([index]), strength, rng).images for index", "recolour(views.select([index]), strength, np.random.default_rng(0)).images for index",
         ("tests/training/data/test_augmentation.py",),
     ),
     Mutant(
@@ -109,7 +109,7 @@ TRAINING = (
     ),
     Mutant(
         "a resumed run has Adam begin anew", "semgs/training/state.py",
-        '{"state": held, "param_groups"', '{"state": {}, "param_groups"', ("tests/training/test_loop.py",),
+        '{"state": numbered, "param_groups"', '{"state": {}, "param_groups"', ("tests/training/test_loop.py",),
     ),
     Mutant(
         "a resumed run forgets its best score", "semgs/training/state.py",
@@ -118,7 +118,7 @@ TRAINING = (
     ),
     Mutant(
         "damaged checkpoints count among the last three", "semgs/training/run/checkpoints.py",
-        "(record == own or _intact(record) is not None)", "True", ("tests/training/run/test_damage.py",),
+        "(record == own or _read_intact(record) is not None)", "True", ("tests/training/run/test_damage.py",),
     ),
     Mutant(
         "a run whose checkpoints are all damaged begins anew", "semgs/training/run/checkpoints.py",
@@ -135,7 +135,7 @@ TRAINING = (
     ),
     Mutant(
         "a rate of zero still learns", "semgs/training/state.py",
-        "if shares.get(name, 1.0) > 0}", "}",
+        "if rates.get(name, 1.0) > 0}", "}",
         ("tests/training/supervision/test_supervision.py::test_a_rate_of_zero_freezes_what_it_is_for_and_nothing_else",),
     ),
 )  # fmt: skip

@@ -14,7 +14,7 @@ VIEWER = (
         "found: Tensor = covariance(shape.quaternions, scale * shape.scales)", "found: Tensor = covariance(shape.quaternions, shape.scales)", OF_SPLATS,
     ),
     Mutant(
-        "colours are seen from the first input view", "semgs/viewer/splat_groups.py",
+        "splats: colours are seen from the first input view", "semgs/scene/own_views.py",
         "scene.cameras.centres[scene.own_views]", "scene.cameras.centres[:1]", OF_SPLATS,
     ),
     Mutant(

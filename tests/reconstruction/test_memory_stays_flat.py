@@ -31,7 +31,7 @@ def handles() -> int:
 def test_memory_and_handles_stay_the_same_over_many_reconstructions(first: int, more: int):
     import torch
 
-    model = preset("small").eval()
+    model = preset("small_plain").eval()
 
     def reconstruct(count: int) -> None:
         for seed in range(count):

@@ -11,20 +11,22 @@ from reconstruction.conftest import SIZE, TURN, WALL
 from safetensors import safe_open
 
 from semgs import load
-from semgs.data.choosing.choice import choose, given
+from semgs.data.choosing.choice import choose, choose_named
 from semgs.data.scene import Scene
 from semgs.data.views import Views
+from semgs.model.encode import Network
 from semgs.objectives.metrics import psnr
-from semgs.reconstruction.output.files import saved
+from semgs.reconstruction.notes import strangers
 from semgs.reconstruction.output.report import Origin, report_numbers
-from semgs.reconstruction.pipeline import Network, reconstruct, strangers
+from semgs.reconstruction.pipeline import reconstruct
+from semgs.reconstruction.recording import Walk
 from semgs.runtime.stopwatch import Stages
 from semgs.scene.scene_file import load_scene, save_scene
 
 
 def test_a_network_that_knows_the_depth_gives_the_wall_back(wall_scene: Callable[..., Scene], oracle: Network) -> None:
     scene = wall_scene()
-    result = reconstruct(scene, given(scene, [0, 3]), oracle)
+    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle)
     assert result.target is not None
     assert result.context.positions == (0, 3)
     assert result.target.positions == (1, 2)
@@ -41,7 +43,7 @@ def test_a_network_that_knows_the_depth_gives_the_wall_back(wall_scene: Callable
 
 def test_the_views_keep_their_size_or_take_the_one_asked_for(wall_scene: Callable[..., Scene], oracle: Network) -> None:
     scene = wall_scene()
-    choice = given(scene, [0, 2])
+    choice = choose_named(scene, [0, 2])
     small = reconstruct(scene, choice, oracle)
     assert small.native_size == (40, 56)
     assert small.size == (32, 48)  # multiples of 16
@@ -52,7 +54,7 @@ def test_pictures_of_another_aspect_are_cropped_and_it_is_said(
     wall_scene: Callable[..., Scene], oracle: Network
 ) -> None:
     scene = wall_scene()
-    result = reconstruct(scene, given(scene, [0, 3]), oracle, (32, 32))
+    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle, (32, 32))
     assert [note for note in result.notes if "aspect" in note] == [
         "4 of 4 images have another aspect ratio than 32x32 (height x width) and are centre-cropped with their cameras: "
         f"{scene.frames[0].name}, for example, from 40x56 to 40x40 before it is resized."
@@ -61,7 +63,7 @@ def test_pictures_of_another_aspect_are_cropped_and_it_is_said(
     assert (fx / old_fx, fy / old_fy) == pytest.approx((0.8, 0.8))
     assert result.context.scores[0].depth_error is not None
     assert result.context.scores[0].depth_error < 0.01
-    same = reconstruct(scene, given(scene, [0, 3]), oracle, (80, 112))
+    same = reconstruct(scene, choose_named(scene, [0, 3]), oracle, (80, 112))
     assert not any("aspect" in note for note in same.notes)
 
 
@@ -80,17 +82,17 @@ def test_a_camera_that_only_turns_or_stands_still_is_told_as_no_parallax(
     wall_scene: Callable[..., Scene], oracle: Network
 ) -> None:
     scene = wall_scene(shifts=(0.0, 0.0, 0.0))
-    assert any("No parallax" in note for note in reconstruct(scene, given(scene, [0, 2]), oracle).notes)
+    assert any("No parallax" in note for note in reconstruct(scene, choose_named(scene, [0, 2]), oracle).notes)
 
 
 def test_parallax_is_not_missed_where_it_is(wall_scene: Callable[..., Scene], oracle: Network) -> None:
     scene = wall_scene()
-    assert not any("parallax" in note for note in reconstruct(scene, given(scene, [0, 3]), oracle).notes)
+    assert not any("parallax" in note for note in reconstruct(scene, choose_named(scene, [0, 3]), oracle).notes)
 
 
 def test_a_scene_of_unknown_scale_never_speaks_of_metres(wall_scene: Callable[..., Scene], oracle: Network) -> None:
     scene = wall_scene(metric=False)
-    result = reconstruct(scene, given(scene, [0, 3]), oracle)
+    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle)
     assert not result.metric
     assert any("unknown" in note for note in result.notes)
     assert all(score.depth_error is None and score.miou is None for score in result.context.scores)
@@ -106,26 +108,26 @@ def test_two_frames_leave_none_to_hold_out(wall_scene: Callable[..., Scene], ora
 def test_stages_are_announced_and_timed_in_order(wall_scene: Callable[..., Scene], oracle: Network) -> None:
     scene = wall_scene()
     stages = Stages()
-    reconstruct(scene, given(scene, [0, 3]), oracle, stages=stages)
+    reconstruct(scene, choose_named(scene, [0, 3]), oracle, stages=stages)
     assert list(stages.seconds) == ["read", "encode", "render"]
     assert all(seconds > 0 for seconds in stages.seconds.values())
 
 
 def test_nothing_of_the_result_has_a_gradient(wall_scene: Callable[..., Scene], oracle: Network) -> None:
     scene = wall_scene()
-    result = reconstruct(scene, given(scene, [0, 3]), oracle)
+    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle)
     assert not result.encoding.gaussians.means.requires_grad
     assert result.encoding.gaussians.means.dtype == torch.float32
 
 
 def test_one_view_is_refused(wall_scene: Callable[..., Scene]) -> None:
     with pytest.raises(ValueError, match="expected 2 to 4"):
-        given(wall_scene(), [1])
+        choose_named(wall_scene(), [1])
 
 
 def test_a_reconstruction_has_one_near_and_far(wall_scene: Callable[..., Scene], oracle: Network) -> None:
     scene = wall_scene(metric=False)
-    result = reconstruct(scene, given(scene, [0, 3]), oracle)
+    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle)
     assert result.target is not None
     near, far = result.depth_range.near, result.depth_range.far
     for bounds in (result.context.views, result.target.views, result.encoding):
@@ -143,7 +145,7 @@ def test_a_scene_far_from_its_origin_is_reconstructed_as_well_as_near_it(wall_sc
     assert near.origin.tolist() == [0, 0, 0]
     assert far.origin.tolist() == [5_000_003, -4_000_001, 300_001]
     network = load("small")
-    before, after = (reconstruct(scene, given(scene, [0, 3]), network) for scene in (near, far))
+    before, after = (reconstruct(scene, choose_named(scene, [0, 3]), network) for scene in (near, far))
     for mine, theirs in ((after.context, before.context), (after.target, before.target)):
         flat = mine.views.images.mean((-2, -1), keepdim=True).expand_as(mine.views.images)
         for score, wanted, nothing in zip(mine.scores, theirs.scores, psnr(flat, mine.views.images), strict=True):
@@ -161,12 +163,12 @@ def test_a_pose_in_the_coordinates_of_a_far_scene_is_rendered_and_files_are_in_t
 ) -> None:
     scene = wall_scene(moved=MOVED)
     oracle.start += torch.tensor(MOVED, dtype=torch.float64) - torch.from_numpy(scene.origin)
-    result = reconstruct(scene, given(scene, [0, 3]), oracle, SIZE)
+    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle, SIZE)
     asked = scene.cameras[3].arranged(lambda array: array[None])
     assert asked.centres[0, 0] > 5e6
     mine = result.encoding.render(asked.relative_to(scene.origin))
     assert torch.equal(mine.images[0], result.context.rendering.images[1])
-    save_scene(tmp_path / "a", saved(result))
+    save_scene(tmp_path / "a", result.saved)
     with safe_open(tmp_path / "a", "pt") as file:
         written = file.get_tensor("cameras.world_from_camera")
         assert json.loads(file.metadata()["semgs"])["version"] == 2
@@ -209,10 +211,24 @@ def test_views_that_cannot_overlap_are_told(wall_scene: Callable[..., Scene], or
     """At 10 m, the far bound, a camera sees 29 / 52 * 10 = 5.6 m to its right and 5.2 m to its left: more than 8 m together, less than 12."""
     for shifts, told in (((0.0, 12.0), True), ((0.0, 8.0), False)):
         scene = wall_scene(shifts=shifts, moved=(shifts[1], 0, 0))
-        notes = reconstruct(scene, given(scene, [0, 1]), oracle).notes
+        notes = reconstruct(scene, choose_named(scene, [0, 1]), oracle).notes
         found = [note for note in notes if note.startswith("No overlap: images/00.png, images/01.png shows nothing")]
         assert bool(found) is told
 
 
 def test_a_view_beside_two_that_overlap_is_the_stranger(wall_scene: Callable[..., Scene]) -> None:
     assert strangers(wall_scene(shifts=(0.0, 0.1, 15.0)).read([0, 2, 1])) == [1]
+
+
+def test_a_walk_passes_the_same_pipeline_and_has_the_same_notes(
+    wall_scene: Callable[..., Scene], oracle: Network
+) -> None:
+    """Images of 40x56 are cropped, and the scale is unknown; only the walk says what became of its frames."""
+    scene = wall_scene(metric=False, shifts=(0.0, 0.3, 0.6, 0.9))
+    few, walk = (reconstruct(scene, frames, oracle, (32, 32)) for frames in (choose_named(scene, [0, 3]), Walk()))
+    for start in ("4 of 4 images have another aspect ratio", "The scale of this scene is unknown"):
+        (note,) = [note for note in few.notes if note.startswith(start)]
+        assert note in walk.notes
+    assert any("were joined" in note for note in walk.notes)
+    assert walk.saved.frames == walk.context.names
+    assert walk.classes == few.classes == oracle.classes

@@ -11,17 +11,17 @@ import pytest
 import torch
 from reconstruction.conftest import SIZE, Oracle
 
-from semgs.data.choosing.choice import given
+from semgs.data.choosing.choice import choose_named
 from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_uint16, write_png
-from semgs.reconstruction.output.files import saved, summary
+from semgs.reconstruction.output.files import summary
 from semgs.reconstruction.output.report import Origin, report_numbers
 from semgs.reconstruction.output.report_page import report_page
 from semgs.reconstruction.pipeline import reconstruct
 from semgs.reconstruction.registration import Registration
-from semgs.reconstruction.sensor_depth import OPACITY, placed, sensor_spread
+from semgs.reconstruction.sensor_depth import OPACITY, place_gaussians, sensor_spread
 from semgs.scene.encoding import Encoding
 from semgs.scene.scene_file import load_scene, save_scene
 
@@ -45,7 +45,7 @@ def views(wall_scene: Callable[..., Scene]) -> Views:
 def test_a_sensor_puts_the_wall_where_it_is(wall_scene: Callable[..., Scene]):
     scene = wall_scene()
     by_source = {
-        source: reconstruct(scene, given(scene, [0, 3]), Mistaken(), depth=source)  # type: ignore[arg-type]
+        source: reconstruct(scene, choose_named(scene, [0, 3]), Mistaken(), depth=source)  # type: ignore[arg-type]
         for source in ("network", "sensor", "both")
     }
     errors = {source: result.target.scores[0].depth_abs_rel for source, result in by_source.items() if result.target}
@@ -61,7 +61,7 @@ def test_measured_pixels_have_the_measured_depth_and_holes_the_networks_as_the_s
     depths[:, 10:20, 5:30] = 0
     views = replace(views, depths=depths)
     before = Mistaken()(views)
-    after = placed(before, views, "sensor").encoding
+    after = place_gaussians(before, views, "sensor")[0]
     hole = depths == 0
     torch.testing.assert_close(after.depths[~hole], depths[~hole])
     torch.testing.assert_close(after.depths[0, 10:20, 5:30], torch.full((10, 25), 2.0), atol=2e-3, rtol=0)
@@ -86,7 +86,7 @@ def test_both_weighs_log_depths_by_their_inverse_variances(views: Views):
     depths[0, 7, 9] = 2.4
     views = replace(views, depths=depths)
     before = Mistaken()(views)
-    after = placed(before, views, "both").encoding
+    after = place_gaussians(before, views, "both")[0]
     noise, variance = (0.0088 / 2.4) ** 2, 0.1**2
     weight = variance / (variance + noise)
     assert weight == pytest.approx(0.99866, abs=1e-5)
@@ -99,7 +99,7 @@ def test_both_weighs_log_depths_by_their_inverse_variances(views: Views):
 
 def test_the_summary_the_report_and_the_scene_file_tell_of_it(wall_scene: Callable[..., Scene], tmp_path: Path):
     scene = wall_scene()
-    result = reconstruct(scene, given(scene, [0, 3]), Mistaken(), depth="sensor")
+    result = reconstruct(scene, choose_named(scene, [0, 3]), Mistaken(), depth="sensor")
     told = summary(result, {"read": 1.0}, tmp_path)
     assert "images/00.png: 100 % measured; 1 / sensor = 1.250 / network +0.000, typical difference 0 %" in told
     numbers = json.loads(json.dumps(report_numbers(result, ORIGIN, {}), allow_nan=False))["depth"]
@@ -110,7 +110,7 @@ def test_the_summary_the_report_and_the_scene_file_tell_of_it(wall_scene: Callab
     }  # fmt: skip
     assert "the sensor" in report_page(result, ORIGIN, {"read": 1.0})
     assert not [note for note in result.notes if "does not fit" in note]
-    save_scene(tmp_path / "scene.safetensors", saved(result))
+    save_scene(tmp_path / "scene.safetensors", result.saved)
     again = load_scene(tmp_path / "scene.safetensors")
     assert torch.equal(again.depths, result.encoding.depths)
     assert again.depths.mean().item() == pytest.approx(1.988, abs=2e-3)
@@ -119,7 +119,7 @@ def test_the_summary_the_report_and_the_scene_file_tell_of_it(wall_scene: Callab
 
 def test_without_a_sensor_the_report_says_that_depth_is_the_networks(wall_scene: Callable[..., Scene]):
     scene = wall_scene()
-    result = reconstruct(scene, given(scene, [0, 3]), Oracle())
+    result = reconstruct(scene, choose_named(scene, [0, 3]), Oracle())
     assert report_numbers(result, ORIGIN, {})["depth"] == {"source": "network", "fits": [], "shift_px": None}
 
 
@@ -127,7 +127,7 @@ def test_without_a_sensor_the_report_says_that_depth_is_the_networks(wall_scene:
 def test_depth_in_another_unit_is_noted(views: Views, factor: float):
     """x10 and x1000, as for centimetres or metres that are millimetres: the residual is zero, the ratio is not 1."""
     wrong = replace(views, depths=views.depths * factor)
-    (note,) = placed(Oracle()(views), wrong, "sensor").notes(["a.png", "b.png"])
+    (note,) = place_gaussians(Oracle()(views), wrong, "sensor")[1].notes(["a.png", "b.png"])
     assert f"a.png (sensor / model {factor:g}, typical difference" in note
     assert "b.png" in note
     assert "--depth-unit" in note
@@ -135,14 +135,14 @@ def test_depth_in_another_unit_is_noted(views: Views, factor: float):
 
 def test_depth_that_lies_beside_the_image_is_noted(wall_scene: Callable[..., Scene]):
     scene = wall_scene()
-    result = reconstruct(scene, given(scene, [0, 3]), Oracle(), depth="both")
-    assert result.placed is not None
-    assert result.placed.notes(["a.png", "b.png"]) == ()
-    beside = replace(result.placed, registration=Registration(right=10, down=-4, gain=2.0, pixels=5000))
+    result = reconstruct(scene, choose_named(scene, [0, 3]), Oracle(), depth="both")
+    assert result.placement is not None
+    assert result.placement.notes(["a.png", "b.png"]) == ()
+    beside = replace(result.placement, registration=Registration(right=10, down=-4, gain=2.0, pixels=5000))
     (note,) = beside.notes(["a.png", "b.png"])
     assert "not registered" in note
     assert "moves by about -10 px to the right and 4 px down" in note
-    assert report_numbers(replace(result, placed=beside), ORIGIN, {})["depth"]["shift_px"] == [10, -4]
+    assert report_numbers(replace(result, placement=beside), ORIGIN, {})["depth"]["shift_px"] == [10, -4]
 
 
 def test_depth_for_too_few_pixels_is_refused_by_the_name_of_its_frame(wall_scene: Callable[..., Scene]):
@@ -155,12 +155,12 @@ def test_depth_for_too_few_pixels_is_refused_by_the_name_of_its_frame(wall_scene
     with pytest.raises(
         InputError, match=r"transforms.json: images/03.png: expected a measured depth at 50 % .*, found 38 %"
     ):
-        reconstruct(scene, given(scene, [0, 3]), Oracle(), SIZE, depth="both")
+        reconstruct(scene, choose_named(scene, [0, 3]), Oracle(), SIZE, depth="both")
     counts[15:20] = 1976
     write_png(depth_file, counts)
-    assert reconstruct(scene, given(scene, [0, 3]), Oracle(), SIZE, depth="both").placed is not None
+    assert reconstruct(scene, choose_named(scene, [0, 3]), Oracle(), SIZE, depth="both").placement is not None
 
 
 def test_views_without_depth_are_refused(views: Views):
     with pytest.raises(ValueError, match="have no depths"):
-        placed(Oracle()(views), replace(views, depths=None), "sensor")
+        place_gaussians(Oracle()(views), replace(views, depths=None), "sensor")

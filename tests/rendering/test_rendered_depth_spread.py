@@ -10,7 +10,7 @@ from saved_scenes import wall
 
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.rendering.depth_spread import rendered_depth_spread
+from semgs.rendering.depth_spread import render_depth_spread
 
 
 def test_a_pixel_of_two_depths_has_the_spread_of_both_and_that_between_them() -> None:
@@ -23,7 +23,7 @@ def test_a_pixel_of_two_depths_has_the_spread_of_both_and_that_between_them() ->
     means = torch.tensor([[3.0, 2, 3], [5, 2, 3]])  # 2 m and 4 m away
     shape = Appearance(torch.tensor([[0.8, 0.0, 0.6, 0.0]] * 2), torch.full((2, 3), 0.5), torch.zeros(2, 1, 3))
     gaussians = Gaussians(means, torch.full((2,), 0.5), shape)
-    found = rendered_depth_spread(gaussians, torch.tensor([0.1, 0.2]), camera)
+    found = render_depth_spread(gaussians, torch.tensor([0.1, 0.2]), camera)
     own = (2 * 0.1**2 + 0.2**2) / 3
     between = 2 / 9 * math.log(2) ** 2
     assert found[0, 3, 4].item() == pytest.approx(math.sqrt(own + between), rel=1e-3)
@@ -35,7 +35,7 @@ def test_a_wall_has_the_spread_of_its_gaussians_and_what_is_unseen_has_none() ->
     spread = torch.full((len(scene.gaussians),), 0.1)
     cameras = scene.cameras[:1].relative_to((0.0, 0.0, 0.0))
     cameras.world_from_camera[:, :3, 3] += 0.9 * cameras.world_from_camera[:, :3, 0]
-    found = rendered_depth_spread(scene.gaussians, spread, cameras, near=scene.near)[0]
+    found = render_depth_spread(scene.gaussians, spread, cameras, near=scene.near)[0]
     unseen = scene.render(cameras).alphas[0] < 0.5
     assert torch.equal(found.isnan(), unseen)
     assert 0.05 < unseen.float().mean() < 0.6

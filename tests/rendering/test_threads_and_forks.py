@@ -27,7 +27,7 @@ def test_eight_threads_that_render_at_once_get_the_bits_of_one(random_scene):
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 def test_a_process_forked_after_rendering_neither_renders_nor_encodes_and_says_why(random_scene):
     scene = random_scene(1, 30, 1, (16, 23))
-    model, views = preset("small"), posed_views(2, (32, 48))
+    model, views = preset("small_plain"), posed_views(2, (32, 48))
     render(*scene)
     parent, child = multiprocessing.Pipe()
 

@@ -75,7 +75,7 @@ def test_autocast_leaves_cameras_alone(device) -> None:
         assert torch.equal(found, expected)
 
 
-@pytest.mark.parametrize("name", ["small", "base"])
+@pytest.mark.parametrize("name", ["small_plain", "base"])
 def test_under_autocast_gaussians_are_float32_and_lie_at_their_depth(device, name: str) -> None:
     model = fill_golden(preset(name)).to(device)
     views = posed_views(2, SIZE)
@@ -90,7 +90,7 @@ def test_under_autocast_gaussians_are_float32_and_lie_at_their_depth(device, nam
 
 @pytest.mark.parametrize("paper_heads", [False, True])
 def test_logits_of_depth_disparity_and_opacity_are_float32_under_autocast(paper_heads: bool) -> None:
-    model = fill_golden(preset("small", paper_heads=paper_heads))
+    model = fill_golden(preset("small_plain", paper_heads=paper_heads))
     last = [
         "colour.depth.regressor.head.2",
         "colour.heads.opacity.2" if paper_heads else "colour.heads.refinement.to_disparity.2",
@@ -136,7 +136,7 @@ def test_rounding_changes_the_class_of_few_gaussians_on_which_views_agree(device
 
 @pytest.mark.gpu
 @pytest.mark.parametrize("views", [2, 3, 4])
-@pytest.mark.parametrize("name", ["small", "base"])
+@pytest.mark.parametrize("name", ["small_plain", "base"])
 def test_the_whole_network_on_cuda_equals_the_cpu(cuda, name: str, views: int) -> None:
     model = fill_golden(preset(name))
     pictures = posed_views(views, SIZE)
@@ -152,7 +152,7 @@ def test_gradients_on_cuda_equal_the_cpus(cuda) -> None:
     pictures = posed_views(2, SIZE)
     gradients = []
     for device in ("cpu", cuda):
-        model = fill_golden(preset("small")).to(device)
+        model = fill_golden(preset("small_plain")).to(device)
         encoding = model(pictures)
         (encoding.depths.log().mean() + encoding.gaussians.colour.features.square().mean()).backward()
         gradients.append([one.grad.cpu() for one in model.parameters() if one.grad is not None])

@@ -10,9 +10,10 @@ from networks import preset
 from posed import posed_views
 
 from semgs.data.views import stack
+from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.model.layers.chunks import Chunks
 from semgs.rendering.render import render
-from semgs.scene.encoding import Places
+from semgs.scene.scene_file import SavedScene
 
 SIZE = (32, 48)
 
@@ -20,7 +21,7 @@ SIZE = (32, 48)
 def test_the_near_bound_of_a_scene_is_the_smallest_of_its_views() -> None:
     views = posed_views(3, SIZE)
     with torch.inference_mode():
-        encoding = fill_golden(preset("small"))(views, Chunks(heads=2))
+        encoding = fill_golden(preset("small_plain"))(views, Chunks(heads=2))
         assert torch.equal(encoding.depth_range, views.depth_range)
         # Bounds whose near planes, a fifth of them, lie among the Gaussians.
         bounds = 5 * float(encoding.depths.median()) * torch.tensor([[0.9, 9.0], [0.4, 8.0], [0.7, 7.0]])
@@ -35,7 +36,7 @@ def test_the_near_bound_of_a_scene_is_the_smallest_of_its_views() -> None:
 def test_each_scene_of_a_batch_has_its_own_near_bound() -> None:
     one, other = posed_views(2, SIZE, seed=1), posed_views(2, SIZE, seed=5)
     other = other.changed(depth_range=2 * other.depth_range)
-    model = fill_golden(preset("small"))
+    model = fill_golden(preset("small_plain"))
     with torch.inference_mode():
         encoding = model(stack([one, other]))
         together = encoding.render(stack([one, other]).cameras)
@@ -47,7 +48,7 @@ def test_each_scene_of_a_batch_has_its_own_near_bound() -> None:
 
 def test_bounds_stay_where_they_are_when_an_encoding_moves() -> None:
     with torch.inference_mode():
-        encoding = fill_golden(preset("small"))(posed_views(2, SIZE))
+        encoding = fill_golden(preset("small_plain"))(posed_views(2, SIZE))
     moved = encoding.to("cpu", torch.float16)
     assert (moved.depths.dtype, moved.gaussians.means.dtype) == (torch.float16, torch.float16)
     assert moved.depth_range.dtype == torch.float64
@@ -55,5 +56,13 @@ def test_bounds_stay_where_they_are_when_an_encoding_moves() -> None:
 
 def test_blocks_at_the_edge_count_when_places_are_counted_over_the_views() -> None:
     """5x8 px in blocks of 2x2 are 3 rows of 4 blocks."""
-    places = Places(torch.tensor([0, 11, 12, 35]), 2)
-    assert places.views((5, 8)).tolist() == [0, 0, 1, 2]
+    size, count = (5, 8), 4
+    shape = Appearance(torch.tensor([[1.0, 0, 0, 0]] * count), torch.ones(count, 3), torch.zeros(count, 1, 3))
+    maps = torch.ones(3, *size)
+    scene = SavedScene(
+        Gaussians(torch.zeros(count, 3), torch.ones(count), shape, None), posed_views(3, size).cameras, maps, maps,
+        torch.tensor([[0.5, 2.0]] * 3, dtype=torch.float64), "unknown", None, ("a", "b", "c"), "", "",
+        stride=2, places=torch.tensor([0, 11, 12, 35]),
+    )  # fmt: skip
+    assert scene.grid == (3, 3, 4)
+    assert scene.own_views.tolist() == [0, 0, 1, 2]

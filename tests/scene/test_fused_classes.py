@@ -16,7 +16,7 @@ from semgs.geometry.fusion import LEAST
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.model.networks import NETWORKS
 from semgs.model.settings import NetworkSettings
-from semgs.scene.encoding import Encoding, Places
+from semgs.scene.encoding import Encoding
 
 SIZE, GRID = (11, 18), (6, 9)
 """Of the views and of their Gaussians, one per 2x2 pixels; the last row stands for half as many."""
@@ -46,7 +46,7 @@ def wall(second: float = 4.0) -> Encoding:
         Appearance(quaternions, scales, said),
     )
     maps = torch.ones(2, *SIZE).double()
-    return Encoding(gaussians, 4 * maps, maps, 0.01 * maps, torch.tensor([[0.5, 9.0]] * 2))
+    return Encoding(gaussians, 4 * maps, maps, 0.01 * maps, torch.tensor([[0.5, 9.0]] * 2), stride=2)
 
 
 def test_a_gaussian_takes_the_mean_of_the_log_probabilities_of_the_views_that_see_it():
@@ -72,9 +72,7 @@ def test_a_view_that_sees_something_nearer_has_no_say():
 def test_gaussians_without_classes_or_of_parts_of_views_are_refused():
     encoding = wall()
     for other in (
-        Encoding(
-            encoding.gaussians.map(lambda one: one), *encoding.tensors()[-4:], places=Places(torch.arange(108), 2)
-        ),
+        Encoding(encoding.gaussians.map(lambda one: one), *encoding.tensors()[-4:], places=torch.arange(108)),
         fill_golden(preset("mvsplat")).eval()(posed_views(2, (32, 48))),
     ):
         with pytest.raises(ValueError, match="expected Gaussians with classes, one for each pixel"):
@@ -83,7 +81,7 @@ def test_gaussians_without_classes_or_of_parts_of_views_are_refused():
 
 def test_the_network_fuses_outside_training_only_and_scene_by_scene():
     model, one, other = (
-        fill_golden(preset("small", class_fusion=True)),
+        fill_golden(preset("small_plain", class_fusion=True)),
         posed_views(2, (32, 48)),
         posed_views(2, (32, 48), seed=5),
     )
@@ -102,9 +100,10 @@ def test_the_network_fuses_outside_training_only_and_scene_by_scene():
         )
 
 
-def test_no_preset_fuses_and_files_that_do_not_say_are_of_networks_that_do_not():
-    assert not any(settings().semantic and settings().semantic.fusion for settings in NETWORKS.values())
-    saved = preset("small", class_fusion=True).settings.as_json()
+def test_small_alone_fuses_and_files_that_do_not_say_are_of_networks_that_do_not():
+    branches = {name: settings().semantic for name, settings in NETWORKS.items()}
+    assert [name for name, branch in branches.items() if branch and branch.fusion] == ["small"]
+    saved = preset("small_plain", class_fusion=True).settings.as_json()
     assert NetworkSettings.from_json(saved).semantic.fusion
     del saved["semantic"]["fusion"]
     assert not NetworkSettings.from_json(saved).semantic.fusion

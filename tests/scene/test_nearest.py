@@ -19,7 +19,7 @@ SIZE = (29, 37)
 
 @pytest.fixture(scope="module")
 def small() -> SemGS:
-    return fill_golden(preset("small")).double()
+    return fill_golden(preset("small_plain")).double()
 
 
 def moved(cameras: Cameras, by: list[float]) -> Cameras:

@@ -13,11 +13,11 @@ from posed import posed_cameras, posed_views
 from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.rotations import matrix_from_quaternion
-from semgs.model.gaussians.heads import Decoded
+from semgs.model.gaussians.heads import RawGaussians
 from semgs.model.gaussians.placing import Placer
 from semgs.model.layers.chunks import Chunks
 from semgs.model.layers.conventions import OURS, Conventions
-from semgs.model.layers.network_input import Padded
+from semgs.model.layers.network_input import NetworkInput
 from semgs.model.semgs import SemGS
 from semgs.scene.encoding import Encoding
 from semgs.scene.overlap import Others, seen_by, shrinkage
@@ -36,11 +36,11 @@ def side_by_side(world: list[float], dtype: torch.dtype = torch.float64) -> View
     return Views(torch.zeros(3, 3, 8, 20, dtype=dtype), Cameras(poses, k, (8, 20)), bounds)
 
 
-def wall(scene: Padded, views: Views, shrink_seen: float) -> Encoding:
+def wall(scene: NetworkInput, views: Views, shrink_seen: float) -> Encoding:
     """Gaussians on a wall 5 m before the cameras, with raw sizes of 0."""
     depths = torch.full_like(scene.small[:, 0], 5.0)
     raw = torch.zeros_like(depths)[:, None].expand(-1, 7 + 3, -1, -1) + 0.1
-    decoded = Decoded(depths, depths / 10, raw, depths / 10, depths / 10)
+    decoded = RawGaussians(depths, depths / 10, raw, depths / 10, depths / 10)
     placer = Placer(1, False, OURS, shrink_seen)
     rays = placer.rays(scene, views.size, depths)
     return placer(decoded, raw, scene.small, rays, scene.depth_range.flatten(0, 1), views.size)
@@ -50,7 +50,7 @@ def wall(scene: Padded, views: Views, shrink_seen: float) -> Encoding:
 @pytest.mark.parametrize("world", [[0.7, -2.0, 1.5], [4e6, -3e6, 2e6]], ids=["near the origin", "far from the origin"])
 def test_a_gaussian_seen_by_two_keeps_its_size_and_one_seen_by_three_has_the_root_of_two_thirds(world, dtype):
     views = side_by_side(world, dtype)
-    scene = Padded.of(views, views.images, 1)
+    scene = NetworkInput.of(views, views.images, 1)
     plain, shrunk = wall(scene, views, 0.0).gaussians, wall(scene, views, 0.5).gaussians
     found = (shrunk.colour.scales / plain.colour.scales).unflatten(1, views.size)
     # By the columns of each view: column c of the first is c - 2 in the second and c - 4 in the third, of 20.
@@ -112,7 +112,7 @@ def switched_off(model: SemGS, views: Views) -> Encoding:
 
 @pytest.fixture(scope="module")
 def small() -> SemGS:
-    return fill_golden(preset("small")).double()
+    return fill_golden(preset("small_plain")).double()
 
 
 @pytest.mark.parametrize("conventions", [OURS, replace(OURS, z_depth=False)], ids=["z-depth", "distance"])
@@ -146,6 +146,6 @@ def test_two_views_have_the_sizes_that_the_head_says(small: SemGS):
     assert torch.equal(found.gaussians.colour.scales, plain.gaussians.colour.scales)
 
 
-def test_the_rule_is_on_in_small_alone():
-    exponents = [preset(name).placer.shrink_seen for name in ("small", "base", "mvsplat")]
-    assert exponents == [0.5, 0.0, 0.0]
+def test_the_rule_is_on_in_small_networks_alone():
+    exponents = [preset(name).placer.shrink_seen for name in ("small", "small_plain", "base", "mvsplat")]
+    assert exponents == [0.5, 0.5, 0.0, 0.0]

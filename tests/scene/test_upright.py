@@ -10,7 +10,7 @@ from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.rigid import cameras_in, gaussians_in
+from semgs.geometry.rigid import move_cameras, move_gaussians
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.model.weights.load import load
 from semgs.rooms.sets.demo_room import demo_scene
@@ -74,7 +74,7 @@ def tilt(scene: SavedScene) -> tuple[SavedScene, torch.Tensor]:
     """The scene in a frame in which nothing is level, and the direction that is up there."""
     turn = torch.eye(4, dtype=torch.float64)
     turn[:3, :3] = matrix_from_quaternion(torch.tensor([0.5, -0.7, 0.3, 0.2], dtype=torch.float64))
-    moved = replace(scene, gaussians=gaussians_in(turn, scene.gaussians), cameras=cameras_in(turn, scene.cameras))
+    moved = replace(scene, gaussians=move_gaussians(turn, scene.gaussians), cameras=move_cameras(turn, scene.cameras))
     return moved, turn[:3, 2]
 
 

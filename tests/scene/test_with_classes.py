@@ -24,7 +24,7 @@ def encoding(stride: int, classes: int | None, size: tuple[int, int] = (3, 5)) -
     own = None if classes is None else Appearance(quaternions, torch.full((count, 3), 0.3), torch.rand(count, classes))
     gaussians = Gaussians(torch.arange(3.0 * count).view(count, 3), torch.full((count,), 0.5), colour, own)
     maps = torch.ones(2, *size)
-    return Encoding(gaussians, maps, maps, maps, torch.tensor([[0.5, 5.0]] * 2))
+    return Encoding(gaussians, maps, maps, maps, torch.tensor([[0.5, 5.0]] * 2), stride=stride)
 
 
 def test_each_gaussian_takes_the_mean_of_its_pixels_and_those_at_the_border_of_what_is_there():

@@ -108,6 +108,7 @@ def test_scenes_of_a_batch_move_by_themselves():
             Appearance(*(torch.stack((a, b)) for a, b in zip(vars(one.gaussians.colour).values(), vars(other.gaussians.colour).values(), strict=True))),
         ),
         *(torch.stack((getattr(one, name), getattr(other, name))) for name in ("depths", "confidences", "depth_spread", "depth_range")),
+        stride=one.stride,
     )  # fmt: skip
     cameras = VIEWS.cameras.arranged(lambda array: array.expand(2, *array.shape))
     after = both.with_depths(torch.stack((DEPTHS, 2 * DEPTHS)), cameras)

@@ -16,9 +16,9 @@ from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError
-from semgs.segmenters.class_map_files import MadeBy, MapFiles, read_probabilities, save_map, save_table
-from semgs.segmenters.opening import sources
-from semgs.segmenters.tables import table_of
+from semgs.segmenters.class_map_files import MadeBy, MapFiles, read_probabilities, save_class_map, save_table
+from semgs.segmenters.opening import open_class_sources
+from semgs.segmenters.tables import make_class_table
 
 
 @pytest.fixture
@@ -69,9 +69,9 @@ def test_a_map_may_lie_at_the_top_if_no_other_frame_has_its_name(folder: Path, s
 
 def test_what_was_saved_is_read_again_with_its_table(tmp_path: Path, scene: Scene):
     made = MadeBy("net.onnx", "abc", "Apache-2.0")
-    save_table(tmp_path / "out", table_of("net", ("wall", "chair")), made)
+    save_table(tmp_path / "out", make_class_table("net", ("wall", "chair")), made)
     given = np.stack((np.full((6, 8), 0.25, np.float32), np.full((6, 8), 0.75, np.float32)))
-    save_map(tmp_path / "out", scene.frames[2], given, "0f")
+    save_class_map(tmp_path / "out", scene.frames[2], given, "0f")
     maps = MapFiles.opened(tmp_path / "out", scene)
     assert maps.made_by == made
     assert maps.photos == {scene.frames[2].name: "0f"}
@@ -80,7 +80,7 @@ def test_what_was_saved_is_read_again_with_its_table(tmp_path: Path, scene: Scen
     torch.testing.assert_close(maps.of(scene.frames[2], SIZE)[1], torch.full(SIZE, 0.75))
     # Maps of a network are in ScanNet's classes unless its own are wanted: chair is the fifth of them.
     for classes, place, count in ((None, 4, 20), ("own", 1, 2)):
-        found = sources(str(tmp_path / "out"), classes)(scene).of(scene.frames[2], SIZE)
+        found = open_class_sources(str(tmp_path / "out"), classes)(scene).of(scene.frames[2], SIZE)
         assert found.shape[0] == count
         torch.testing.assert_close(found[place], torch.full(SIZE, 0.75))
 
@@ -89,8 +89,8 @@ def test_what_was_saved_is_read_again_with_its_table(tmp_path: Path, scene: Scen
 def test_maps_of_photos_outside_the_scene_stay_in_their_folder(tmp_path: Path, scene: Scene, name: str):
     frame = replace(scene.frames[0], name=name)
     out = tmp_path / "a/b/out"
-    save_table(out, table_of("net", ("wall", "chair")), MadeBy("net.onnx", "abc"))
-    save_map(out, frame, np.full((2, 6, 8), 0.5, np.float32), "0f")
+    save_table(out, make_class_table("net", ("wall", "chair")), MadeBy("net.onnx", "abc"))
+    save_class_map(out, frame, np.full((2, 6, 8), 0.5, np.float32), "0f")
     assert [path for path in tmp_path.rglob("*.npz") if not path.is_relative_to(out)] == []
     assert MapFiles.opened(out, replace(scene, frames=(frame, *scene.frames[1:]))).path_of(frame) is not None
 
@@ -98,15 +98,15 @@ def test_maps_of_photos_outside_the_scene_stay_in_their_folder(tmp_path: Path, s
 def test_names_of_scannet_have_its_table(folder: Path, scene: Scene):
     listed = [{"name": name, "colour": [1, 2, 3]} for name in SCANNET20.names]
     (folder / "classes.json").write_text(json.dumps({"name": "mine", "classes": listed}))
-    assert sources(str(folder))(scene).classes is SCANNET20
+    assert open_class_sources(str(folder))(scene).classes is SCANNET20
 
 
 def test_a_table_of_unknown_names_is_kept_or_refused(folder: Path, scene: Scene):
     table = {"name": "own", "classes": [{"name": name, "colour": [0, 0, 0]} for name in ("wall", "gizmo", "widget")]}
     (folder / "classes.json").write_text(json.dumps(table))
-    assert sources(str(folder))(scene).classes.names == ("wall", "gizmo", "widget")
+    assert open_class_sources(str(folder))(scene).classes.names == ("wall", "gizmo", "widget")
     with pytest.raises(InputError, match=r"2 of 3 class names are unknown \(gizmo, widget\).*--classes own"):
-        sources(str(folder), "scannet20")(scene)
+        open_class_sources(str(folder), "scannet20")(scene)
 
 
 def test_bad_maps_are_refused_by_name(folder: Path, scene: Scene):

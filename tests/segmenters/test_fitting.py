@@ -15,26 +15,35 @@ from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import IGNORE, SCANNET20
 from semgs.files.errors import InputError
 from semgs.geometry.fusion import LEAST
-from semgs.segmenters.fitting import Fit, correspondence, counts, fit, fitted_votes, pixels, read_fit, save_fit
-from semgs.segmenters.labelling import Votes, weighed
+from semgs.segmenters.fitting import (
+    Fit,
+    count_pairs,
+    fit_correspondence,
+    fit_votes,
+    make_correspondence,
+    read_fit,
+    sample_pixels,
+    save_fit,
+)
+from semgs.segmenters.labelling import ClassVotes, weigh
 from semgs.segmenters.names import Correspondence
-from semgs.segmenters.opening import sources
+from semgs.segmenters.opening import open_class_sources
 from semgs.segmenters.photo_maps import one_hot
-from semgs.segmenters.tables import table_of
+from semgs.segmenters.tables import make_class_table
 
-TWO = table_of("two", ("a", "b"))
+TWO = make_class_table("two", ("a", "b"))
 
 
 class Shifted:
     """A source that says the label after the true one, of the labels 0, 1 and 4, at 0.8."""
 
-    classes = table_of("three", ("x", "y", "z"))
+    classes = make_class_table("three", ("x", "y", "z"))
     title = "shifted"
     made_by = None
     known = np.ones(3, bool)
 
     def of(self, frame, size):
-        labels = frame.view((0.1, 10.0), SCANNET20, size=size, crop=True).labels[0]
+        labels = frame.view((0.1, 10.0), SCANNET20, size=size, fit="crop").labels[0]
         said = torch.zeros(size, dtype=torch.uint8)
         for place, label in enumerate((0, 1, 4)):
             said[labels == label] = (place + 1) % 3
@@ -43,7 +52,7 @@ class Shifted:
 
 def test_the_class_frequency_is_divided_out_by_its_root():
     """Six and four tenths of all pixels: 6 / 0.6 ** 0.5 = 7.746 and 2 / 0.4 ** 0.5 = 3.162, so the first row is 0.710 and 0.290."""
-    found = correspondence(np.array([[6.0, 2.0], [0.0, 2.0], [0.0, 0.0]]), TWO).table
+    found = make_correspondence(np.array([[6.0, 2.0], [0.0, 2.0], [0.0, 0.0]]), TWO).table
     first = 6 / math.sqrt(0.6), 2 / math.sqrt(0.4)
     np.testing.assert_allclose(found[0], np.array(first) / sum(first), rtol=1e-6)
     assert found[0].round(3).tolist() == pytest.approx([0.710, 0.290])
@@ -52,9 +61,9 @@ def test_the_class_frequency_is_divided_out_by_its_root():
 
 def test_a_segmenter_that_calls_things_by_other_names_is_understood(tmp_path: Path):
     scene = open_scene(write_labelled(tmp_path / "scene", 3))
-    found = fit(lambda scene: Shifted(), [scene], lambda scene: ([0, 2], scene.read([0, 2], SIZE)))
+    found = fit_correspondence(lambda scene: Shifted(), [scene], lambda scene: ([0, 2], scene.read([0, 2], SIZE)))
     assert found.table.argmax(1).tolist() == [4, 0, 1]
-    counted = counts(Shifted(), scene, scene.read([0], SIZE), [0], 20)
+    counted = count_pairs(Shifted(), scene, scene.read([0], SIZE), [0], 20)
     labels = scene.read([0], SIZE).labels
     assert counted[1, 0] == pytest.approx(0.8 * int((labels == 0).sum()), rel=1e-6)
     assert counted[2, 0] == pytest.approx(0.1 * int((labels == 0).sum()), rel=1e-6)
@@ -69,17 +78,17 @@ def test_votes_go_to_the_one_that_is_right():
     thought = torch.where(wrong, (labels + 1) % 3, labels)
     said = torch.randint(0, 3, (20_000,), generator=generator).to(torch.uint8)
     own, theirs = (0.85 * one_hot(one[None], 3)[:, 0] + 0.05 for one in (thought, said))
-    votes = fitted_votes([(theirs, own, labels)], 3)
+    votes = fit_votes([(theirs, own, labels)], 3)
     assert max(map(abs, votes.theirs)) < 0.1
     assert min(votes.own) > 0.8
 
 
 def test_weighed_votes_by_hand():
-    votes = Votes((0.5, 1.0), (1.0, 2.0), (0.0, 0.3))
+    votes = ClassVotes((0.5, 1.0), (1.0, 2.0), (0.0, 0.3))
     theirs, own = (torch.tensor(one).double()[:, None, None] for one in ([0.8, 0.2], [0.4, 0.6]))
     a = math.sqrt(0.8 + LEAST) * (0.4 + LEAST)
     b = (0.2 + LEAST) * (0.6 + LEAST) ** 2 * math.exp(0.3)
-    torch.testing.assert_close(weighed(theirs, own, votes).flatten(), torch.tensor([a, b]).double() / (a + b))
+    torch.testing.assert_close(weigh(theirs, own, votes).flatten(), torch.tensor([a, b]).double() / (a + b))
 
 
 def test_a_sample_is_of_labelled_pixels_and_keeps_them_together(tmp_path: Path):
@@ -87,7 +96,7 @@ def test_a_sample_is_of_labelled_pixels_and_keeps_them_together(tmp_path: Path):
     labels = views.labels.clone()
     labels[1, :, 20:] = IGNORE
     maps = torch.stack([one_hot(one, 20) for one in labels])
-    theirs, own, found = pixels(views.changed(labels=labels), maps, 1 - maps)
+    theirs, own, found = sample_pixels(views.changed(labels=labels), maps, 1 - maps)
     assert len(found) == 24 * 32 + 24 * 20
     assert theirs.argmax(0).tolist() == found.tolist()
     torch.testing.assert_close(own, 1 - theirs)
@@ -95,7 +104,7 @@ def test_a_sample_is_of_labelled_pixels_and_keeps_them_together(tmp_path: Path):
 
 def test_a_fit_is_written_and_read_again(tmp_path: Path):
     table = np.array([[0.25, 0.75], [0, 0]], np.float32)
-    fitted = Fit("net", ("sofa", "lamp"), Correspondence(table, TWO), Votes((1.0, 0.0), (0.5, 2.0), (0.0, -0.1)))
+    fitted = Fit("net", ("sofa", "lamp"), Correspondence(table, TWO), ClassVotes((1.0, 0.0), (0.5, 2.0), (0.0, -0.1)))
     save_fit(tmp_path / "fit.json", fitted)
     found = read_fit(tmp_path / "fit.json")
     assert (found.segmenter, found.theirs, found.votes) == (fitted.segmenter, fitted.theirs, fitted.votes)
@@ -131,7 +140,7 @@ def test_a_fit_of_another_segmenter_is_refused(tmp_path: Path):
     (folder / "classes.json").write_text(json.dumps(TABLE))
     save_fit(tmp_path / "fit.json", Fit("net", ("sofa", "lamp"), Correspondence(np.eye(2, dtype=np.float32), TWO)))
     with pytest.raises(InputError, match="the classes that net has in the fit, found others"):
-        sources(str(folder), correspondence=tmp_path / "fit.json")(scene)
+        open_class_sources(str(folder), correspondence=tmp_path / "fit.json")(scene)
     names = tuple(one["name"] for one in TABLE["classes"])
     save_fit(tmp_path / "own.json", Fit("maps", names, Correspondence(np.eye(3, 2, dtype=np.float32), TWO)))
-    assert sources(str(folder), correspondence=tmp_path / "own.json")(scene).classes == TWO
+    assert open_class_sources(str(folder), correspondence=tmp_path / "own.json")(scene).classes == TWO

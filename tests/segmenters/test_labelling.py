@@ -21,12 +21,12 @@ from semgs.model.weights.load import load
 from semgs.scene.encoding import Encoding
 from semgs.segmenters.class_map_files import MadeBy
 from semgs.segmenters.class_source import Translated
-from semgs.segmenters.labelling import Labelling, combined
+from semgs.segmenters.labelling import Labelling, combine
 from semgs.segmenters.names import Correspondence
-from semgs.segmenters.opening import Opened
-from semgs.segmenters.tables import table_of
+from semgs.segmenters.opening import ViewSegmenter
+from semgs.segmenters.tables import make_class_table
 
-LIGHT_DARK = table_of("light-dark", ("light", "dark"))
+LIGHT_DARK = make_class_table("light-dark", ("light", "dark"))
 
 
 @dataclass
@@ -87,7 +87,7 @@ def test_class_maps_are_what_with_classes_took(encoding: Encoding):
     generator = torch.Generator().manual_seed(2)
     maps = torch.rand(2, 3, *encoding.depths.shape[-2:], generator=generator).softmax(1)
     stride = round((maps[:, 0].numel() / len(encoding.gaussians)) ** 0.5)
-    table = table_of("three", ("a", "b", "c"))
+    table = make_class_table("three", ("a", "b", "c"))
     found = encoding.with_classes(maps, table).class_maps()
     blocks = torch.nn.functional.avg_pool2d(maps, stride, ceil_mode=True)
     torch.testing.assert_close(found[..., ::stride, ::stride], blocks)
@@ -100,41 +100,41 @@ def test_a_class_that_the_segmenter_cannot_say_gets_a_neutral_vote():
     known = torch.tensor([True, True, False])
     neutral = math.sqrt((0.8 + LEAST) * (0.2 + LEAST))
     products = [(0.3 + LEAST) * (0.8 + LEAST), (0.3 + LEAST) * (0.2 + LEAST), (0.4 + LEAST) * neutral]
-    found = combined(theirs, own, known).flatten()
+    found = combine(theirs, own, known).flatten()
     torch.testing.assert_close(found, torch.tensor(products).double() / sum(products))
 
 
 def test_the_own_classes_vote_only_in_one_table(scene: Scene, encoding: Encoding):
-    source = Opened(Brightness()).source(scene)
+    source = ViewSegmenter(Brightness()).source(scene)
     with pytest.raises(ValueError, match="the network has scannet20, the segmenter light-dark"):
         Labelling(source, own=True)(encoding, scene, (0, 3), scene.read((0, 3)))
 
 
 def test_a_network_sees_the_photo_at_its_own_size_and_its_maps_are_used_again(scene: Scene, tmp_path: Path):
     network = Brightness()
-    first = Opened(network).source(scene, tmp_path / "a").of(scene.frames[1], (12, 16))
+    first = ViewSegmenter(network).source(scene, tmp_path / "a").of(scene.frames[1], (12, 16))
     image = scene.frames[1].read_undistorted()
     expected = torch.from_numpy(image[::3, ::3].astype(np.float32).mean(-1) / 255)
     rows, columns = expected.shape
     assert (rows, columns) == (8, 11)
     light = torch.nn.functional.interpolate(expected[None, None], SIZE, mode="bilinear", align_corners=False)
     torch.testing.assert_close(first[0], torch.nn.functional.avg_pool2d(light, 2)[0, 0], rtol=0, atol=1e-5)
-    again = Opened(network).source(scene, tmp_path / "b", tmp_path / "a").of(scene.frames[1], (12, 16))
+    again = ViewSegmenter(network).source(scene, tmp_path / "b", tmp_path / "a").of(scene.frames[1], (12, 16))
     assert network.calls == 1
     torch.testing.assert_close(again, first, rtol=0, atol=1e-3)
     assert (tmp_path / "b/images/001.npz").is_file()
     other = Brightness(made_by=MadeBy("brightness", "1", "MIT"))
-    Opened(other).source(scene, None, tmp_path / "a").of(scene.frames[1], (12, 16))
+    ViewSegmenter(other).source(scene, None, tmp_path / "a").of(scene.frames[1], (12, 16))
     assert other.calls == 1
 
 
 def test_views_in_memory_are_segmented_from_their_images(scene: Scene):
     views = scene.read((0, 3), "native")
-    found = Opened(Brightness())(views)
+    found = ViewSegmenter(Brightness())(views)
     assert found.shape == (2, 2, *SIZE)
     torch.testing.assert_close(found.sum(1), torch.ones(2, *SIZE))
     torch.testing.assert_close(
-        found[1], Opened(Brightness()).source(scene).of(scene.frames[3], SIZE), rtol=0, atol=0.005
+        found[1], ViewSegmenter(Brightness()).source(scene).of(scene.frames[3], SIZE), rtol=0, atol=0.005
     )
 
 

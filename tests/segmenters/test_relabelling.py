@@ -11,22 +11,22 @@ import numpy as np
 import pytest
 import torch
 from scenes_on_disk import SIZE, write_labelled
+from training_data import run_data
 
 from semgs.data.origin.labeller import Labeller
 from semgs.data.origin.licences import ROOMS, Terms, labeller_of, terms_of, terms_of_photos
 from semgs.data.preparation.archive import Preparation, prepare_scene
-from semgs.data.preparation.prepared_set import PreparedSet, Reading, sources
+from semgs.data.preparation.prepared_set import PreparedSet, Reading, find_sources
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.segmenters.class_map_files import MadeBy
-from semgs.segmenters.opening import Opened
-from semgs.segmenters.relabelling import Relabelling, _reduced, likeliest_labels, relabelled, relabelling
-from semgs.segmenters.tables import table_of
-from semgs.training.data.batches import surveyed
+from semgs.segmenters.opening import ViewSegmenter
+from semgs.segmenters.relabelling import Relabelling, _reduced, likeliest_labels, open_relabelling, relabel_scene
+from semgs.segmenters.tables import make_class_table
 from semgs.training.data.data_check.scene_record import RECORD, data_terms_of, scenes_of
 from semgs.training.training_settings import TrainingSettings
 
-THINGS = table_of("things", ["cup", "mug", "tin", "jar"])
+THINGS = make_class_table("things", ["cup", "mug", "tin", "jar"])
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def scans(tmp_path: Path) -> Path:
 
 def fake(segmenter: Columns, confidence: float = 0.5) -> Relabelling:
     """Scenes with such labels."""
-    opened = Opened(segmenter)
+    opened = ViewSegmenter(segmenter)
     return Relabelling(Reading(), opened.source, {"segmenter": "columns"}, confidence)
 
 
@@ -76,7 +76,7 @@ def test_labels_land_on_the_pixels_that_the_segmenter_saw_through_lens_and_crop(
         lens = replace(scene.frames[0].lens, distortion=(-0.2, 0.03, 0.01, 0.0, 0.0))
         scene = replace(scene, frames=tuple(replace(frame, lens=lens) for frame in scene.frames))
     assert scene.frames[0].lens.is_pinhole != bent
-    found = relabelled(scene, Opened(Columns()).source(scene), 0.5).read([1, 2], (20, 16)).labels
+    found = relabel_scene(scene, ViewSegmenter(Columns()).source(scene), 0.5).read([1, 2], (20, 16)).labels
     assert found is not None
     expected = [int((6 + (c + 0.5) * 19 / 16) / 8) for c in range(16)]
     assert sorted(set(expected)) == [0, 1, 2, 3]
@@ -92,7 +92,7 @@ def test_a_photo_is_segmented_whole_but_its_distributions_stay_small():
 
 def test_a_set_is_labelled_once_and_carries_the_teachers_name_and_licence(scans: Path, tmp_path: Path):
     segmenter, out = Columns(), tmp_path / "out"
-    index = PreparedSet(out, Preparation(SIZE), fake(segmenter)).prepare(sources(scans))
+    index = PreparedSet(out, Preparation(SIZE), fake(segmenter)).prepare(find_sources(scans))
     assert (index["frames"], index["failed"], segmenter.calls) == (6, [], [(*SIZE, 3)] * 6)
     assert index["pixels"] == {"cup": 1152, "mug": 1152, "tin": 1152, "jar": 1152, "ignored": 0}
     scene = open_scene(out / "office.zip")
@@ -106,14 +106,14 @@ def test_a_set_is_labelled_once_and_carries_the_teachers_name_and_licence(scans:
     assert terms_of(scene) == Terms(f"{photos.text}; labels by columns.onnx (licence cc-by-nc-4.0)", own=True)
     prepare_scene(scene, tmp_path / "twice.zip", Preparation(SIZE))
     assert terms_of(open_scene(tmp_path / "twice.zip")) == terms_of(scene)
-    PreparedSet(out, Preparation(SIZE), fake(segmenter)).prepare(sources(scans))
+    PreparedSet(out, Preparation(SIZE), fake(segmenter)).prepare(find_sources(scans))
     assert len(segmenter.calls) == 6, "nothing is segmented again"
     with pytest.raises(ValueError, match=r"other settings: confidence is 0\.5 there, not 0\.7"):
-        PreparedSet(out, Preparation(SIZE), fake(segmenter, 0.7)).prepare(sources(scans))
+        PreparedSet(out, Preparation(SIZE), fake(segmenter, 0.7)).prepare(find_sources(scans))
 
 
 def test_pixels_below_the_confidence_are_ignored(scans: Path, tmp_path: Path):
-    index = PreparedSet(tmp_path / "out", Preparation(SIZE), fake(Columns(sure=0.6), 0.61)).prepare(sources(scans))
+    index = PreparedSet(tmp_path / "out", Preparation(SIZE), fake(Columns(sure=0.6), 0.61)).prepare(find_sources(scans))
     assert index["pixels"] == {"cup": 0, "mug": 0, "tin": 0, "jar": 0, "ignored": 6 * 24 * 32}
 
 
@@ -121,11 +121,11 @@ def test_a_student_has_the_terms_of_its_teacher_and_rooms_stay_rooms(tmp_path: P
     write_labelled(tmp_path / "rooms" / "scene_00000", 3, frames=4)
     (tmp_path / "rooms" / "scene_00000" / "room.json").write_text('{"kind": "kitchen"}')
     teacher = Columns(SCANNET20, MadeBy("teacher.onnx", "7e", "Apache-2.0"))
-    PreparedSet(tmp_path / "taught", Preparation(SIZE), fake(teacher, 0.2)).prepare(sources(tmp_path / "rooms"))
+    PreparedSet(tmp_path / "taught", Preparation(SIZE), fake(teacher, 0.2)).prepare(find_sources(tmp_path / "rooms"))
     settings = TrainingSettings(
-        model="small", steps=3, size=(16, 32), contexts=(2, 2), targets=1, validation_scenes=0, data=(str(tmp_path / "taught"),)
+        model="small_plain", steps=3, size=(16, 32), contexts=(2, 2), targets=1, validation_scenes=0, data=(str(tmp_path / "taught"),)
     )  # fmt: skip
-    surveyed(settings, tmp_path)
+    run_data(settings, tmp_path)
     (terms,) = data_terms_of(tmp_path / RECORD)
     assert terms == Terms(f"{ROOMS.text}; labels by teacher.onnx (licence Apache-2.0)")
     assert scenes_of(tmp_path / RECORD) == (), "rooms of other seeds have the same names"
@@ -154,8 +154,8 @@ def test_class_maps_of_several_scenes_share_a_table_or_have_their_own(scans: Pat
     write_maps(maps / "office", lambda column: 1 - column // 16)
     write_table(maps, "wall", "floor", "sky", "chair")
     write_table(maps / "office", "floor", "wall")
-    found = relabelling(str(maps), Reading(), "scannet20")
-    index = PreparedSet(tmp_path / "out", Preparation(SIZE), found).prepare(sources(scans))
+    found = open_relabelling(str(maps), Reading(), "scannet20")
+    index = PreparedSet(tmp_path / "out", Preparation(SIZE), found).prepare(find_sources(scans))
     assert index["failed"] == []
     kitchen, office = (open_scene(tmp_path / "out" / f"{name}.zip") for name in ("kitchen", "office"))
     labels = [one.read([0, 1], "native").labels[0, 3] for one in (kitchen, office)]

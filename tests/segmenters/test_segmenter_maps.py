@@ -31,7 +31,7 @@ def photo(folder, distortion=(0.0, 0.0, 0.0, 0.0, 0.0)) -> tuple[Frame, np.ndarr
 def test_a_map_that_tells_position_lands_where_the_photo_does(tmp_path, distortion, size):
     """Red is a position of the stored photo, and the map says red: after lens, crop and resizing both say the same at each pixel."""
     frame, stored = photo(tmp_path, distortion)
-    view = frame.view((0.1, 10.0), size=size, crop=True)
+    view = frame.view((0.1, 10.0), size=size, fit="crop")
     found = to_view(stored, frame, size, undistorted=False)
     assert found.shape == (2, *size)
     # The photo was rounded to 8 bits after undistortion, the map was not.
@@ -43,7 +43,7 @@ def test_a_map_of_the_undistorted_photo_is_not_undistorted_again(tmp_path):
     frame, _ = photo(tmp_path, (-0.11, 0.02, 0.003, -0.002, 0.0))
     red = frame.read_undistorted()[..., 0].astype(np.float32) / 255
     found = to_view(np.stack((red, 1 - red)), frame, (45, 60), undistorted=True)
-    expected = frame.view((0.1, 10.0), size=(45, 60), crop=True).images[0, 0]
+    expected = frame.view((0.1, 10.0), size=(45, 60), fit="crop").images[0, 0]
     torch.testing.assert_close(found[0], expected, rtol=0, atol=1e-6)
 
 

@@ -14,7 +14,7 @@ from PIL import Image
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_optics, read_rgb, read_upright
-from semgs.sfm.clips import LEAST_MOTION, copy_frames, motion, moving
+from semgs.sfm.clips import LEAST_MOTION, copy_frames, measure_motion, moving
 from semgs.sfm.photos import MOST_PHOTOS, PhotoSet, copy_photos, has_only_photos, pictures_in, with_focal
 
 HEIGHT, WIDTH = 60, 80
@@ -159,8 +159,8 @@ def textured(shift: int) -> np.ndarray:
 
 def test_motion_is_the_shift_over_the_longer_side():
     first, second = (cv2.cvtColor(textured(shift), cv2.COLOR_RGB2GRAY) for shift in (0, 6))
-    assert motion(first, second) == pytest.approx(6 / 200, abs=0.003)
-    assert motion(first, first) == pytest.approx(0, abs=1e-3)
+    assert measure_motion(first, second) == pytest.approx(6 / 200, abs=0.003)
+    assert measure_motion(first, first) == pytest.approx(0, abs=1e-3)
 
 
 def test_walking_around_something_moves_what_is_in_front_of_it():
@@ -169,7 +169,7 @@ def test_walking_around_something_moves_what_is_in_front_of_it():
     for columns, expected in ((70, 6 / 200), (15, 0.0)):
         there = first.copy()
         there[:, :columns] = second[:, :columns]
-        assert motion(first, there) == pytest.approx(expected, abs=0.003)
+        assert measure_motion(first, there) == pytest.approx(expected, abs=0.003)
 
 
 def test_the_sharp_frame_of_each_stretch_is_taken(tmp_path: Path):

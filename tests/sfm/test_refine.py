@@ -20,7 +20,7 @@ from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.rooms.sets.demo_room import demo_scene
 from semgs.sfm import refine as module
 from semgs.sfm.matches import Matches
-from semgs.sfm.refine import Sightings, adjusted, epipolar_px, refine, sightings
+from semgs.sfm.refine import MatchedRays, adjusted, epipolar_px, refine, sightings
 
 SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "scripts" / "pose_noise.py"))
 SIZE = (480, 640)
@@ -29,7 +29,7 @@ FRAMES = (5, 1, 3)
 SPACING = 0.4
 
 
-def bundle(cameras: Cameras, points: int = 60, noise_px: float = 0.0, wrong: float = 0.0) -> Sightings:
+def bundle(cameras: Cameras, points: int = 60, noise_px: float = 0.0, wrong: float = 0.0) -> MatchedRays:
     """Points 2 to 6 m before the cameras as every pair of them sees them, a share of them matched wrongly."""
     generator = np.random.default_rng(3)
     first = cameras.world_from_camera[0].numpy()
@@ -44,7 +44,7 @@ def bundle(cameras: Cameras, points: int = 60, noise_px: float = 0.0, wrong: flo
     count = int(wrong * points)
     seen[:, :count, 1] = np.roll(seen[:, :count, 1], 1, axis=1)
     focal = np.repeat(k[pairs][:, :, (0, 1), (0, 1)], points, axis=0)
-    return Sightings(np.repeat(pairs, points, axis=0).astype(np.int64), seen.reshape(-1, 2, 3), focal)
+    return MatchedRays(np.repeat(pairs, points, axis=0).astype(np.int64), seen.reshape(-1, 2, 3), focal)
 
 
 def relative_turns(poses: np.ndarray, true: np.ndarray) -> np.ndarray:
@@ -59,7 +59,7 @@ def spoiled(scene: Scene, turn_deg: float, shift: float) -> Scene:
     order = sorted(FRAMES)
     poses = np.stack([scene.frames[index].world_from_camera for index in order])
     moved = SCRIPT["noisy"](poses, turn_deg, shift, np.random.default_rng(2))
-    return SCRIPT["_with_poses"](scene, dict(zip(order, moved, strict=True)))
+    return SCRIPT["with_poses"](scene, dict(zip(order, moved, strict=True)))
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def test_a_match_3_px_below_its_epipolar_line_is_off_by_the_share_of_both_images
     poses[:, :3, 3] = [[0.7, -1.1, 2.0], [0.7, -1.1, 2.0] + 0.3 * turn[:, 0]]
     rays = np.array([[[0.2, 0.1, 1.0], [0.05, 0.1125, 1.0]], [[0.2, -0.3, 1.0], [0.05, -0.3, 1.0]]])
     focal = np.tile([[250.0, 300.0], [270.0, 400.0]], (2, 1, 1))
-    seen = Sightings(np.tile([[0, 1]], (2, 1)), rays, focal)
+    seen = MatchedRays(np.tile([[0, 1]], (2, 1)), rays, focal)
     np.testing.assert_allclose(np.abs(epipolar_px(poses, seen)), [3.0, 0.0], atol=1e-9)
 
 
@@ -143,7 +143,7 @@ def test_a_match_and_a_usual_error_of_one_degree_weigh_the_same_if_a_degree_move
     poses = np.tile(np.eye(4), (2, 1, 1))
     poses[1, 0, 3] = SPACING
     rays = np.array([[[0, 0, 1.0], [0, 0.1 * np.sqrt(2) / focal, 1.0]]])
-    seen = Sightings(np.array([[0, 1]]), rays, np.full((1, 2, 2), focal))
+    seen = MatchedRays(np.array([[0, 1]]), rays, np.full((1, 2, 2), focal))
     found = adjusted(poses, seen, SPACING)
     np.testing.assert_allclose(np.abs([epipolar_px(one, seen)[0] for one in (poses, found)]), [0.1, 0.05], rtol=0.01)
     pitches = np.degrees(Rotation.from_matrix(found[:, :3, :3]).as_rotvec())

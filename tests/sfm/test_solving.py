@@ -17,17 +17,17 @@ from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import write_png
 from semgs.sfm import solving as module
-from semgs.sfm.photos import Photo
+from semgs.sfm.photos import UprightPhoto
 from semgs.sfm.pycolmap_library import pycolmap
 from semgs.sfm.scale import KnownDistance, in_metres, scaled
-from semgs.sfm.scene_folder import Known, write_scene
+from semgs.sfm.scene_folder import PhotoDetails, write_photo_scene
 from semgs.sfm.solving import Solution, best, expected_seconds, posed_photos
 from semgs.sfm.writing import write_colmap
 
 DISTANCE = float(np.linalg.norm(poses_of(3)[2, :3, 3]))
 """Between the cameras of p0 and p2; the user says that it is 2 m."""
 
-NO_LINE = Known(FOCAL), lambda line: None
+NO_LINE = PhotoDetails(FOCAL), lambda line: None
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,12 @@ class Solved:
 def in_two_metres(three: Taken, tmp_path_factory: pytest.TempPathFactory) -> Solved:
     """The scene of the three photos, with 2 m between the first and the last camera."""
     folder = tmp_path_factory.mktemp("solved") / "scene"
-    return Solved(folder, solved(three, folder, Known(FOCAL, KnownDistance("p0", "p2.png", 2.0))))
+    return Solved(folder, solved(three, folder, PhotoDetails(FOCAL, KnownDistance("p0", "p2.png", 2.0))))
 
 
-def solved(taken: Taken, folder: Path, known: Known) -> Solution:
+def solved(taken: Taken, folder: Path, known: PhotoDetails) -> Solution:
     folder.mkdir()
-    return write_scene(taken.folder, folder, known, lambda line: None)
+    return write_photo_scene(taken.folder, folder, known, lambda line: None)
 
 
 def test_three_photos_get_their_relative_poses_and_metres(three: Taken, in_two_metres: Solved):
@@ -75,7 +75,9 @@ def test_photos_are_numbered_in_their_order_though_a_later_one_is_done_first(tmp
     photos += [np.full((480, 640, 3), 90, np.uint8)] * 2
     for number, photo in enumerate(photos):
         write_png(tmp_path / f"p{number}.png", photo)
-    module._extract(tmp_path / "features.db", tmp_path, [Photo(f"p{n}.png", (480, 640), 500.0) for n in range(3)])
+    module._extract(
+        tmp_path / "features.db", tmp_path, [UprightPhoto(f"p{n}.png", (480, 640), 500.0) for n in range(3)]
+    )
     with pycolmap().Database.open(tmp_path / "features.db") as opened:
         assert [(one.image_id, one.name) for one in opened.read_all_images()] == [
             (1, "p0.png"),
@@ -87,24 +89,24 @@ def test_photos_are_numbered_in_their_order_though_a_later_one_is_done_first(tmp
 
 
 def test_the_expected_time_counts_photos_pairs_and_cameras():
-    large = [Photo(f"{n}.png", (1200, 1600)) for n in range(3)]
+    large = [UprightPhoto(f"{n}.png", (1200, 1600)) for n in range(3)]
     # 3 photos of 2.5 s and 3 pairs of 0.09 s on two cores, then 3 cameras of 0.25 s on one, and a second to start
     assert expected_seconds(large, False, 2) == pytest.approx(1 + (7.5 + 0.27) / 2 + 0.75)
     # at a fifth of the side: 0.04 of the finding, 0.25 of the matching, 0.32 of the cameras
-    small = [Photo(f"{n}.png", (240, 320)) for n in range(3)]
+    small = [UprightPhoto(f"{n}.png", (240, 320)) for n in range(3)]
     assert expected_seconds(small, False, 1) == pytest.approx(1 + 0.3 + 0.0675 + 0.24)
 
 
 def test_the_same_photos_give_the_same_cameras(three: Taken, in_two_metres: Solved, tmp_path: Path):
     first = in_two_metres.solution
-    second = solved(three, tmp_path / "again", Known(FOCAL, KnownDistance("p0", "p2", 2.0)))
+    second = solved(three, tmp_path / "again", PhotoDetails(FOCAL, KnownDistance("p0", "p2", 2.0)))
     for one, other in zip(first.photos, second.photos, strict=True):
         np.testing.assert_allclose(one.world_from_camera, other.world_from_camera, atol=1e-9)
 
 
 def test_two_photos_without_a_focal_length_get_a_guess_that_is_called_one(three: Taken, tmp_path: Path):
     two = take(tmp_path / "two", three.world_from_camera[:2])
-    found = solved(two, tmp_path / "scene", Known())
+    found = solved(two, tmp_path / "scene", PhotoDetails())
     assert found.photos[0].lens.focal == (256.0, 256.0)  # 0.8 * 320
     assert "is a guess: 256 px for 320x240, 64 degrees across" in found.notes[-1]
     assert found.unit == "unknown"
@@ -170,7 +172,7 @@ def test_a_distance_names_photos_that_were_registered(in_two_metres: Solved):
 def refused(folder: Path, tmp_path: Path) -> str:
     (tmp_path / "scene").mkdir()
     with pytest.raises(InputError) as caught:
-        write_scene(folder, tmp_path / "scene", *NO_LINE)
+        write_photo_scene(folder, tmp_path / "scene", *NO_LINE)
     return caught.value.first_line
 
 
@@ -197,7 +199,7 @@ def test_a_single_plane_shows_the_cameras_but_not_the_focal_length(tmp_path: Pat
     poses = np.tile(np.eye(4), (3, 1, 1))
     poses[:, :2, 3] = [[0, 0], [0.4, 0.03], [0.8, 0.12]]
     taken = take(tmp_path / "photos", poses, PLANES[:1])
-    found = solved(taken, tmp_path / "scene", Known())
+    found = solved(taken, tmp_path / "scene", PhotoDetails())
     assert "The focal length is a guess:" in found.notes[-1]
     low, high = map(int, re.search(r"The photos do not show it: (\d+) to (\d+) px", found.notes[-1]).groups())
     assert low < 200 < 320 < high
@@ -256,7 +258,7 @@ def test_without_a_focal_length_few_photos_start_from_several(tmp_path: Path, mo
         return unwatched(database, *others)
 
     monkeypatch.setattr(module, "_models", models)
-    found = solved(taken, tmp_path / "scene", Known())
+    found = solved(taken, tmp_path / "scene", PhotoDetails())
     assert started == [160, 208, 256, 320, 416]
     assert found.photos[0].lens.focal[0] == pytest.approx(FOCAL, rel=0.1)
 
@@ -288,7 +290,7 @@ def test_without_pycolmap_the_error_says_what_to_do(monkeypatch, three: Taken, t
     monkeypatch.setattr("platform.machine", lambda: machine)
     monkeypatch.setattr("platform.system", lambda: "Linux")
     with pytest.raises(ImportError, match=said):
-        write_scene(three.folder, tmp_path, Known(), lambda line: None)
+        write_photo_scene(three.folder, tmp_path, PhotoDetails(), lambda line: None)
 
 
 def test_planes_of_the_test_scene_are_at_several_depths():

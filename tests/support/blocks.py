@@ -10,7 +10,7 @@ from wall_and_chair import pose
 from semgs.data.tables.classes import SCANNET20
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.rigid import cameras_in, gaussians_in
+from semgs.geometry.rigid import move_cameras, move_gaussians
 from semgs.scene.scene_file import SavedScene
 
 BLOCKS = (
@@ -59,4 +59,6 @@ def room_of_blocks(blocks=BLOCKS, unit: str = "metric", classes: bool = True) ->
 
 def turned(scene: SavedScene, matrix: torch.Tensor) -> SavedScene:
     """The scene in another frame."""
-    return replace(scene, gaussians=gaussians_in(matrix, scene.gaussians), cameras=cameras_in(matrix, scene.cameras))
+    return replace(
+        scene, gaussians=move_gaussians(matrix, scene.gaussians), cameras=move_cameras(matrix, scene.cameras)
+    )

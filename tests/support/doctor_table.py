@@ -19,7 +19,7 @@ from planted_mistakes import PLANTED, SORTED_AS_TEXT, UNREGISTERED, Planted, Unr
 
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
-from semgs.doctor.diagnosis import Diagnosis, Evidence, judged
+from semgs.doctor.diagnosis import Diagnosis, Evidence, judge_cameras
 from semgs.doctor.misses import misses, pair_misses
 from semgs.doctor.mistakes import BAD_DEPTH
 from semgs.doctor.rig import inverse, rig_of
@@ -119,7 +119,7 @@ def judge(one: Tested, planted: Planted | None, depth: bool, seed: int) -> tuple
     if planted is not None:
         rig = planted.make(rig, np.random.default_rng(seed))
     names = [frame.name for frame in one.scene.frames]
-    found = judged(rig, evidence, one.scene.layout, names, metric=one.scene.unit == "metric")
+    found = judge_cameras(rig, evidence, one.scene.layout, names, metric=one.scene.unit == "metric")
     return found, len(truth) > 0 and float(np.nanmax(pair_misses(rig, truth))) > MOVED_PX
 
 

@@ -42,7 +42,7 @@ def compile_part(part: str) -> None:
     from semgs.rendering.render import render
 
     dtype = getattr(torch, part)
-    model, views = preset("small").to(dtype), posed_views(2, (32, 48), dtype=dtype)
+    model, views = preset("small_plain").to(dtype), posed_views(2, (32, 48), dtype=dtype)
     rendering = render(model(views).gaussians, views.cameras, near=0.5)
     assert rendering.semantics is not None
     (rendering.images.sum() + rendering.semantics.sum() + rendering.depths.sum()).backward()

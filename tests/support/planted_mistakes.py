@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from semgs.data.cameras.lens import Lens, carried_over
+from semgs.data.cameras.lens import Lens, carry_over
 from semgs.data.maps import MapSource, Pixels
 from semgs.doctor.rig import Rig
 
@@ -152,7 +152,7 @@ class Unregistered:
         lens = pixels.lens
         assert isinstance(lens, Lens)
         fx, fy = lens.focal
-        return carried_over(self.depth.read(pixels), lens, replace(lens, focal=(fx * self.focal, fy * self.focal)))
+        return carry_over(self.depth.read(pixels), lens, replace(lens, focal=(fx * self.focal, fy * self.focal)))
 
 
 UNREGISTERED = (585 / 525, 0.72)

@@ -18,11 +18,11 @@ from semgs.data.tables.classes import IGNORE
 from semgs.data.views import Batch, Views, stack
 from semgs.model.semgs import SemGS
 from semgs.objectives.loss_weights import LossWeights
-from semgs.training.engine import launched
+from semgs.training.engine import launch
 from semgs.training.run.execution import Execution, Share
 from semgs.training.state import TrainingState
 from semgs.training.step import descend
-from semgs.training.supervision.supervision import supervision_of
+from semgs.training.supervision.supervision import make_supervision
 from semgs.training.training_settings import TrainingSettings
 
 SIZE, SCENES = (16, 32), 4
@@ -31,7 +31,7 @@ TINY = {
     "refine_width": 16, "refine_levels": 3, "projected_channels": 8, "colour_blocks": 2, "semantic_blocks": 2,
 }  # fmt: skip
 SETTINGS = TrainingSettings(
-    model="small", steps=9, batch=SCENES, size=SIZE, context_targets=True, depth_weight=0.1, clip=1e9,
+    model="small_plain", steps=9, batch=SCENES, size=SIZE, context_targets=True, depth_weight=0.1, clip=1e9,
     losses=LossWeights(semantic=0.5, smoothness=0.5), supervision=sys.argv[1],  # type: ignore[arg-type]
 )  # fmt: skip
 
@@ -67,8 +67,8 @@ def compare(fabric, dtype: torch.dtype) -> dict[str, float]:
     found = []
     for engine, pieces in ((fabric, share.pieces(0, SCENES)), (None, Share().pieces(0, SCENES))):
         model = fill_golden(network(**TINY)).to(dtype)
-        state = TrainingState.begin(model, supervision_of(SETTINGS), 1e-3, 0.9, engine)
-        report = descend(state, [batch(piece, dtype) for piece in pieces], SETTINGS, 1e-3)
+        state = TrainingState.begin(model, make_supervision(SETTINGS), 1e-3, 0.9, engine)
+        report = descend(state, [batch(piece, dtype) for piece in pieces], SETTINGS.clip, 1e-3)
         found.append((gradient(model), report))
     (shared, said), (whole, alone) = found
     return {
@@ -85,7 +85,7 @@ def compare(fabric, dtype: torch.dtype) -> dict[str, float]:
 
 def broken(fabric) -> bool:
     """Whether both processes skip a step that is broken in one of them alone."""
-    state = TrainingState.begin(fill_golden(network(**TINY)), supervision_of(SETTINGS), 1e-3, 0.9, fabric)
+    state = TrainingState.begin(fill_golden(network(**TINY)), make_supervision(SETTINGS), 1e-3, 0.9, fabric)
     if fabric.global_rank == 1 and SETTINGS.supervision == "depth":
         state.model.cnn.register_forward_hook(lambda module, inputs, features: features * torch.nan)
     elif fabric.global_rank == 1:
@@ -95,12 +95,12 @@ def broken(fabric) -> bool:
             )
         )
     share = Share(fabric.global_rank, fabric.world_size)
-    report = descend(state, [batch(piece, torch.float32) for piece in share.pieces(0, SCENES)], SETTINGS, 1e-3)
+    report = descend(state, [batch(piece, torch.float32) for piece in share.pieces(0, SCENES)], SETTINGS.clip, 1e-3)
     return not report.moved
 
 
 def main() -> None:
-    fabric = launched(Execution(devices=2))
+    fabric = launch(Execution(devices=2))
     found = {name: compare(fabric, dtype) for name, dtype in (("double", torch.float64), ("single", torch.float32))}
     skipped = fabric.all_reduce(torch.tensor(float(broken(fabric))), reduce_op="sum")
     if fabric.is_global_zero:

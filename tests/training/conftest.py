@@ -13,7 +13,7 @@ from semgs.data.views import Batch, Views
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.plane_sweep import depth_candidates, expected_depth
-from semgs.model.layers.network_input import widened
+from semgs.model.layers.network_input import widen
 from semgs.objectives.losses import LossWeights
 from semgs.rendering.rendering import Rendering
 from semgs.scene.coarse_depth import CoarseDepth
@@ -65,10 +65,10 @@ class TinySweep(nn.Module):
         probabilities = logits.softmax(1).reshape(*views.images.shape[:-3], *logits.shape[1:])
         candidates = depth_candidates(views.depth_range, 8).to(logits)
         depths = expected_depth(probabilities, candidates)
-        return CoarseDepth(widened(depths, 4), probabilities, candidates, "inverse")
+        return CoarseDepth(widen(depths, 4), probabilities, candidates, "inverse")
 
-    def depth_parameters(self, shared: bool = True) -> set[str]:
-        return {"layer.weight", "layer.bias"} if shared else {"layer.weight"}
+    def depth_parameters(self) -> set[str]:
+        return {"layer.weight", "layer.bias"}
 
 
 def shown_as_they_lie(gaussians: Gaussians, cameras: Cameras, *, near: object = None, clamp: bool = True) -> Rendering:
@@ -151,7 +151,7 @@ def real_rendering() -> None:
 def settings() -> TrainingSettings:
     """A run of 12 steps."""
     return TrainingSettings(
-        model="small",
+        model="small_plain",
         steps=12,
         size=SIZE,
         learning_rate=1e-2,

@@ -12,7 +12,7 @@ from networks import network
 from semgs.objectives.losses import LossWeights
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
-from semgs.training.supervision.supervision import supervision_of
+from semgs.training.supervision.supervision import make_supervision
 
 TINY = {
     "channels": 16, "cnn_widths": (8, 8, 16), "candidates": 8, "cost_width": 16, "upsampled_channels": 16, "harmonics": 4,
@@ -38,7 +38,7 @@ CAMERA_BLIND = {"camera_aware_colour": False, "camera_aware_semantic": False}
 def test_a_step_moves_every_parameter_that_takes_part(batch, settings, switch):
     model = fill_golden(network(**TINY, **switch))  # no norm starts at zero, which would hide what is before it
     before = {name: value.clone() for name, value in model.named_parameters()}
-    state = TrainingState.begin(model, supervision_of(settings), 1e-3, settings.average_decay)
+    state = TrainingState.begin(model, make_supervision(settings), 1e-3, settings.average_decay)
     reports = [training_step(state, [batch(0)], settings) for _ in range(2)]
     assert all(report.moved for report in reports)
     still = [name for name, value in model.named_parameters() if torch.equal(value, before[name])]
@@ -53,7 +53,7 @@ def test_the_loss_weight_of_smoothness_is_the_fourth_switch(batch, settings):
         torch.manual_seed(2)
         weights = LossWeights(semantic=0.5, smoothness=weight)
         chosen = replace(settings, losses=weights, depth_weight=0.0)
-        state = TrainingState.begin(network(**TINY), supervision_of(chosen), 1e-3, settings.average_decay)
+        state = TrainingState.begin(network(**TINY), make_supervision(chosen), 1e-3, settings.average_decay)
         report = training_step(state, [batch(0)], chosen)
         assert report.smoothness > 0
         totals[weight] = report.total - 0.5 * report.semantic - report.colour

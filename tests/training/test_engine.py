@@ -9,7 +9,7 @@ import torch
 from posed import posed_views
 from torch import nn
 
-from semgs.training.engine import launched
+from semgs.training.engine import launch
 from semgs.training.run.execution import Execution
 
 
@@ -30,7 +30,7 @@ class Probe(nn.Module):
     ("precision", "dtype"), [("32", torch.float32), ("auto", torch.float32), ("bf16", torch.bfloat16)]
 )
 def test_layers_compute_in_the_precision_asked_for_and_nothing_else_is_touched(precision, dtype):
-    fabric = launched(Execution(precision=precision))
+    fabric = launch(Execution(precision=precision))
     probe = Probe()
     views = posed_views(2, (16, 24), seed=1)
     found = fabric.setup_module(probe)(views, torch.ones(3, dtype=torch.float64))
@@ -42,7 +42,7 @@ def test_layers_compute_in_the_precision_asked_for_and_nothing_else_is_touched(p
 
 
 def test_one_process_leads_and_agrees_with_itself():
-    fabric = launched(Execution())
+    fabric = launch(Execution())
     assert (fabric.is_global_zero, fabric.world_size, fabric.global_rank) == (True, 1, 0)
     assert fabric.broadcast({"step": 3}) == {"step": 3}
     assert float(fabric.all_reduce(torch.tensor(2.5), reduce_op="sum")) == 2.5
@@ -51,4 +51,4 @@ def test_one_process_leads_and_agrees_with_itself():
 def test_without_lightning_fabric_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "lightning_fabric", None)
     with pytest.raises(ImportError, match=r"'\.\[train\]'"):
-        launched(Execution())
+        launch(Execution())

@@ -24,7 +24,7 @@ from semgs.training.run.checkpoints import best_checkpoint, newest_checkpoint, s
 from semgs.training.run.events import Events
 from semgs.training.run.session import Session
 from semgs.training.state import TrainingState
-from semgs.training.supervision.supervision import supervision_of
+from semgs.training.supervision.supervision import make_supervision
 from semgs.training.supervision.validation import validation_of_views
 
 
@@ -49,7 +49,9 @@ def session(network, batch, settings, tmp_path):
         validation: list | None = None,
     ) -> TrainingState:
         out.mkdir(exist_ok=True)
-        state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
+        state = TrainingState.begin(
+            network(), make_supervision(settings), settings.learning_rate, settings.average_decay
+        )
         resume(state, out)
 
         def batches() -> Iterator[Portion]:
@@ -64,7 +66,10 @@ def session(network, batch, settings, tmp_path):
             replace(settings, validate_every=every, init=init),
             Feed(batches(), [batch(1000), batch(1001)] if validation is None else validation),
         )
-        fit(state, settings_here, out, feed, Session(minutes, save_minutes, state.seconds), console)
+        fit(
+            state, settings_here, out, feed, Session(minutes, save_minutes, state.seconds),
+            validate_every=settings_here.validate_every, validate_start=settings_here.init != "random", console=console,
+        )  # fmt: skip
         return state
 
     return sit
@@ -145,7 +150,7 @@ def test_a_finished_run_that_is_made_longer_has_the_learning_rate_of_the_longer_
     """Step 12 of 20 is 12/19 down the cosine from 1e-2: (1 + cos(2.2619 - 0.2778)) / 2 = 0.299 of it; the last of 12 had 4e-8."""
     ended = session(tmp_path / "run")
     assert ended.optimizer.param_groups[0]["lr"] == pytest.approx(4e-8)
-    state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
+    state = TrainingState.begin(network(), make_supervision(settings), settings.learning_rate, settings.average_decay)
     resume(state, tmp_path / "run")
     assert same(state, ended)
     outcome = fit(state, replace(settings, steps=20), tmp_path / "run", Feed([Portion((batch(12),))]), Session())
@@ -171,7 +176,7 @@ def test_the_last_three_checkpoints_stay_and_leftovers_of_a_kill_go(session, net
     folder.mkdir()
     (folder / ".00000001.safetensors.abcd.part").write_bytes(b"half")
     (folder / "00000002.safetensors").write_bytes(b"without its record")
-    state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
+    state = TrainingState.begin(network(), make_supervision(settings), settings.learning_rate, settings.average_decay)
     for state.step in (3, 5, 7, 9):
         save_checkpoint(folder, state)
     assert sorted(path.name for path in folder.iterdir()) == [
@@ -206,7 +211,7 @@ def test_a_run_that_goes_on_knows_the_best_score_of_before(session, tmp_path, mo
 
 
 def test_a_checkpoint_that_cannot_be_written_leaves_the_last_good_one(network, settings, tmp_path, monkeypatch):
-    state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
+    state = TrainingState.begin(network(), make_supervision(settings), settings.learning_rate, settings.average_decay)
     state.step = 4
     save_checkpoint(tmp_path, state)
 
@@ -225,13 +230,13 @@ def test_the_state_of_another_network_is_refused_by_name(session, settings, tmp_
     other = torch.nn.Conv2d(3, 5, 1)
     with pytest.raises(InputError, match="expected checkpoints of this network, found checkpoints of another one"):
         resume(
-            TrainingState.begin(other, supervision_of(settings), settings.learning_rate, settings.average_decay),
+            TrainingState.begin(other, make_supervision(settings), settings.learning_rate, settings.average_decay),
             tmp_path,
         )
 
 
 def test_ten_broken_steps_in_a_row_end_the_run_and_keep_the_batch(network, batch, settings, tmp_path):
-    state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
+    state = TrainingState.begin(network(), make_supervision(settings), settings.learning_rate, settings.average_decay)
     state.model.register_forward_hook(lambda module, inputs, e: replace(e, depths=e.depths * float("nan")))
     with pytest.raises(FloatingPointError, match="10 steps in a row up to step 10"):
         fit(state, settings, tmp_path, Feed(Portion((batch(step),)) for step in range(12)), Session())

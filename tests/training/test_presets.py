@@ -7,12 +7,13 @@ from dataclasses import replace
 import pytest
 import torch
 
+from semgs.model.switches import Switches
 from semgs.objectives.loss_weights import LossWeights
+from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.presets import PRESETS, base, base_text, paper, small
 from semgs.training.run.differences import differences
 from semgs.training.state import TrainingState
-from semgs.training.supervision.supervision import supervision_of
-from semgs.training.training_settings import Augmentation, Switches
+from semgs.training.supervision.supervision import make_supervision
 
 
 def test_paper_is_the_papers_training():
@@ -24,7 +25,7 @@ def test_paper_is_the_papers_training():
     assert (settings.class_weights, settings.depth_weight, settings.context_targets) == (None, 0, False)
     assert (settings.sampling, settings.augmentation, settings.network) == ("even", Augmentation(), Switches())
     with pytest.raises(ValueError, match="no data"):
-        settings.check_whole()
+        settings.check_complete()
 
 
 def test_the_paper_word_by_word_differs_from_its_preset_in_the_network_the_smoothness_and_the_start():
@@ -55,7 +56,7 @@ def test_base_trains_with_the_papers_numbers(network):
     assert settings.class_weights is None
     assert settings.depth_weight == 0
     assert not settings.context_targets
-    state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
+    state = TrainingState.begin(network(), make_supervision(settings), settings.learning_rate, settings.average_decay)
     assert type(state.optimizer) is torch.optim.Adam
     assert state.optimizer.defaults["weight_decay"] == 0
 

@@ -19,7 +19,7 @@ from semgs.geometry.cameras import Cameras
 from semgs.training.run.execution import Share
 from semgs.training.state import TrainingState
 from semgs.training.step import descend
-from semgs.training.supervision.supervision import Depth, supervision_of
+from semgs.training.supervision.supervision import Depth, make_supervision
 
 
 def parts(batch: Batch, count: int) -> list[Batch]:
@@ -40,8 +40,10 @@ def parts(batch: Batch, count: int) -> list[Batch]:
 def test_pieces_of_a_batch_have_the_gradient_of_the_whole(network, batch, settings):
     whole, found = batch(0, scenes=4), []
     for pieces in ([whole], parts(whole, 2), parts(whole, 4)):
-        state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
-        report = descend(state, pieces, settings, 1e-3)
+        state = TrainingState.begin(
+            network(), make_supervision(settings), settings.learning_rate, settings.average_decay
+        )
+        report = descend(state, pieces, settings.clip, 1e-3)
         found.append((torch.cat([one.grad.flatten() for one in state.model.parameters()]), report))
     for gradient, report in found[1:]:
         torch.testing.assert_close(gradient, found[0][0], rtol=1e-5, atol=1e-7)
@@ -54,7 +56,7 @@ def test_pieces_of_a_batch_have_the_gradient_of_the_whole_by_depth(sweeping, bat
     whole.context.depths[1] = 0  # a scene without depth counts as one that has nothing to say
     for pieces in ([whole], parts(whole, 2), parts(whole, 4)):
         state = TrainingState.begin(sweeping(), Depth(), settings.learning_rate, settings.average_decay)
-        report = descend(state, pieces, settings, 1e-3)
+        report = descend(state, pieces, settings.clip, 1e-3)
         learned = [one.grad.flatten() for one in state.model.parameters() if one.requires_grad]
         found.append((torch.cat(learned), report))
     for gradient, report in found[1:]:
@@ -90,7 +92,7 @@ def ddp(monkeypatch):
 
 def test_processes_exchange_the_gradient_of_all_pieces_and_once(network, batch, settings, ddp):
     settings = replace(settings, clip=1e9)
-    state = TrainingState.begin(network(), supervision_of(settings), 1e-3, 0.9, ddp)
+    state = TrainingState.begin(network(), make_supervision(settings), 1e-3, 0.9, ddp)
     exchanged = []
 
     def exchange(_, bucket):
@@ -101,7 +103,7 @@ def test_processes_exchange_the_gradient_of_all_pieces_and_once(network, batch, 
 
     (parallel,) = (one for one in state.objective.modules() if isinstance(one, DistributedDataParallel))
     parallel.register_comm_hook(None, exchange)
-    descend(state, parts(batch(0, scenes=4), 2), settings, 1e-3)
+    descend(state, parts(batch(0, scenes=4), 2), settings.clip, 1e-3)
     gradients = [one.grad for one in state.model.parameters()]
     assert len(exchanged) == len(gradients)
     for found, gradient in zip(*(sorted(some, key=torch.numel) for some in (exchanged, gradients)), strict=True):

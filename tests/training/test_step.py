@@ -8,15 +8,16 @@ from dataclasses import replace
 import pytest
 import torch
 
+from semgs.training.schedule import Schedule
 from semgs.training.state import TrainingState
-from semgs.training.step import learning_rate, training_step
+from semgs.training.step import training_step
 from semgs.training.supervision.objective import render_targets
-from semgs.training.supervision.supervision import supervision_of
+from semgs.training.supervision.supervision import make_supervision
 from semgs.training.training_settings import TrainingSettings
 
 
 def begin(network, settings) -> TrainingState:
-    return TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
+    return TrainingState.begin(network(), make_supervision(settings), settings.learning_rate, settings.average_decay)
 
 
 def weights(state: TrainingState) -> torch.Tensor:
@@ -90,20 +91,18 @@ def test_a_step_that_is_not_finite_leaves_the_weights_and_is_counted(network, ba
 def test_the_schedule_is_pytorch_s_one_cycle():
     parameter = torch.nn.Parameter(torch.zeros(1))
     optimizer = torch.optim.Adam([parameter])
-    steps, peak, warmup = 200, 3e-3, 0.05
-    theirs = torch.optim.lr_scheduler.OneCycleLR(
-        optimizer, peak, total_steps=steps, pct_start=warmup, cycle_momentum=False
-    )
-    for step in range(steps):
-        assert learning_rate(step, steps, peak, warmup) == pytest.approx(theirs.get_last_lr()[0], rel=1e-9)
+    schedule = Schedule(steps=200, learning_rate=3e-3, warmup=0.05)
+    theirs = torch.optim.lr_scheduler.OneCycleLR(optimizer, 3e-3, total_steps=200, pct_start=0.05, cycle_momentum=False)
+    for step in range(200):
+        assert schedule.rate(step) == pytest.approx(theirs.get_last_lr()[0], rel=1e-9)
         optimizer.step()
-        if step < steps - 1:
+        if step < 199:
             theirs.step()
 
 
 @pytest.mark.parametrize("steps", [1, 2, 5])
 def test_the_schedule_of_a_tiny_run_is_finite_and_positive(steps: int):
-    rates = [learning_rate(step, steps, 1e-3, 0.01) for step in range(steps)]
+    rates = [Schedule(steps=steps, learning_rate=1e-3).rate(step) for step in range(steps)]
     assert all(0 < rate <= 1e-3 for rate in rates)
 
 
@@ -121,19 +120,19 @@ def test_the_average_starts_at_the_weights_and_forgets_more_slowly_as_it_ages(ne
 
 
 def test_slow_parameters_move_by_their_share_of_the_rate_and_keep_their_moments_over_a_restart():
-    settings = TrainingSettings(model="small", steps=10, learning_rate=1e-3)
+    settings = TrainingSettings(model="small_plain", steps=10, learning_rate=1e-3)
 
     def begun() -> TrainingState:
         torch.manual_seed(0)
         model = torch.nn.ModuleDict({name: torch.nn.Linear(1, 1, bias=False) for name in ("fast", "slow", "last")})
-        return TrainingState.begin(model, supervision_of(settings), 1e-3, 0.9, shares={"slow.weight": 0.1})
+        return TrainingState.begin(model, make_supervision(settings), 1e-3, 0.9, rates={"slow.weight": 0.1})
 
     state = begun()
     before = {name: one.item() for name, one in state.model.named_parameters()}
     for parameter in state.model.parameters():
         parameter.grad = torch.ones_like(parameter)
     for group in state.optimizer.param_groups:
-        group["lr"] = learning_rate(0, settings.steps, settings.learning_rate, settings.warmup) * group["share"]
+        group["lr"] = settings.rate(0) * group["relative_rate"]
     state.optimizer.step()
     # Adam's first step is the rate itself: 1e-3 / 25.
     moved = {name: before[name] - one.item() for name, one in state.model.named_parameters()}
@@ -142,4 +141,4 @@ def test_slow_parameters_move_by_their_share_of_the_rate_and_keep_their_moments_
     again = begun()
     again.restore(state.tensors(), state.numbers())
     assert float(again.optimizer.state[again.model["slow"].weight]["exp_avg"]) == 7
-    assert [group["share"] for group in again.optimizer.param_groups] == [1.0, 0.1]
+    assert [group["relative_rate"] for group in again.optimizer.param_groups] == [1.0, 0.1]

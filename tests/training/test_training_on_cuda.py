@@ -19,7 +19,7 @@ from semgs.training.run.execution import Execution
 from semgs.training.run.run_folder import export_weights
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
-from semgs.training.supervision.supervision import supervision_of
+from semgs.training.supervision.supervision import make_supervision
 
 pytestmark = [pytest.mark.gpu, pytest.mark.usefixtures("real_rendering", "gsplat")]
 
@@ -38,11 +38,11 @@ MEASURED = ("total", "semantic", "colour", "smoothness", "depth", "gradients", "
 
 @pytest.mark.parametrize("supervision", ["rendered", "labels", "pictures", "depth"])
 def test_a_step_measures_the_same_on_both_devices_and_validates(cuda, supervision: str) -> None:
-    settings = replace(presets.small(), supervision=supervision)
+    settings = replace(presets.small_plain(), supervision=supervision)
     reports = []
     for device in ("cpu", cuda):
-        chosen = supervision_of(settings)
-        state = TrainingState.begin(fill_golden(preset("small")).to(device), chosen, 1e-3, 0.99)
+        chosen = make_supervision(settings)
+        state = TrainingState.begin(fill_golden(preset("small_plain")).to(device), chosen, 1e-3, 0.99)
         reports.append(training_step(state, [labelled(0)], settings))
         assert chosen.validate(state.average.module, [labelled(1)]).pictures is not None
     here, there = reports
@@ -56,9 +56,9 @@ def test_a_step_measures_the_same_on_both_devices_and_validates(cuda, supervisio
 def test_a_run_on_cuda_goes_on_and_leaves_weights_that_load(tmp_path: Path, precision: str) -> None:
     pytest.importorskip("embreex")
     settings = replace(
-        presets.small(), steps=2, batch=1, size=(32, 48), contexts=(2, 2), validate_every=2, validation_scenes=1
+        presets.small_plain(), steps=2, batch=1, size=(32, 48), contexts=(2, 2), validate_every=2, validation_scenes=1
     )
     execution = Execution("cuda", precision=precision, workers=0, minutes=0.0)
     steps = [train(settings, tmp_path / "run", execution).step for _ in range(2)]
     assert steps == [1, 2]
-    load("small", export_weights(tmp_path / "run", tmp_path / "weights.safetensors"))
+    load("small_plain", export_weights(tmp_path / "run", tmp_path / "weights.safetensors"))

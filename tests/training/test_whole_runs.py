@@ -16,6 +16,7 @@ import pytest
 import torch
 from rich.console import Console
 from scenes_on_disk import write_labelled, write_table
+from training_data import run_data, run_portions, run_validation
 
 from semgs.data.origin.licences import ROOMS
 from semgs.data.tables.class_files import read_class_file
@@ -27,15 +28,17 @@ from semgs.model.weights.weights_file import read_header, save
 from semgs.objectives.loss_weights import LossWeights
 from semgs.rooms.sets.room_stream import RoomSamples, sample
 from semgs.training.data import batches
-from semgs.training.data.batches import surveyed, training_batches, validation_batches
+from semgs.training.data.augmentation_settings import Augmentation
+from semgs.training.data.batches import validation_batches
+from semgs.training.data.data_settings import VALIDATION_SEED
 from semgs.training.loop import train
 from semgs.training.run.checkpoints import newest_checkpoint
 from semgs.training.run.execution import Execution
-from semgs.training.run.run_folder import hold_assets
-from semgs.training.training_settings import VALIDATION_SEED, Augmentation, TrainingSettings
+from semgs.training.run.run_folder import record_assets
+from semgs.training.training_settings import TrainingSettings
 
 SETTINGS = TrainingSettings(
-    model="small",
+    model="small_plain",
     steps=2,
     batch=1,
     size=(32, 48),
@@ -53,13 +56,13 @@ SETTINGS = TrainingSettings(
 def batches_of(settings: TrainingSettings, folder: Path, start: int = 0) -> list[Batch]:
     """The batches that a run sees from a step on; `folder` is its own."""
     folder.mkdir(exist_ok=True)
-    portions = training_batches(settings, surveyed(settings, folder), start, workers=0, pool=folder / "rooms")
+    portions = run_portions(settings, folder, start)
     return [batch for portion in portions for batch in portion.pieces]
 
 
 def validated(settings: TrainingSettings, folder: Path) -> list[Batch]:
     """The batches that a run is validated on."""
-    return validation_batches(settings, surveyed(settings, folder))
+    return run_validation(settings, folder)
 
 
 @pytest.mark.usefixtures("real_rendering")
@@ -68,15 +71,15 @@ def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_session
     outcome = train(SETTINGS, tmp_path / "run", Execution(workers=0))
     assert (outcome.step, outcome.finished, outcome.skipped) == (2, True, 0)
     path = tmp_path / "run" / "weights.safetensors"
-    model = load("small", path)
+    model = load("small_plain", path)
     # The one validation is the best so far.
-    best = load("small", tmp_path / "run" / "best.safetensors")
+    best = load("small_plain", tmp_path / "run" / "best.safetensors")
     assert all(torch.equal(a, b) for a, b in zip(model.parameters(), best.parameters(), strict=True))
-    start = load("small", "random", seed=SETTINGS.seed)
+    start = load("small_plain", "random", seed=SETTINGS.seed)
     assert any((a != b).any() for a, b in zip(model.parameters(), start.parameters(), strict=True))
     metadata = read_header(path).metadata
     assert (metadata["seed"], metadata["step"]) == ("4", "2")
-    assert metadata["description"] == "small, 2 of 2 steps of a training in generated rooms"
+    assert metadata["description"] == "small_plain, 2 of 2 steps of a training in generated rooms"
     assert data_terms(path) == (ROOMS,)
     assert path.stat().st_size < 12e6
     # The same run in two sessions, with the real network, rooms and splatting, ends with the same bits.
@@ -90,7 +93,7 @@ def test_two_real_steps_leave_weights_that_load_and_the_same_bits_in_one_session
 def with_shared_cnn(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Weights whose branches share the shallow CNN, as those that ship do not."""
     path = tmp_path_factory.mktemp("weights") / "shared.safetensors"
-    save(path, load("small", "random"), {"description": "drawn"})
+    save(path, load("small_plain", "random"), {"description": "drawn"})
     return path
 
 
@@ -102,10 +105,10 @@ def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alo
     own = write_labelled(tmp_path / "own", 1, labels=(0, 4, 5))
     settings = replace(
         SETTINGS, supervision=supervision, init=str(with_shared_cnn), data=(str(own),), validation=str(own), depth_weight=0.0,
-        hold_shared=held,
+        shared_rate=0.0 if held else 1.0,
     )  # fmt: skip
     train(settings, tmp_path / "run", Execution(workers=0))
-    model, start = load("small", tmp_path / "run" / "weights.safetensors"), load("small", with_shared_cnn)
+    model, start = load("small_plain", tmp_path / "run" / "weights.safetensors"), load("small_plain", with_shared_cnn)
     moved = {
         name
         for (name, value), old in zip(model.named_parameters(), start.parameters(), strict=True)
@@ -131,10 +134,11 @@ def test_supervision_by_depth_renders_nothing_and_ends_with_the_same_bits_in_one
     monkeypatch.setattr("semgs.scene.encoding.render", None)
     own = write_labelled(tmp_path / "own", 1)
     settings = replace(
-        SETTINGS, supervision="depth", init=str(with_shared_cnn), data=(str(own),), validation=str(own), hold_shared=held
+        SETTINGS, supervision="depth", init=str(with_shared_cnn), data=(str(own),), validation=str(own),
+        shared_rate=0.0 if held else 1.0,
     )  # fmt: skip
     train(settings, tmp_path / "run", Execution(workers=0))
-    model, start = load("small", tmp_path / "run" / "weights.safetensors"), load("small", with_shared_cnn)
+    model, start = load("small_plain", tmp_path / "run" / "weights.safetensors"), load("small_plain", with_shared_cnn)
     moved = {
         name
         for (name, value), old in zip(model.named_parameters(), start.parameters(), strict=True)
@@ -171,7 +175,7 @@ def test_a_training_on_own_classes_begins_with_weights_and_leaves_some_that_know
         tmp_path / "own", 1, labels=(0, 4, 5), change=lambda one: one.update(label_set="../three.json")
     )
     settings = replace(
-        SETTINGS, init="small", classes=table.table, data=(str(own),), validation=str(own), steps=1, learning_rate=1e-6,
+        SETTINGS, model="small", init="small", classes=table.table, data=(str(own),), validation=str(own), steps=1, learning_rate=1e-6,
         class_weights="inverse_root_frequency", augmentation=Augmentation(flip=True),
     )  # fmt: skip
     console = Console(file=io.StringIO(), width=300)
@@ -194,7 +198,7 @@ def test_a_training_on_own_classes_begins_with_weights_and_leaves_some_that_know
 
 def test_step_k_sees_the_same_batch_wherever_the_run_began(tmp_path: Path):
     pytest.importorskip("embreex")
-    settings = TrainingSettings(model="small", steps=4, batch=2, size=(16, 24), contexts=(2, 4), targets=2)
+    settings = TrainingSettings(model="small_plain", steps=4, batch=2, size=(16, 24), contexts=(2, 4), targets=2)
     whole, rest = batches_of(settings, tmp_path), batches_of(settings, tmp_path, start=2)
     assert [batch.scenes for batch in whole[2:]] == [batch.scenes for batch in rest]
     for a, b in zip(whole[2:], rest, strict=True):
@@ -205,7 +209,7 @@ def test_step_k_sees_the_same_batch_wherever_the_run_began(tmp_path: Path):
 
 def test_validation_rooms_do_not_depend_on_the_seed_of_the_run(tmp_path: Path):
     pytest.importorskip("embreex")
-    options = {"model": "small", "steps": 1, "size": (16, 24), "contexts": (2, 2), "validation_scenes": 1}
+    options = {"model": "small_plain", "steps": 1, "size": (16, 24), "contexts": (2, 2), "validation_scenes": 1}
     (one,) = validated(TrainingSettings(seed=1, **options), tmp_path)
     (two,) = validated(TrainingSettings(seed=2, **options), tmp_path)
     assert torch.equal(one.target.images, two.target.images)
@@ -213,7 +217,7 @@ def test_validation_rooms_do_not_depend_on_the_seed_of_the_run(tmp_path: Path):
 
 def test_a_training_sees_homes(tmp_path: Path):
     pytest.importorskip("embreex")
-    options = {"model": "small", "steps": 1, "batch": 1, "size": (16, 24), "contexts": (2, 2)}
+    options = {"model": "small_plain", "steps": 1, "batch": 1, "size": (16, 24), "contexts": (2, 2)}
     (batch,) = batches_of(TrainingSettings(**options), tmp_path)
     home, other = (sample(0, 0, size=(16, 24), contexts=2, targets=2, style=style)[0] for style in ("home", "other"))
     assert torch.equal(batch.context.images[0], home.images)
@@ -245,16 +249,16 @@ def test_the_command_killed_at_random_moments_and_given_again_ends_with_the_same
         )
         return [
             sys.executable, "-c", "import sys; from semgs.cli.main import main; sys.exit(main())",
-            "train", "small", "--out", str(out), "--save-minutes", "0.02", *options.split(),
+            "train", "small_plain", "--out", str(out), "--save-minutes", "0.02", *options.split(),
         ]  # fmt: skip
 
-    def finished(out: Path) -> dict[str, torch.Tensor]:
+    def is_finished(out: Path) -> dict[str, torch.Tensor]:
         subprocess.run(command(out), check=True, capture_output=True, timeout=900, start_new_session=True)
         return newest_checkpoint(out / "checkpoints").tensors
 
     generator = torch.Generator().manual_seed(0)
     began = time.monotonic()
-    whole = finished(tmp_path / "whole")
+    whole = is_finished(tmp_path / "whole")
     length = time.monotonic() - began
     told = (tmp_path / "cut.txt").open("w")
     for kind in [signal.SIGKILL] * 16 + [signal.SIGTERM] * 4:
@@ -264,7 +268,7 @@ def test_the_command_killed_at_random_moments_and_given_again_ends_with_the_same
         run.send_signal(kind)
         run.wait(timeout=120)
     told.close()
-    parts = finished(tmp_path / "cut")
+    parts = is_finished(tmp_path / "cut")
     assert whole.keys() == parts.keys()
     assert all(torch.equal(whole[name], parts[name]) for name in whole)
     assert processes_that_hold(tmp_path / "cut.txt") == []
@@ -275,7 +279,7 @@ def test_scenes_that_serve_several_samples_are_kept_in_the_folder_of_the_run(
 ):
     pytest.importorskip("embreex")
     settings = TrainingSettings(
-        model="small", steps=3, batch=2, size=(16, 24), contexts=(2, 3), targets=1, scene_reuse=2
+        model="small_plain", steps=3, batch=2, size=(16, 24), contexts=(2, 3), targets=1, scene_reuse=2
     )
     monkeypatch.setattr("semgs.rooms.sets.pool.FRAMES", 5)
     monkeypatch.setattr("semgs.rooms.sets.pool.WINDOW", 3)
@@ -298,16 +302,16 @@ def test_training_and_validation_rooms_take_different_assets(tmp_path, monkeypat
 
     monkeypatch.setattr(batches, "RoomSamples", Watched)
     settings = TrainingSettings(
-        model="small", steps=1, size=(16, 24), contexts=(2, 2), validation_scenes=1, assets=(str(tmp_path),)
+        model="small_plain", steps=1, size=(16, 24), contexts=(2, 2), validation_scenes=1, assets=(str(tmp_path),)
     )
-    data = surveyed(settings, tmp_path)
-    training_batches(settings, data, 0, workers=0, pool=Path("unused"))
+    data = run_data(settings, tmp_path)
+    run_portions(settings, Path("unused"), data=data)
     validation_batches(settings, data)
     assert splits == {settings.seed: "training", VALIDATION_SEED: "validation"}
 
 
 def test_assets_that_are_not_there_end_a_training_before_it_makes_its_folder(tmp_path):
-    settings = TrainingSettings(model="small", steps=1, assets=(str(tmp_path / "none"),))
+    settings = TrainingSettings(model="small_plain", steps=1, assets=(str(tmp_path / "none"),))
     with pytest.raises(InputError, match="no such folder"):
         train(settings, tmp_path / "run")
     assert not (tmp_path / "run").exists()
@@ -318,8 +322,8 @@ def test_a_run_goes_on_with_the_assets_that_it_began_with(tmp_path):
     run.mkdir()
     (tmp_path / "assets").mkdir()
     (tmp_path / "assets" / "lock.json").write_text("one")
-    hold_assets(run, [str(tmp_path / "assets")])
-    hold_assets(run, [str(tmp_path / "assets")])
+    record_assets(run, [str(tmp_path / "assets")])
+    record_assets(run, [str(tmp_path / "assets")])
     (tmp_path / "assets" / "lock.json").write_text("grown")
     with pytest.raises(InputError, match="those that the run started with"):
-        hold_assets(run, [str(tmp_path / "assets")])
+        record_assets(run, [str(tmp_path / "assets")])

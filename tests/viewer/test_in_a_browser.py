@@ -14,7 +14,7 @@ from wall_and_chair import CHAIR, GREEN, RED, WALL, wall_and_chair
 
 from semgs.data.tables.classes import SCANNET20
 from semgs.viewer.viewer_page import scene_page
-from semgs.viewer.window import Window, viewing
+from semgs.viewer.window import Window, open_window
 
 if TYPE_CHECKING:
     from viser import CameraHandle
@@ -40,7 +40,7 @@ def bytes_of(colour: tuple[float, float, float]) -> tuple[int, int, int]:
 
 
 def test_the_viewer_shows_the_scene_and_a_click_names_the_class_under_it():
-    with viewing(wall_and_chair(), up="z") as window, canvas_of(window.url, SIZE) as canvas:
+    with open_window(wall_and_chair(), up="z") as window, canvas_of(window.url, SIZE) as canvas:
         canvas.wait_for_colour(ON_WALL, bytes_of(RED))
         click(canvas, ON_WALL, SIZE)
         canvas.page.get_by_text("wall, 80 %").wait_for()
@@ -49,7 +49,7 @@ def test_the_viewer_shows_the_scene_and_a_click_names_the_class_under_it():
 
 @pytest.mark.long
 def test_the_controls_do_what_they_say():
-    with viewing(wall_and_chair(), up="z") as window, canvas_of(window.url, LARGE) as canvas:
+    with open_window(wall_and_chair(), up="z") as window, canvas_of(window.url, LARGE) as canvas:
         page = canvas.page
         canvas.wait_for_colour(ON_WALL, bytes_of(RED))
         canvas.wait_for_colour(ON_CHAIR, bytes_of(GREEN))
@@ -99,14 +99,14 @@ def test_150_000_gaussians_take_the_server_a_fraction_of_a_second():
     """The rest is the browser's time for an image."""
     scene = wall_and_chair((250, 300))
     assert len(scene.gaussians) == 150_000
-    with viewing(scene, up="z") as window:
+    with open_window(scene, up="z") as window:
         window._mode_control.value = "Classes"
         start = time.process_time()
-        window._switch()
+        window._show_mode()
         assert time.process_time() - start < 0.5
         start = time.process_time()
         window._boxes["wall"].value = False
-        window._box_clicked("wall", None)
+        window._toggle_class("wall", None)
         assert time.process_time() - start < 0.1
 
 

@@ -9,7 +9,7 @@ import pytest
 from wall_and_chair import wall_and_chair
 
 from semgs.files.errors import InputError
-from semgs.viewer.window import viewing
+from semgs.viewer.window import open_window
 
 LISTEN = "0A"
 
@@ -29,7 +29,7 @@ def listening(port: int) -> list[str]:
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="this system has no /proc/net/tcp")
 def test_the_viewer_listens_on_this_machine_only_and_stops_at_the_end(capsys: pytest.CaptureFixture[str]):
     before = threading.active_count()
-    with viewing(wall_and_chair((4, 5))) as window:
+    with open_window(wall_and_chair((4, 5))) as window:
         port = urlsplit(window.url).port
         assert window.url == f"http://127.0.0.1:{port}"
         assert listening(port) == ["127.0.0.1"]
@@ -42,6 +42,6 @@ def test_the_viewer_listens_on_this_machine_only_and_stops_at_the_end(capsys: py
 def test_an_address_of_another_machine_is_refused_at_once():
     with (
         pytest.raises(InputError, match=r"192\.0\.2\.1: expected an IPv4 address of this machine"),
-        viewing(wall_and_chair((4, 5)), host="192.0.2.1"),
+        open_window(wall_and_chair((4, 5)), host="192.0.2.1"),
     ):
         pass

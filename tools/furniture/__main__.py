@@ -11,7 +11,7 @@ from typing import Annotated
 
 import tyro
 
-from semgs.cli.main import carry_out, guarded
+from semgs.cli.main import run_command, run_guarded
 from semgs.cli.progress import show_progress
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from tools.furniture.environment import default_folder, prepare
@@ -71,10 +71,8 @@ class Furniture:
         prepare(environment, self.python, lambda line: print(line, flush=True))
         try:
             with show_progress("Generating pieces", self.pieces) as done:
-                made = generate(
-                    self.out, self.seed, self.pieces, environment=environment, limit=self.limit, workers=self.workers,
-                    done=done,
-                )  # fmt: skip
+                settings = {"environment": environment, "limit": self.limit, "workers": self.workers}
+                made = generate(self.out, self.seed, self.pieces, done=done, **settings)
         except ImportError as error:
             raise UsageError(str(error)) from error
         self._report(made.rows, made.left_out | made.late)
@@ -95,7 +93,7 @@ class Furniture:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the tool and return its exit code. Errors are printed as `semgs` prints them."""
     given = sys.argv[1:] if arguments is None else arguments
-    return guarded(lambda: carry_out(Furniture, "python -m tools.furniture", given))
+    return run_guarded(lambda: run_command(Furniture, "python -m tools.furniture", given))
 
 
 if __name__ == "__main__":

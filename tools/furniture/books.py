@@ -62,24 +62,23 @@ def compartments(shelf: Surface) -> list[tuple[float, float, float, float]]:
     lowest, highest = box([shelf])
     corners = shelf.vertices[shelf.faces]
     depth = float(lowest[1] + 0.45 * (highest[1] - lowest[1]))
-    found: list[tuple[float, float, float, float]] = []
-    open_ones: dict[tuple[float, float], tuple[float, float]] = {}
+    gaps: list[tuple[float, float, float, float]] = []
+    unfinished: dict[tuple[float, float], tuple[float, float]] = {}
     for x in np.arange(lowest[0] + STEP, highest[0] - STEP / 2, STEP).tolist():
         still = {}
         for board, roof in pairwise(_crossings(corners, (x, depth, None))):
             if roof - board <= LOWEST:
                 continue
-            before = next((gap for gap in open_ones if abs(gap[0] - board) + abs(gap[1] - roof) < 0.02), (board, roof))
-            still[before] = (open_ones[before][0] if before in open_ones else x, x)
-        found += [(*span, *gap) for gap, span in open_ones.items() if gap not in still]
-        open_ones = still
-    found += [(*span, *gap) for gap, span in open_ones.items()]
+            before = next((gap for gap in unfinished if abs(gap[0] - board) + abs(gap[1] - roof) < 0.02), (board, roof))
+            still[before] = (unfinished[before][0] if before in unfinished else x, x)
+        gaps += [(*span, *gap) for gap, span in unfinished.items() if gap not in still]
+        unfinished = still
+    gaps += [(*span, *gap) for gap, span in unfinished.items()]
     pieces = []
-    for left, right, board, roof in found:
+    for left, right, board, roof in gaps:
         cuts = [x for x in _crossings(corners, (None, depth, (board + roof) / 2)) if left < x < right]
-        pieces += [
-            (start, end, board, roof) for start, end in pairwise((left, *cuts, right)) if end - start > NARROWEST
-        ]
+        spans = pairwise((left, *cuts, right))
+        pieces += [(start, end, board, roof) for start, end in spans if end - start > NARROWEST]
     return pieces
 
 

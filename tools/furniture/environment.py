@@ -62,10 +62,8 @@ def prepare(folder: Path, python: str | None = None, say: Callable[[str], None] 
     chosen = find_python(python)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    write_text(
-        folder / MARK,
-        "An environment for `python -m tools.furniture`. You can delete this folder if you no longer need it.\n",
-    )
+    purpose = "An environment for `python -m tools.furniture`. You can delete this folder if you no longer need it.\n"
+    write_text(folder / MARK, purpose)
     free = shutil.disk_usage(folder).free / 1e9
     if free < DISK_GB:
         raise InputError(folder, f"{DISK_GB} GB of free disk for Blender and Infinigen", f"{free:.1f} GB")

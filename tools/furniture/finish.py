@@ -10,29 +10,13 @@ import numpy as np
 
 from semgs.rooms.assets.glb import read_glb, write_glb
 from tools.furniture import surfaces as s
+from tools.furniture import tints as t
 from tools.furniture.books import books_on
 from tools.furniture.cloth import cloth_picture
 from tools.furniture.kinds import KINDS, OBJECTS, Job, Kind, Random, Triple
 from tools.furniture.raw import Incomplete, RawMesh, check_complete
 from tools.furniture.surfaces import Surface
-from tools.furniture.tints import (
-    CERAMICS,
-    CLOTH,
-    FABRICS,
-    LEATHERS,
-    METAL,
-    METALS,
-    NATURAL,
-    PAINTED,
-    STONES,
-    WOODS,
-    Colour,
-    Tint,
-    grain,
-    linear,
-    pick,
-    tinted,
-)  # fmt: skip
+from tools.furniture.tints import Colour, Tint
 
 MOST_TRIANGLES = 12_000
 """Maximum for a finished piece."""
@@ -62,9 +46,8 @@ class FinishedPiece:
 
     def row(self, file: str, size: int, version: str) -> dict:
         """The piece's row of `catalog.json`."""
-        parts = {
-            s.node_name(number, one): one.label for number, one in enumerate(self.surfaces) if one.label is not None
-        }
+        labelled = [(number, one) for number, one in enumerate(self.surfaces) if one.label is not None]
+        parts = {s.node_name(number, one): one.label for number, one in labelled}
         row = {
             "name": self.name, "class": self.kind.label, "subtype": self.kind.subtype,
             "scannet20_strict": self.kind.strict, "file": file,
@@ -131,7 +114,7 @@ def _coloured(tints: Callable[[Random], list[Tint]], hollow: bool = False) -> Ca
     """A maker of textured pieces; `hollow` removes what is not visible from outside."""
 
     def make(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
-        one = s.surface(meshes[0], "body", picture=tinted(meshes[0], tints(rng)))
+        one = s.surface(meshes[0], "body", picture=t.tinted(meshes[0], tints(rng)))
         return [("", kind, _fronted([s.seen_from_outside(one) if hollow else one], kind))]
 
     return make
@@ -147,7 +130,7 @@ def _plain(names: Sequence[tuple[str, tuple[str, ...], Sequence[Colour]]]) -> Ca
             wanted = left & _of(mesh, words)
             left &= ~wanted
             if wanted.any():
-                surfaces.append(s.surface(mesh, name, wanted, colour=linear(pick(rng, colours))))
+                surfaces.append(s.surface(mesh, name, wanted, colour=t.linear(t.pick(rng, colours))))
         return [("", kind, _fronted(surfaces, kind))]
 
     return make
@@ -162,44 +145,38 @@ def _of(mesh: RawMesh, words: Sequence[str]) -> np.ndarray:
 # Colours by kind.
 
 
-def _metal(rng: Random, colours: Sequence[Colour] = METALS) -> Tint:
-    return Tint(METAL, pick(rng, colours), 0.4)
+def _metal(rng: Random, colours: Sequence[Colour] = t.METALS) -> Tint:
+    return Tint(t.METAL, t.pick(rng, colours), 0.4)
 
 
 def _boards(rng: Random) -> list[Tint]:
-    wood = pick(rng, WOODS)
-    return [_metal(rng), Tint(("",), wood, grain(wood))]
+    wood = t.pick(rng, t.WOODS)
+    return [_metal(rng), Tint(("",), wood, t.grain(wood))]
 
 
 def _bed(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
-    mesh, wood = meshes[0], pick(rng, (*NATURAL, PAINTED[0], PAINTED[3]))
+    mesh, wood = meshes[0], t.pick(rng, (*t.NATURAL, t.PAINTED[0], t.PAINTED[3]))
     keeps_prints = rng.random() < 0.25
     tints = []
     for name in sorted(mesh.materials):
-        if any(word in name.lower() for word in CLOTH):
-            colour = pick(rng, FABRICS[:4] + FABRICS)
+        if any(word in name.lower() for word in t.CLOTH):
+            colour = t.pick(rng, t.FABRICS[:4] + t.FABRICS)
             printed = "art" in name.lower()
             own = printed and (keeps_prints or rng.random() < 0.45)
             tints.append(Tint((name.lower(),), None if own else colour, 0.8 if own and keeps_prints else 0.5))
     tints.sort(key=lambda tint: -len(tint.words[0]))
-    tints += [_metal(rng), Tint(("",), wood, grain(wood, 0.5))]
-    return [("", kind, _fronted([s.surface(mesh, "bed", picture=tinted(mesh, tints))], kind))]
+    tints += [_metal(rng), Tint(("",), wood, t.grain(wood, 0.5))]
+    return [("", kind, _fronted([s.surface(mesh, "bed", picture=t.tinted(mesh, tints))], kind))]
 
 
 def _seat(rng: Random) -> list[Tint]:
-    return [
-        Tint(("leather",), pick(rng, LEATHERS), 0.8),
-        Tint(("wood", *METAL), (70, 52, 42), 0.6),
-        Tint(("",), pick(rng, FABRICS), 0.4),
-    ]
+    leather, wood = Tint(("leather",), t.pick(rng, t.LEATHERS), 0.8), Tint(("wood", *t.METAL), (70, 52, 42), 0.6)
+    return [leather, wood, Tint(("",), t.pick(rng, t.FABRICS), 0.4)]
 
 
 def _chair(rng: Random) -> list[Tint]:
-    return [
-        Tint(CLOTH, pick(rng, FABRICS), 0.5),
-        _metal(rng),
-        Tint(("",), pick(rng, NATURAL + PAINTED[:1] + PAINTED[3:4]), 0.7),
-    ]
+    cloth, metal = Tint(t.CLOTH, t.pick(rng, t.FABRICS), 0.5), _metal(rng)
+    return [cloth, metal, Tint(("",), t.pick(rng, t.NATURAL + t.PAINTED[:1] + t.PAINTED[3:4]), 0.7)]
 
 
 OFFICE: tuple[Colour, ...] = (
@@ -208,31 +185,31 @@ OFFICE: tuple[Colour, ...] = (
 
 
 def _office_chair(rng: Random) -> list[Tint]:
-    return [_metal(rng, ((60, 60, 62), (150, 152, 155), (40, 40, 42))), Tint(("",), pick(rng, OFFICE), 0.5)]
+    return [_metal(rng, ((60, 60, 62), (150, 152, 155), (40, 40, 42))), Tint(("",), t.pick(rng, OFFICE), 0.5)]
 
 
 def _table_tints(rng: Random) -> list[Tint]:
-    return [Tint(("glass",), (170, 190, 195), 0.3), Tint(("marble",), pick(rng, STONES), 0.8), *_boards(rng)]
+    return [Tint(("glass",), (170, 190, 195), 0.3), Tint(("marble",), t.pick(rng, t.STONES), 0.8), *_boards(rng)]
 
 
 def _table(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     """A table with its longer side at the front."""
-    one = [s.surface(meshes[0], "table", picture=tinted(meshes[0], _table_tints(rng)))]
+    one = [s.surface(meshes[0], "table", picture=t.tinted(meshes[0], _table_tints(rng)))]
     wide, deep, _ = s.sides(one)
     return [("", kind, one if wide >= deep else s.turned(one))]
 
 
 def _desk(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     """A desk, sometimes with one or two chests of drawers below."""
-    wood = pick(rng, WOODS)
-    leg = pick(rng, (*METALS, (60, 60, 62), (235, 235, 235), wood, wood))
-    tints = [Tint(METAL, leg, 0.2), Tint(("",), wood, grain(wood))]
-    desk = _sized(s.turned([s.surface(meshes[0], "desk", picture=tinted(meshes[0], tints))]), kind, rng)
+    wood = t.pick(rng, t.WOODS)
+    leg = t.pick(rng, (*t.METALS, (60, 60, 62), (235, 235, 235), wood, wood))
+    tints = [Tint(t.METAL, leg, 0.2), Tint(("",), wood, t.grain(wood))]
+    desk = _sized(s.turned([s.surface(meshes[0], "desk", picture=t.tinted(meshes[0], tints))]), kind, rng)
     if len(meshes) == 1:
         return [("", kind, desk)]
     width, depth, height = s.sides(desk)
-    paint = wood if rng.random() < 0.7 else PAINTED[0]
-    picture = tinted(meshes[1], [Tint(METAL, (170, 172, 175), 0.4), Tint(("",), paint, grain(paint))])
+    paint = wood if rng.random() < 0.7 else t.PAINTED[0]
+    picture = t.tinted(meshes[1], [Tint(t.METAL, (170, 172, 175), 0.4), Tint(("",), paint, t.grain(paint))])
     chest = s.turned([s.seen_from_outside(s.surface(meshes[1], "drawers", picture=picture))])
     chest = s.scaled(chest, np.array([0.4, 0.88 * depth, height - 0.075]) / s.sides(chest))
     places = (-1, 1) if width > 1.5 and rng.random() < 0.4 else (int(rng.choice((-1, 1))),)
@@ -243,7 +220,7 @@ def _desk(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
 
 def _bookshelf(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     """A shelf; four of five contain books."""
-    picture = tinted(meshes[0], _boards(rng))
+    picture = t.tinted(meshes[0], _boards(rng))
     shelf = _sized(s.turned([s.surface(meshes[0], "shelf", picture=picture)]), kind, rng)
     books = books_on(shelf[0], rng) if rng.random() < 0.8 else None
     if books is None:
@@ -259,7 +236,7 @@ FRIDGES: tuple[Colour, ...] = (
 
 def _refrigerator(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     """A refrigerator with one door, with a freezer above, with two doors side by side, or a low one."""
-    picture = tinted(meshes[0], [Tint(("",), pick(rng, FRIDGES), 0.35)])
+    picture = t.tinted(meshes[0], [Tint(("",), t.pick(rng, FRIDGES), 0.35)])
     body = s.turned([s.seen_from_outside(s.surface(meshes[0], "refrigerator", picture=picture))])
     width, depth, height = rng.uniform(kind.low, kind.high)
     form = rng.choice(("one", "freezer", "double", "low"), p=(0.35, 0.35, 0.2, 0.1))
@@ -284,8 +261,12 @@ def _refrigerator(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
 
 
 def _door_tints(rng: Random) -> list[Tint]:
-    wood = pick(rng, (*WOODS, PAINTED[0], PAINTED[4]))
-    return [Tint(("glass",), (180, 195, 205), 0.3), Tint(METAL, pick(rng, METALS), 0.5), Tint(("",), wood, grain(wood))]
+    wood = t.pick(rng, (*t.WOODS, t.PAINTED[0], t.PAINTED[4]))
+    return [
+        Tint(("glass",), (180, 195, 205), 0.3),
+        Tint(t.METAL, t.pick(rng, t.METALS), 0.5),
+        Tint(("",), wood, t.grain(wood)),
+    ]
 
 
 def _curtain(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
@@ -294,14 +275,14 @@ def _curtain(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     cloth, rod = _of(mesh, ("cloth",)), _of(mesh, ("rod",))
     if not cloth.any():
         raise Incomplete("there is no curtain at the window")
-    found = s.surface(mesh, "cloth", cloth)
-    upright = found.vertices * [-1, 1, -1]
+    hanging = s.surface(mesh, "cloth", cloth)
+    upright = hanging.vertices * [-1, 1, -1]
     lowest, extent = upright.min(axis=0), np.ptp(upright, axis=0)
     uv = ((upright - lowest) / extent)[:, (0, 2)] * [0.98, -0.98] + [0.01, 0.99]
-    drapes = replace(found, vertices=upright, uv=uv, picture=cloth_picture(rng, float(extent[0]), float(extent[2])))
+    drapes = replace(hanging, vertices=upright, uv=uv, picture=cloth_picture(rng, float(extent[0]), float(extent[2])))
     surfaces = [drapes]
     if rod.any():
-        colour = linear(pick(rng, (*METALS, (70, 52, 42), (235, 235, 232))))
+        colour = t.linear(t.pick(rng, (*t.METALS, (70, 52, 42), (235, 235, 232))))
         bar = s.surface(mesh, "rod", rod, colour=colour)
         surfaces.append(replace(bar, vertices=bar.vertices * [-1, 1, -1]))
     return [("", kind, surfaces)]
@@ -318,57 +299,40 @@ WALL_CABINET = Kind(
 def _kitchen(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     """Base cabinets under a counter, and the wall cabinets above if there are any; or an island."""
     mesh = meshes[0]
-    paint = pick(rng, CUPBOARDS)
-    stone = Tint(("marble",), pick(rng, STONES), 0.8)
-    picture = tinted(mesh, [stone, Tint(METAL, (170, 172, 175), 0.4), Tint(("",), paint, grain(paint, 0.35))])
+    paint = t.pick(rng, CUPBOARDS)
+    stone = Tint(("marble",), t.pick(rng, t.STONES), 0.8)
+    picture = t.tinted(mesh, [stone, Tint(t.METAL, (170, 172, 175), 0.4), Tint(("",), paint, t.grain(paint, 0.35))])
     heights = mesh.vertices[mesh.faces][..., 2].mean(axis=1)
     levels = np.unique(np.round(heights, 2))
     gap = int(np.diff(levels).argmax())
     hung = levels[gap + 1] - levels[gap] > HANGS
     above = heights > (levels[gap] + levels[gap + 1]) / 2 if hung else np.zeros(len(heights), bool)
     top = _of(mesh, ("marble",)) & ~above
-    found: Made = []
     label = "cabinet" if kind is KINDS["kitchen"] else None  # all of an island is a counter
     body = s.surface(mesh, "body", ~above & ~top, picture=picture, label=label)
     surfaces = [s.seen_from_outside(body)]
     if top.any():
         surfaces.append(s.surface(mesh, "worktop", top, picture=picture))
-    found.append(("", kind, s.turned(surfaces)))
+    pieces: Made = [("", kind, s.turned(surfaces))]
     if above.any():
         wall = s.seen_from_outside(s.surface(mesh, "cabinet", above, picture=picture))
-        found.append(("_wall", WALL_CABINET, s.turned([wall])))
-    return found
+        pieces.append(("_wall", WALL_CABINET, s.turned([wall])))
+    return pieces
 
 
 HANGS = 0.25
 """Minimum vertical gap between base cabinets and wall cabinets [m]."""
 
-WARE = (("metal", METAL, METALS), ("ceramic", ("",), CERAMICS))
+WARE = (("metal", t.METAL, t.METALS), ("ceramic", ("",), t.CERAMICS))
+FRAMES = (*t.PAINTED, (150, 106, 70), (60, 60, 62))
+_padded, _closed, _ware = _coloured(_seat), _coloured(_boards, hollow=True), _plain(WARE)
 MAKERS: dict[str, Callable[[Kind, Sequence[RawMesh], Random], Made]] = {
-    "bed": _bed,
-    "sofa": _coloured(_seat),
-    "armchair": _coloured(_seat),
-    "chair": _coloured(_chair),
-    "officechair": _coloured(_office_chair),
-    "table": _table,
-    "coffeetable": _table,
-    "sidetable": _table,
-    "desk": _desk,
-    "bookshelf": _bookshelf,
-    "wardrobe": _coloured(_boards, hollow=True),
-    "cabinet": _coloured(_boards, hollow=True),
-    "tvstand": _coloured(_boards),
-    "refrigerator": _refrigerator,
-    "stove": _coloured(lambda rng: [], hollow=True),
-    "toilet": _plain(WARE),
-    "bathtub": _plain(WARE),
-    "washbasin": _plain(WARE),
-    "door": _coloured(_door_tints),
-    "window": _plain(
-        (("glass", ("pane",), ((190, 205, 215),)), ("frame", ("",), (*PAINTED, (150, 106, 70), (60, 60, 62))))
-    ),
-    "curtain": _curtain,
-    "kitchen": _kitchen,
-    "island": _kitchen,
-}
+    "bed": _bed, "sofa": _padded, "armchair": _padded, "chair": _coloured(_chair),
+    "officechair": _coloured(_office_chair), "table": _table, "coffeetable": _table, "sidetable": _table, "desk": _desk,
+    "bookshelf": _bookshelf, "wardrobe": _closed, "cabinet": _closed, "tvstand": _coloured(_boards),
+    "refrigerator": _refrigerator, "stove": _coloured(lambda rng: [], hollow=True),
+    "toilet": _ware, "bathtub": _ware, "washbasin": _ware, "door": _coloured(_door_tints),
+    "window": _plain((("glass", ("pane",), ((190, 205, 215),)), ("frame", ("",), FRAMES))),
+    "curtain": _curtain, "kitchen": _kitchen, "island": _kitchen,
+}  # fmt: skip
 """By kind: the function that makes its pieces."""

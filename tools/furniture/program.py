@@ -65,12 +65,8 @@ def start():
     import infinigen.core.init as infinigen
 
     infinigen.require_blender_addon = lambda *_, **__: True
-    infinigen.apply_gin_configs(
-        ["infinigen_examples/configs_indoor", "infinigen_examples/configs_nature"],
-        configs=[],
-        overrides=[],
-        skip_unknown=True,
-    )
+    folders = ["infinigen_examples/configs_indoor", "infinigen_examples/configs_nature"]
+    infinigen.apply_gin_configs(folders, configs=[], overrides=[], skip_unknown=True)
 
 
 def make(factory, seed, setting="", size=(), triangles=7000, flatten="none", weld=True, picture=512, simplify=0):
@@ -156,29 +152,18 @@ def before_window(maker, width, height, drapes):
 
     def parameters(*_, **__):
         found = sample((width, height, 0.1), None, drapes is not None, False)
-        names = {
-            "CurtainMaterial": "cloth",
-            "CurtainFrameMaterial": "rod",
-            "FrameMaterial": "frame",
-            "Material": "pane",
-        }
+        names = {"Curtain": "cloth", "CurtainFrame": "rod", "Frame": "frame", "": "pane"}
         for key, name in names.items():
-            found[key].name = name
+            found[f"{key}Material"].name = name
         return found | (drapes or {})
 
     maker.sample_asset_params = parameters
 
 
 SETTINGS = {
-    "bed": set_bed,
-    "sofa": set_sofa,
-    "drawers": set_drawers,
-    "electric": set_electric,
-    "kitchen": set_kitchen,
-    "island": set_island,
-    "window": set_window,
-    "curtain": set_curtain,
-}
+    "bed": set_bed, "sofa": set_sofa, "drawers": set_drawers, "electric": set_electric, "kitchen": set_kitchen,
+    "island": set_island, "window": set_window, "curtain": set_curtain,
+}  # fmt: skip
 
 
 def coarse_bed() -> Any:
@@ -194,9 +179,12 @@ def coarse_bed() -> Any:
     from numpy.random import uniform
 
     blanket_grid, pillow_grid = blanket.new_grid, pillow.new_grid
-    blanket.new_grid = lambda x_subdivisions, y_subdivisions: blanket_grid(
-        x_subdivisions=34, y_subdivisions=max(4, int(34 * y_subdivisions / x_subdivisions))
-    )
+
+    def coarse_grid(x_subdivisions, y_subdivisions):
+        rows = max(4, int(34 * y_subdivisions / x_subdivisions))
+        return blanket_grid(x_subdivisions=34, y_subdivisions=rows)
+
+    blanket.new_grid = coarse_grid
     pillow.new_grid = lambda x_subdivisions, y_subdivisions: pillow_grid(x_subdivisions=20, y_subdivisions=20)
 
     def top(thing):
@@ -286,11 +274,8 @@ def coarse_bed() -> Any:
                     thing.matrix_world = turn
                     turned = np.array([turn @ Vector(corner) for corner in corners[::7]])
                     across = (k - 0.5) * min(self.width * 0.5, 0.55 if number else 0.8) if count > 1 else 0
-                    thing.location = (
-                        start - turned[:, 0].min() + uniform(0, 0.03),
-                        across + uniform(-0.03, 0.03),
-                        height - turned[:, 2].min() - 0.01,
-                    )
+                    x, y = start - turned[:, 0].min() + uniform(0, 0.03), across + uniform(-0.03, 0.03)
+                    thing.location = (x, y, height - turned[:, 2].min() - 0.01)
                     end = thing.location[0] + turned[:, 0].max()
                 start += 0.6 * (end - start)
             return [thing for row in rows for thing in row]
@@ -335,6 +320,16 @@ def level(counts, target):
     return max(counts)
 
 
+def select(things):
+    """Select only these objects, of which the first is active."""
+    import bpy
+
+    bpy.ops.object.select_all(action="DESELECT")
+    for thing in things:
+        thing.select_set(True)
+    bpy.context.view_layer.objects.active = things[0]
+
+
 def apply(thing, kind, **settings):
     """Apply a modifier to an object."""
     import bpy
@@ -352,12 +347,10 @@ def join(things, target, flatten, weld):
     import numpy as np
 
     things = [thing for thing in things if thing.type in ("MESH", "CURVE")]
-    bpy.ops.object.select_all(action="DESELECT")
     for thing in things:
         thing.hide_set(False)
         thing.hide_viewport = False
-        thing.select_set(True)
-    bpy.context.view_layer.objects.active = things[0]
+    select(things)
     bpy.ops.object.make_single_user(object=True, obdata=True)
     bpy.ops.object.convert(target="MESH")
     places = [thing.matrix_world.copy() for thing in things]
@@ -382,10 +375,7 @@ def join(things, target, flatten, weld):
         mark.data.foreach_set("value", np.full(len(thing.data.polygons), number, np.int32))
         if not thing.material_slots:
             thing.data.materials.append(bpy.data.materials.new("plain"))
-    bpy.ops.object.select_all(action="DESELECT")
-    for thing in things:
-        thing.select_set(True)
-    bpy.context.view_layer.objects.active = things[0]
+    select(things)
     if len(things) > 1:
         bpy.ops.object.join()
     apply(things[0], "TRIANGULATE")
@@ -399,9 +389,7 @@ def bake(thing, side):
     import bpy
     import numpy as np
 
-    bpy.ops.object.select_all(action="DESELECT")
-    thing.select_set(True)
-    bpy.context.view_layer.objects.active = thing
+    select([thing])
     layers = thing.data.uv_layers
     shown = next((layer.name for layer in layers if layer.active_render), None)
     while len(layers) >= 8:
@@ -458,14 +446,18 @@ def emit_colour(tree, seen):
                 tree.links.new(emitter.outputs[0], link.to_socket)
         elif node.type == "OUTPUT_MATERIAL":
             for name in ("Displacement", "Volume"):
-                for link in list(node.inputs[name].links):
-                    tree.links.remove(link)
+                unlink(tree, node.inputs[name])
+
+
+def unlink(tree, target):
+    """Remove all links to an input."""
+    for link in list(target.links):
+        tree.links.remove(link)
 
 
 def copy_colour(tree, source, target):
     """Copy an input, with its link or value, to another."""
-    for link in list(target.links):
-        tree.links.remove(link)
+    unlink(tree, target)
     if source.is_linked:
         tree.links.new(source.links[0].from_socket, target)
     else:
@@ -474,8 +466,7 @@ def copy_colour(tree, source, target):
 
 def fix(tree, target, value):
     """Set an input to a constant."""
-    for link in list(target.links):
-        tree.links.remove(link)
+    unlink(tree, target)
     target.default_value = value
 
 
@@ -483,24 +474,23 @@ def read(thing, unwrapped):
     """The arrays of a triangulated object."""
     import numpy as np
 
+    def values(items, name, width, dtype):
+        array = np.empty(len(items) * width, dtype)
+        items.foreach_get(name, array)
+        return array
+
     mesh = thing.data
-    corners, faces = len(mesh.loops), len(mesh.polygons)
-    vertices = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get("co", vertices)
-    indices = np.empty(corners, np.int32)
-    mesh.loops.foreach_get("vertex_index", indices)
-    uv = np.zeros(2 * corners, np.float32)
-    if unwrapped:
-        mesh.uv_layers["atlas_"].data.foreach_get("uv", uv)
-    owners, materials = np.empty(faces, np.int32), np.empty(faces, np.int32)
-    mesh.attributes["piece_"].data.foreach_get("value", owners)
-    mesh.polygons.foreach_get("material_index", materials)
+    uv = (
+        values(mesh.uv_layers["atlas_"].data, "uv", 2, np.float32)
+        if unwrapped
+        else np.zeros(2 * len(mesh.loops), np.float32)
+    )
     return {
-        "vertices": vertices.reshape(-1, 3),
-        "faces": indices.reshape(-1, 3),
+        "vertices": values(mesh.vertices, "co", 3, np.float32).reshape(-1, 3),
+        "faces": values(mesh.loops, "vertex_index", 1, np.int32).reshape(-1, 3),
         "uv": uv.reshape(-1, 3, 2),
-        "object": owners,
-        "material": materials,
+        "object": values(mesh.attributes["piece_"].data, "value", 1, np.int32),
+        "material": values(mesh.polygons, "material_index", 1, np.int32),
         "materials": np.array([slot.material.name for slot in thing.material_slots]),
     }
 
@@ -515,9 +505,8 @@ def simplified(arrays, target):
         own = arrays["faces"][arrays["material"] == number]
         if not len(own):
             continue
-        _, first, inverse = np.unique(
-            np.round(arrays["vertices"] / 1e-5).astype(np.int64), axis=0, return_index=True, return_inverse=True
-        )
+        grid = np.round(arrays["vertices"] / 1e-5).astype(np.int64)
+        _, first, inverse = np.unique(grid, axis=0, return_index=True, return_inverse=True)
         points, own = arrays["vertices"][first], inverse.reshape(-1)[own]
         used, own = np.unique(own, return_inverse=True)
         points, own = points[used], own.reshape(-1, 3).astype(np.int32)

@@ -45,14 +45,10 @@ class Surface:
 
 
 def surface(
-    mesh: RawMesh,
-    name: str,
-    wanted: Bool[np.ndarray, " t"] | None = None,
-    *,
-    picture: UInt8[np.ndarray, "h w 3"] | None = None,
-    colour: tuple[float, float, float] = (1.0, 1.0, 1.0),
+    mesh: RawMesh, name: str, wanted: Bool[np.ndarray, " t"] | None = None, *,
+    picture: UInt8[np.ndarray, "h w 3"] | None = None, colour: tuple[float, float, float] = (1.0, 1.0, 1.0),
     label: str | None = None,
-) -> Surface:
+) -> Surface:  # fmt: skip
     """All or some triangles of an object; without `picture`, its texture coordinates are dropped."""
     chosen = np.ones(len(mesh.faces), bool) if wanted is None else wanted
     corners = mesh.faces[chosen].reshape(-1)
@@ -73,54 +69,51 @@ def sides(surfaces: Sequence[Surface]) -> Float64[np.ndarray, " 3"]:
 
 def box(surfaces: Sequence[Surface]) -> tuple[Float64[np.ndarray, " 3"], Float64[np.ndarray, " 3"]]:
     """Lowest and highest corner of the bounding box [m]."""
-    points = np.concatenate([one.vertices[one.faces.reshape(-1)] for one in surfaces])
+    points = np.concatenate([part.vertices[part.faces.reshape(-1)] for part in surfaces])
     return points.min(axis=0), points.max(axis=0)
 
 
 def turned(surfaces: Sequence[Surface]) -> list[Surface]:
     """Rotated by 90 degrees clockwise, seen from above: +x becomes -y."""
-    return [replace(one, vertices=one.vertices[:, (1, 0, 2)] * [1, -1, 1]) for one in surfaces]
+    return [replace(part, vertices=part.vertices[:, (1, 0, 2)] * [1, -1, 1]) for part in surfaces]
 
 
 def scaled(surfaces: Sequence[Surface], factors: Float64[np.ndarray, " 3"]) -> list[Surface]:
     """Scaled along the axes, with the base at z = 0 and centred in x and y."""
     lowest, highest = box(surfaces)
     foot = np.array([*((lowest + highest) / 2)[:2], lowest[2]])
-    return [replace(one, vertices=(one.vertices - foot) * factors) for one in surfaces]
+    return [replace(part, vertices=(part.vertices - foot) * factors) for part in surfaces]
 
 
-def moved(one: Surface, by: Sequence[float]) -> Surface:
+def moved(part: Surface, by: Sequence[float]) -> Surface:
     """Moved by a vector [m]."""
-    return replace(one, vertices=one.vertices + np.array(by))
+    return replace(part, vertices=part.vertices + np.array(by))
 
 
-def mirrored(one: Surface) -> Surface:
+def mirrored(part: Surface) -> Surface:
     """Left and right exchanged."""
-    return replace(one, vertices=one.vertices * [-1, 1, 1], faces=one.faces[:, ::-1])
+    return replace(part, vertices=part.vertices * [-1, 1, 1], faces=part.faces[:, ::-1])
 
 
 def merged(surfaces: Sequence[Surface]) -> Surface:
     """Several surfaces of one material as one."""
-    starts = np.cumsum([0, *(len(one.vertices) for one in surfaces)])
-    return replace(
-        surfaces[0],
-        vertices=np.concatenate([one.vertices for one in surfaces]),
-        faces=np.concatenate([one.faces + start for one, start in zip(surfaces, starts, strict=False)]),
-        uv=np.concatenate([one.uv for one in surfaces]),
-    )
+    starts = np.cumsum([0, *(len(part.vertices) for part in surfaces)])
+    faces = np.concatenate([part.faces + start for part, start in zip(surfaces, starts, strict=False)])
+    vertices, uv = (np.concatenate([getattr(part, name) for part in surfaces]) for name in ("vertices", "uv"))
+    return replace(surfaces[0], vertices=vertices, faces=faces, uv=uv)
 
 
-def seen_from_outside(one: Surface) -> Surface:
+def seen_from_outside(part: Surface) -> Surface:
     """The surface without triangles that are invisible from outside, such as drawers behind fronts.
 
     Raises:
         ImportError: embreex is not installed.
     """
-    rays = Raycaster(one.vertices, one.faces)
-    corners = one.vertices[one.faces]
+    rays = Raycaster(part.vertices, part.faces)
+    corners = part.vertices[part.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    off = NEAR * float(np.ptp(one.vertices, axis=0).max())
+    off = NEAR * float(np.ptp(part.vertices, axis=0).max())
     seen = np.zeros(len(corners), bool)
     for way in _sphere(DIRECTIONS):
         for place in PLACES:
@@ -128,8 +121,8 @@ def seen_from_outside(one: Surface) -> Surface:
             side = np.where(normals[hidden] @ way < 0, -1.0, 1.0)[:, None]
             starts = np.einsum("tvc,v->tc", corners[hidden], place) + off * side * normals[hidden]
             seen[hidden[rays.reached(starts, np.tile(way, (len(hidden), 1)))]] = True
-    used, faces = np.unique(one.faces[seen], return_inverse=True)
-    return replace(one, vertices=one.vertices[used], faces=faces.reshape(-1, 3), uv=one.uv[used])
+    used, faces = np.unique(part.faces[seen], return_inverse=True)
+    return replace(part, vertices=part.vertices[used], faces=faces.reshape(-1, 3), uv=part.uv[used])
 
 
 def _sphere(count: int) -> Float64[np.ndarray, "c 3"]:
@@ -143,22 +136,24 @@ def _sphere(count: int) -> Float64[np.ndarray, "c 3"]:
 def primitives(surfaces: Sequence[Surface]) -> list[Primitive]:
     """The surfaces for a .glb file: one node and one material each; equal images are encoded once."""
     encoded: dict[int, bytes] = {}
-    found = []
-    for number, one in enumerate(surfaces):
+    written = []
+    for number, part in enumerate(surfaces):
         texture = None
-        if one.picture is not None:
-            if id(one.picture) not in encoded:
-                encoded[id(one.picture)] = _jpeg(one.picture)
-            texture = encoded[id(one.picture)]
-        vertices, faces, uv = one.vertices.astype(np.float32), one.faces.astype(np.int64), one.uv.astype(np.float32)
-        material = f"m{number}_{one.name}"
-        found.append(Primitive(node_name(number, one), material, vertices, faces, uv, one.colour, texture, clear=False))
-    return found
+        if part.picture is not None:
+            if id(part.picture) not in encoded:
+                encoded[id(part.picture)] = _jpeg(part.picture)
+            texture = encoded[id(part.picture)]
+        vertices, faces, uv = part.vertices.astype(np.float32), part.faces.astype(np.int64), part.uv.astype(np.float32)
+        material = f"m{number}_{part.name}"
+        written.append(
+            Primitive(node_name(number, part), material, vertices, faces, uv, part.colour, texture, clear=False)
+        )
+    return written
 
 
-def node_name(number: int, one: Surface) -> str:
+def node_name(number: int, part: Surface) -> str:
     """Name of a surface's node."""
-    return f"n{number}_{one.name}"
+    return f"n{number}_{part.name}"
 
 
 def _jpeg(picture: UInt8[np.ndarray, "h w 3"]) -> bytes:

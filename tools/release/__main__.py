@@ -21,79 +21,63 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from semgs.files.errors import InputError
+from tools.release.audit import audit_release
+from tools.release.card import write_card
+from tools.release.demo import write_picture
+from tools.release.failures import write_failures
+from tools.release.notice import write_notice
+from tools.release.platforms import check_platforms
+from tools.release.ship import ship_weights
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a task and return its exit code, 2 for bad input."""
-    given = _parser().parse_args(arguments)
+    options = _parser().parse_args(arguments)
     try:
-        return _run(given) or 0
+        return options.run(options) or 0
     except InputError as error:
         print(error.first_line, file=sys.stderr)
         return 2
 
 
-def _run(given: argparse.Namespace) -> int | None:
-    """Run the given task; its exit code, None for 0."""
-    if given.task == "card":
-        from tools.release.card import write_card
-
-        write_card({title: Path(path) for title, path in given.report})
-    elif given.task == "ship":
-        from tools.release.ship import ship
-
-        header = {"description": given.description, "licence": given.licence}
-        ship(given.weights, given.name, header, given.data_terms)
-    elif given.task == "failures":
-        from tools.release.failures import write_failures
-
-        print(write_failures(given.weights, given.data, given.out))
-    elif given.task == "notice":
-        from tools.release.notice import write_notice
-
-        write_notice(given.attributions, given.photos)
-    elif given.task == "audit":
-        from tools.release.audit import audit
-
-        return audit(given.lock)
-    elif given.task == "platforms":
-        from tools.release.platforms import check_platforms
-
-        return check_platforms()
-    else:
-        from tools.release.demo import write_picture
-
-        write_picture(given.demo)
-    return None
-
-
 def _parser() -> argparse.ArgumentParser:
-    """The tasks and their arguments."""
+    """The tasks, their arguments, and what runs them; its result is the exit code, None for 0."""
     parser = argparse.ArgumentParser(
         prog="python -m tools.release", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     tasks = parser.add_subparsers(dest="task", required=True)
     card = tasks.add_parser("card")
     card.add_argument("--report", nargs=2, action="append", default=[], metavar=("TITLE", "REPORT.json"))
+    card.set_defaults(run=lambda given: write_card({title: Path(path) for title, path in given.report}))
     ship = tasks.add_parser("ship")
     ship.add_argument("weights", type=Path)
     ship.add_argument("name")
     ship.add_argument("--description", required=True)
     ship.add_argument("--licence", default="Apache-2.0")
     ship.add_argument("--data-terms", nargs="+", default=(), metavar="TEXT")
+    ship.set_defaults(run=_ship)
     failures = tasks.add_parser("failures")
     failures.add_argument("weights", nargs="?", default="small")
     failures.add_argument("--data", type=Path, metavar="DIR")
     failures.add_argument("--out", type=Path, metavar="FILE.jpg")
+    failures.set_defaults(run=lambda given: print(write_failures(given.weights, given.data, given.out)))
     notice = tasks.add_parser("notice")
     notice.add_argument("attributions", nargs="+", type=Path, metavar="ATTRIBUTION.md")
     notice.add_argument("--photos", required=True, type=Path, metavar="sources.json")
-    tasks.add_parser("platforms")
+    notice.set_defaults(run=lambda given: write_notice(given.attributions, given.photos))
+    tasks.add_parser("platforms").set_defaults(run=lambda given: check_platforms())
     audit = tasks.add_parser("audit")
     audit.add_argument("--lock", type=Path, default=Path("requirements.lock"), metavar="FILE")
+    audit.set_defaults(run=lambda given: audit_release(given.lock))
     demo = tasks.add_parser("demo")
     demo.add_argument("demo", type=Path, metavar="OUT")
+    demo.set_defaults(run=lambda given: write_picture(given.demo))
     return parser
+
+
+def _ship(given: argparse.Namespace) -> None:
+    header = {"description": given.description, "licence": given.licence}
+    ship_weights(given.weights, given.name, header, given.data_terms)
 
 
 if __name__ == "__main__":

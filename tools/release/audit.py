@@ -59,9 +59,11 @@ class Audit:
         """
         try:
             packages = json.loads(answer)["dependencies"]
-            known = [one for one in packages if "skip_reason" not in one]
-            found = {f"{one['name']} {one['version']}": [v["id"] for v in one["vulns"]] for one in known}
-            unknown = tuple(one["name"] for one in packages if "skip_reason" in one)
+            known = [package for package in packages if "skip_reason" not in package]
+            found = {
+                f"{package['name']} {package['version']}": [v["id"] for v in package["vulns"]] for package in known
+            }
+            unknown = tuple(package["name"] for package in packages if "skip_reason" in package)
         except (ValueError, KeyError, TypeError) as error:
             raise ValueError("pip-audit printed something else than its JSON") from error
         vulnerable = tuple(f"{name}: {', '.join(ids)}" for name, ids in found.items() if ids)
@@ -125,11 +127,13 @@ def base_set(name: str = "semgs") -> set[str]:
 def licence(name: str) -> str:
     """The licence of an installed package, by its metadata."""
     metadata: Any = importlib.metadata.metadata(name)
-    classifiers = [
-        one.rpartition(" :: ")[2] for one in metadata.get_all("Classifier") or [] if one.startswith("License ::")
-    ]
+    classifiers = [text for text in metadata.get_all("Classifier") or [] if text.startswith("License ::")]
     stated = (metadata.get("License-Expression") or metadata.get("License") or "").strip().splitlines()
-    return metadata.get("License-Expression") or ", ".join(classifiers) or (stated[0] if stated else "not stated")
+    return (
+        metadata.get("License-Expression")
+        or ", ".join(text.rpartition(" :: ")[2] for text in classifiers)
+        or (stated[0] if stated else "not stated")
+    )
 
 
 def is_gpl(text: str) -> bool:
@@ -146,7 +150,7 @@ def bundled() -> Iterator[tuple[str, str, str]]:
         yield from ((folder.stem, one, BUNDLED[one]) for one in names if one in BUNDLED)
 
 
-def audit(lock: Path) -> int:
+def audit_release(lock: Path) -> int:
     """Audit the installed environment and the pins, print what was found, and return the exit code."""
     write_lock(lock)
     problems = [f"no hash: {one}" for one in without_hashes(lock.read_text())]
@@ -156,11 +160,9 @@ def audit(lock: Path) -> int:
     licences = {one: licence(one) for one in sorted(base)}
     problems += [f"GPL in the base set: {name}: {text}" for name, text in licences.items() if is_gpl(text)]
     inside = list(bundled())
-    problems += [
-        f"GPL in the base set: {library} inside {name}: {text}"
-        for name, library, text in inside
-        if name.lower().replace("_", "-") in base and is_gpl(text)
-    ]
+    for name, library, text in inside:
+        if name.lower().replace("_", "-") in base and is_gpl(text):
+            problems.append(f"GPL in the base set: {library} inside {name}: {text}")
     found = vulnerabilities(lock)
     print("Licences of the base set", *(f"  {name}: {text}" for name, text in licences.items()), sep="\n")
     print("Libraries inside wheels", *(f"  {name}: {library}: {text}" for name, library, text in inside), sep="\n")

@@ -55,12 +55,12 @@ def risk_picture(folder: Path) -> bytes:
         InputError: a report cannot be read.
     """
     reports = [read_report(path) for path in sorted(folder.glob("*.json"))]
-    curves = [
-        risk_curve(f"{report.data_name}, {views} views", result.numbers)
+    results = [
+        (f"{report.data_name}, {views} views", result.numbers)
         for report in reports
         for views, result in report.results.items()
-        if result.numbers.get("risk_coverage")
     ]
+    curves = [risk_curve(name, numbers) for name, numbers in results if numbers.get("risk_coverage")]
     return png_bytes(risk_coverage_picture(curves)) if curves else b""
 
 

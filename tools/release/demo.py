@@ -18,11 +18,11 @@ TILE = (180, 240)
 
 
 def write_picture(demo: Path) -> None:
-    """Write the image. Raises what `drawn` raises."""
-    write_bytes(DOCS / "images" / "demo.png", png_bytes(drawn(demo)))
+    """Write the image. Raises what `demo_picture` raises."""
+    write_bytes(DOCS / "images" / "demo.png", png_bytes(demo_picture(demo)))
 
 
-def drawn(demo: Path) -> np.ndarray:
+def demo_picture(demo: Path) -> np.ndarray:
     """The image [h w 3], RGB: photo, render, classes and depth of each view side by side.
 
     Raises:
@@ -31,17 +31,14 @@ def drawn(demo: Path) -> np.ndarray:
     renders = demo / "renders"
     if not renders.is_dir():
         raise InputError(demo, "a folder that semgs demo wrote", "no renders/ in it")
-    views = [
-        (renders / f"{path.name.removesuffix('_image.png')}", "input" if path.name.startswith("context") else "truth")
-        for path in sorted(renders.glob("*_image.png"))
-    ]
+    stems = [path.name.removesuffix("_image.png") for path in sorted(renders.glob("*_image.png"))]
+    views = [(renders / stem, "input" if stem.startswith("context") else "truth") for stem in stems]
     depths = [read_uint16(Path(f"{view}_depth.png")).astype(np.float32) / 1000 for view, _ in views]
     limits = depth_limits(depths)
     rows = []
     for (view, photo), depth in zip(views, depths, strict=True):
         tiles = [read_rgb(Path(f"{view}_{name}.png")) for name in (photo, "image", "classes")]
         tiles.append(depth_picture(depth, limits))
-        rows.append(
-            np.concatenate([cv2.resize(tile, TILE[::-1], interpolation=cv2.INTER_AREA) for tile in tiles], axis=1)
-        )
+        small = [cv2.resize(tile, TILE[::-1], interpolation=cv2.INTER_AREA) for tile in tiles]
+        rows.append(np.concatenate(small, axis=1))
     return np.concatenate(rows)

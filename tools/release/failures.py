@@ -19,19 +19,19 @@ from semgs.data.scenes import open_scenes
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.protocols import neighbours
-from semgs.evaluation.page.paper_figure import Compared, FigurePart, comparison_legend
-from semgs.evaluation.run import network_candidate
+from semgs.evaluation.page.paper_figure import ComparedTarget, FigurePart, comparison_legend
+from semgs.evaluation.run import load_candidate
 from semgs.evaluation.scoring.frame_scores import FrameScores, score
-from semgs.evaluation.scoring.summary import summary, total_confusion
+from semgs.evaluation.scoring.summary import sum_confusions, summarise
 from semgs.figures.class_images import class_picture, true_class_picture
-from semgs.figures.comparison import Block, PictureRow, comparison
+from semgs.figures.comparison import PictureRow, comparison
 from semgs.figures.view_images import as_bytes
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError, input_error
 from semgs.files.images.colours import depth_limits, depth_picture
 from semgs.model.weights.index import SHOWN
 from semgs.rooms.sets.dataset import Recipe, write_dataset
-from semgs.training.training_settings import VALIDATION_SEED
+from semgs.training.data.data_settings import VALIDATION_SEED
 from tools.release.pages import CARD, DOCS, write_between
 
 BEGIN, END = "<!-- failures -->", "<!-- end of failures -->"
@@ -56,7 +56,7 @@ ROWS, MISTAKES, BYTES = 5, 8, 200_000
 
 
 @dataclass(frozen=True)
-class Mistake:
+class ClassMistake:
     """A class that is mistaken for another.
 
     Attributes:
@@ -73,21 +73,21 @@ class Mistake:
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class ScoredTarget:
     """A target, the prediction of one method, and its scores.
 
     Attributes:
-        shown: the target with only this prediction.
+        compared: the target with only this prediction.
         scores: of the prediction.
     """
 
-    shown: Compared
+    compared: ComparedTarget
     scores: FrameScores
 
     @property
     def miou(self) -> float:
         """Mean IoU over the classes in the target's truth."""
-        return summary([self.scores])["miou_per_image"]
+        return summarise([self.scores])["miou_per_image"]
 
 
 def write_failures(weights: str, data: Path | None = None, out: Path | None = None) -> str:
@@ -111,7 +111,7 @@ def write_failures(weights: str, data: Path | None = None, out: Path | None = No
     return text
 
 
-def targets(weights: str, data: Path | None) -> tuple[tuple[Judged, ...], str]:
+def targets(weights: str, data: Path | None) -> tuple[tuple[ScoredTarget, ...], str]:
     """Predictions and scores for all targets of some scenes, or of generated rooms; and the hash of the weights.
 
     Raises:
@@ -124,69 +124,62 @@ def targets(weights: str, data: Path | None) -> tuple[tuple[Judged, ...], str]:
         classes = next((scene.classes for scene in scenes if scene.classes), SCANNET20)
         plan = make_plan("neighbours", neighbours, scenes, [VIEWS])
         with input_error(weights, "weights"):
-            candidate = network_candidate(weights, classes, "cpu")
-        found = judged(tuple(FigurePart("", plan, (candidate.method,), classes).compare()))
+            candidate = load_candidate(weights, classes, "cpu")
+        found = score_targets(tuple(FigurePart("", plan, (candidate.method,), classes).compare()))
     if not found:
         raise InputError(data or drawn, "labelled scenes", "none with labels")
     return found, str(candidate.subject.sha256)
 
 
-def card_text(found: tuple[Judged, ...], sha256: str) -> str:
+def card_text(found: tuple[ScoredTarget, ...], sha256: str) -> str:
     """The text for the card."""
     scores = [one.scores for one in found]
     scenes = len({one.scene for one in scores})
     return (
-        f"{len(found)} targets in {scenes} rooms, weights {sha256[:SHOWN]}: mIoU {summary(scores)['miou']:.3f}, "
-        f"accuracy {summary(scores)['accuracy']:.3f}. The commonest mistakes:\n\n{mistakes_table(found, MISTAKES)}"
+        f"{len(found)} targets in {scenes} rooms, weights {sha256[:SHOWN]}: mIoU {summarise(scores)['miou']:.3f}, "
+        f"accuracy {summarise(scores)['accuracy']:.3f}. The commonest mistakes:\n\n{mistakes_table(found, MISTAKES)}"
     )
 
 
-def judged(frames: Sequence[Compared]) -> tuple[Judged, ...]:
+def score_targets(frames: Sequence[ComparedTarget]) -> tuple[ScoredTarget, ...]:
     """Targets with the scores of the first method's predictions, without targets that have no labels."""
-    return tuple(
-        Judged(one, score(one.task, one.predictions[0], one.target)) for one in frames if one.target.labels is not None
-    )
+    labelled = [frame for frame in frames if frame.target.labels is not None]
+    return tuple(ScoredTarget(frame, score(frame.task, frame.predictions[0], frame.target)) for frame in labelled)
 
 
-def worst(targets: Sequence[Judged], count: int) -> tuple[Judged, ...]:
+def worst(targets: Sequence[ScoredTarget], count: int) -> tuple[ScoredTarget, ...]:
     """The targets with the smallest mIoU, worst first; at most one per scene, because frames of one scene fail alike."""
-    of_scene: dict[str, Judged] = {}
+    of_scene: dict[str, ScoredTarget] = {}
     for one in sorted(targets, key=lambda one: one.miou):
         of_scene.setdefault(one.scores.scene, one)
     return tuple(of_scene.values())[:count]
 
 
-def mistakes(frames: Sequence[FrameScores], classes: ClassTable) -> tuple[Mistake, ...]:
+def mistakes(frames: Sequence[FrameScores], classes: ClassTable) -> tuple[ClassMistake, ...]:
     """All confusions between classes, those with the most pixels first."""
-    confusion, truth = total_confusion(frames)
+    confusion, truth = sum_confusions(frames)
     wrong = confusion.copy()
     np.fill_diagonal(wrong, 0)
     pairs = sorted(np.argwhere(wrong).tolist(), key=lambda pair: -wrong[tuple(pair)])
-    return tuple(
-        Mistake(
-            true=classes.names[row],
-            given=classes.names[column],
-            share=float(wrong[row, column] / truth.sum()),
-            of_class=float(wrong[row, column] / truth[row]),
-        )
-        for row, column in pairs
-    )
+    mistakes = []
+    for row, column in pairs:
+        share, of_class = (float(wrong[row, column] / whole) for whole in (truth.sum(), truth[row]))
+        mistakes.append(ClassMistake(classes.names[row], classes.names[column], share, of_class))
+    return tuple(mistakes)
 
 
-def caption(target: Judged, most: int = 3) -> str:
+def caption(target: ScoredTarget, most: int = 3) -> str:
     """The caption of a target: its scores and its largest confusions."""
-    values = summary([target.scores])
+    values = summarise([target.scores])
     scores = [f"mIoU {target.miou:.2f}", f"accuracy {values['accuracy']:.2f}"]
     if "depth_abs_rel" in values:
         scores.append(f"depth error {values['depth_abs_rel']:.2f}")
-    taken = [
-        f"{one.true} → {one.given} {100 * one.share:.0f} %"
-        for one in mistakes([target.scores], target.shown.classes)[:most]
-    ]
+    largest = mistakes([target.scores], target.compared.classes)[:most]
+    taken = [f"{mistake.true} → {mistake.given} {100 * mistake.share:.0f} %" for mistake in largest]
     return "; ".join([", ".join(scores), *([", ".join(taken) + " of the labelled pixels"] if taken else [])])
 
 
-def sheet(targets: Sequence[Judged], most_bytes: int) -> bytes:
+def sheet(targets: Sequence[ScoredTarget], most_bytes: int) -> bytes:
     """A JPEG of some targets, each a row of images with its caption, with a legend of the classes below.
 
     Args:
@@ -197,7 +190,7 @@ def sheet(targets: Sequence[Judged], most_bytes: int) -> bytes:
         ValueError: there are no targets, or they do not fit.
     """
     block = Block("", HEADINGS, tuple(_row(one) for one in targets))
-    png = comparison([block], comparison_legend([one.shown for one in targets]))["png"]
+    png = comparison([block], comparison_legend([one.compared for one in targets]))["png"]
     with Image.open(io.BytesIO(png)) as opened:
         size = (WIDTH, round(opened.height * WIDTH / opened.width))
         pixels = opened.convert("RGB").resize(size, Image.Resampling.LANCZOS)
@@ -209,23 +202,22 @@ def sheet(targets: Sequence[Judged], most_bytes: int) -> bytes:
     raise ValueError(f"{len(targets)} rows of pictures do not fit into {most_bytes} bytes; take fewer")
 
 
-def mistakes_table(targets: Sequence[Judged], most: int) -> str:
+def mistakes_table(targets: Sequence[ScoredTarget], most: int) -> str:
     """The most frequent mistakes over all targets, in Markdown.
 
     Args:
         targets: at least one.
         most: rows.
     """
-    found = mistakes([one.scores for one in targets], targets[0].shown.classes)[:most]
+    found = mistakes([one.scores for one in targets], targets[0].compared.classes)[:most]
     rows = [f"| {one.true} | {one.given} | {100 * one.share:.1f} % | {100 * one.of_class:.0f} % |" for one in found]
-    return "\n".join(
-        ["| what it is | taken for | of all labelled pixels | of its class |", "|---|---|---:|---:|", *rows]
-    )
+    head = ["| what it is | taken for | of all labelled pixels | of its class |", "|---|---|---:|---:|"]
+    return "\n".join([*head, *rows])
 
 
-def _row(target: Judged) -> PictureRow:
+def _row(target: ScoredTarget) -> PictureRow:
     """The images of a target, in the order of `HEADINGS`."""
-    one = target.shown
+    one = target.compared
     said = one.predictions[0]
     assert one.target.labels is not None
     assert said.labels is not None

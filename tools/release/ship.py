@@ -17,7 +17,7 @@ from semgs.model.weights.weights_file import restate
 from tools.release.pages import SCORES
 
 
-def ship(weights: Path, name: str, header: dict[str, str], data_terms: Sequence[str] = ()) -> None:
+def ship_weights(weights: Path, name: str, header: dict[str, str], data_terms: Sequence[str] = ()) -> None:
     """Add weights to the package. The tensors do not change.
 
     Args:
@@ -41,16 +41,15 @@ def known_scores(weights: Path, folder: Path) -> list[Score]:
     Raises:
         InputError: a report is of other weights.
     """
-    known = {*(one.sha256 for one in read_scores(weights)), sha256(weights)}
-    found: list[Score] = []
+    known = {*(score.sha256 for score in read_scores(weights)), sha256(weights)}
+    scores: list[Score] = []
     for path in sorted(folder.glob("*.json")):
         report = read_report(path)
         if report.sha256 not in known:
-            raise InputError(
-                path, f"a report of {weights}", f"one of {report.sha256}", advice="evaluate again, or delete it"
-            )
-        found += scores_of(report)
-    return found
+            advice = "evaluate again, or delete it"
+            raise InputError(path, f"a report of {weights}", f"one of {report.sha256}", advice=advice)
+        scores += scores_of(report)
+    return scores
 
 
 def scores_of(report: SavedReport) -> tuple[Score, ...]:
@@ -61,14 +60,6 @@ def scores_of(report: SavedReport) -> tuple[Score, ...]:
     """
     if report.sha256 is None:
         raise ValueError(f"{report.path} is a report of predictions; expected one of weights")
-    return tuple(
-        Score(
-            data=report.data_name,
-            protocol=report.protocol,
-            views=views,
-            targets=int(result.numbers["samples"]),
-            sha256=report.sha256,
-            figures=figures(result.numbers),
-        )
-        for views, result in report.results.items()
-    )
+    shared: dict = {"data": report.data_name, "protocol": report.protocol, "sha256": report.sha256}
+    results = [(views, result.numbers) for views, result in report.results.items()]
+    return tuple(Score(views=v, targets=int(n["samples"]), figures=figures(n), **shared) for v, n in results)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from semgs.files.errors import InputError
+from semgs.files.paths import found_at
 
 if TYPE_CHECKING:
     from semgs.data.scene import Scene
@@ -30,8 +31,7 @@ class FeatureOptions:
             InputError: there is no such folder.
         """
         if self.features is not None and not self.features.is_dir():
-            found = "a file" if self.features.exists() else "nothing there"
-            raise InputError(self.features, "a folder of feature maps", found)
+            raise InputError(self.features, "a folder of feature maps", found_at(self.features))
 
     def featuring(self, scene: Scene) -> Featuring | None:
         """What gives the Gaussians of a scene their features; None without the option.

@@ -11,7 +11,7 @@ from semgs.cli.options.types import at_least, one_word, several
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 
 if TYPE_CHECKING:
-    from semgs.sfm.scene_folder import Known
+    from semgs.sfm.scene_folder import PhotoDetails
 
 
 @dataclass(frozen=True)
@@ -32,17 +32,17 @@ class PosingOptions:
         """Whether an option was given."""
         return self != PosingOptions()
 
-    def known(self) -> Known:
+    def known(self) -> PhotoDetails:
         """The options as the estimation takes them.
 
         Raises:
             UsageError: --scale-from is not two photos and a distance.
         """
         from semgs.sfm.scale import KnownDistance
-        from semgs.sfm.scene_folder import Known
+        from semgs.sfm.scene_folder import PhotoDetails
 
         if not self.scale_from:
-            return Known(self.focal, None, self.clip_frames)
+            return PhotoDetails(self.focal, None, self.clip_frames)
         words = self.scale_from[0].split() if len(self.scale_from) == 1 else list(self.scale_from)
         if len(words) != 3:
             raise UsageError(f"--scale-from: expected two photos and a distance in metres, found {' '.join(words)!r}")
@@ -53,4 +53,4 @@ class PosingOptions:
                 f"--scale-from: expected a distance in metres after two photos, found {words[2]!r}"
             ) from error
         with what_the_user_gave():
-            return Known(self.focal, KnownDistance(words[0], words[1], metres), self.clip_frames)
+            return PhotoDetails(self.focal, KnownDistance(words[0], words[1], metres), self.clip_frames)

@@ -10,7 +10,7 @@ import tyro
 
 from semgs.cli.usage_errors import what_the_user_gave
 from semgs.data.paper_variants import check_readings
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,11 @@ class SceneOptions:
             check_readings(self.as_peers)
 
     @cached_property
-    def asked(self) -> Asked:
+    def asked(self) -> SceneDetails:
         """The options as readers take them, converted once.
 
         Raises:
             UsageError: a number is invalid.
         """
         with what_the_user_gave():
-            return Asked(self.camera, self.world, self.body, self.intrinsics, self.depth_unit, self.scenezoo)
+            return SceneDetails(self.camera, self.world, self.body, self.intrinsics, self.depth_unit, self.scenezoo)

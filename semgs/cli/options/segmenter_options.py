@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from semgs.cli.usage_errors import UsageError
-from semgs.segmenters.tables import table_of_words
+from semgs.segmenters.tables import make_word_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -46,7 +46,7 @@ class AnswerOptions:
             other = "--correspondence" if self.correspondence else "--classes scannet20"
             raise UsageError(f"--words makes the class table, so it cannot go with {other}")
         try:
-            table_of_words(self.words)
+            make_word_table(self.words)
         except ValueError as error:
             raise UsageError(f"--words: {error}") from None
 
@@ -97,9 +97,11 @@ class SegmenterOptions:
             return None
         from semgs.segmenters.fitting import read_fit
         from semgs.segmenters.labelling import Labelling
-        from semgs.segmenters.opening import sources
+        from semgs.segmenters.opening import open_class_sources
 
         answers = self.answers
-        opened = sources(self.segmenter, answers.classes, answers.correspondence, save, earlier, answers.words)
+        opened = open_class_sources(
+            self.segmenter, answers.classes, answers.correspondence, save, earlier, answers.words
+        )
         votes = None if answers.correspondence is None else read_fit(answers.correspondence).votes
         return lambda scene: Labelling(opened(scene), self.with_own_classes, votes)

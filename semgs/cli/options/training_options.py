@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import tyro
 
@@ -21,32 +21,25 @@ CLASS_FILE = one_word(
 """A class table, given by its file."""
 
 
-def default_shown(default: str) -> str:
+def show_default(default: str) -> str:
     """The default as the help shows it; nothing if it is empty."""
     return "" if default in ("", "None") else f"(default: {default})"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TypedSettings(TrainingSettings):
-    """The fields of `TrainingSettings` that the command line parses or shows in its own way.
-
-    Only the annotations are used. A call returns plain `TrainingSettings`, which compare equal to those of a preset.
-    """
+    """`TrainingSettings` as the command line parses and shows them."""
 
     model: Annotated[str, tyro.conf.Suppress]
-    data: Annotated[tuple[str, ...], tyro.conf.arg(help_behavior_hint=default_shown)] = TrainingSettings.data
+    data: Annotated[tuple[str, ...], tyro.conf.arg(help_behavior_hint=show_default)] = TrainingSettings.data
     size: Annotated[tuple[int, int], one_word("HxW", height_and_width, shown_size)] = TrainingSettings.size
     classes: Annotated[ClassTable | None, CLASS_FILE, tyro.conf.arg(help_behavior_hint="")] = TrainingSettings.classes
     class_weights: Annotated[
         tuple[float, ...] | Literal["inverse_root_frequency", "inverse_fourth_root_frequency"] | None,
-        tyro.conf.arg(help_behavior_hint=default_shown),
+        tyro.conf.arg(help_behavior_hint=show_default),
     ] = TrainingSettings.class_weights
     assets: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = TrainingSettings.assets
     preset: Annotated[str, tyro.conf.Suppress] = TrainingSettings.preset
-
-    def __new__(cls, **values: Any) -> TrainingSettings:  # type: ignore[misc]
-        """The settings with these values."""
-        return TrainingSettings(**values)
 
 
 def _preset(name: str) -> object:
@@ -57,6 +50,7 @@ def _preset(name: str) -> object:
 
 PresetSettings = (
     Annotated[TrainingSettings, _preset("small")]
+    | Annotated[TrainingSettings, _preset("small_plain")]
     | Annotated[TrainingSettings, _preset("base")]
     | Annotated[TrainingSettings, _preset("paper")]
     | Annotated[TrainingSettings, _preset("base_text")]

@@ -12,13 +12,11 @@ from tyro.constructors import PrimitiveConstructorSpec
 
 from semgs.cli.usage_errors import UsageError
 from semgs.files.paths import found_at, typed_path
+from semgs.model.networks import NAMES
 from semgs.model.weights.hub import is_hub_id
 
 SMALLEST_SIDE, LARGEST_SIDE = 32, 4096
 """Limits for the sides of images [px]."""
-
-NETWORKS = ("small", "base", "base_text", "mvsplat")
-"""Names that included weights may have."""
 
 PROTOCOLS = ("neighbours", "peers", "pinned FILE")
 """The protocols, as they are typed."""
@@ -98,7 +96,7 @@ def _device(text: str) -> str:
 
 
 def _weights(text: str) -> str:
-    if text not in NETWORKS and not is_hub_id(text) and (found := found_at(typed_path(text))) != "a file":
+    if text not in NAMES and not is_hub_id(text) and (found := found_at(typed_path(text))) != "a file":
         raise UsageError(f"{text}: expected a file of weights, or small for the included weights, found {found}")
     return text
 

@@ -1,1 +1,1 @@
-"""Depth bounds, and what views can measure of depth."""
+"""Near and far of a scene, and the parallax between its images."""

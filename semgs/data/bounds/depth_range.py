@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from semgs.data.bounds.parallax import Seen, inverse_depths, seen
+from semgs.data.bounds.parallax import FrameFeatures, find_features, inverse_depths
 from semgs.data.frames import Frame
 from semgs.data.views import INDOOR_DEPTH_RANGE
 
@@ -58,16 +58,16 @@ class DepthRange:
 
 def depth_range(
     frames: Sequence[Frame],
-    asked: Sequence[int],
+    positions: Sequence[int],
     unit: str,
     points: np.ndarray | None = None,
-    features: dict[int, Seen] | None = None,
+    features: dict[int, FrameFeatures] | None = None,
 ) -> DepthRange:
     """Near and far for some frames of a scene.
 
     Args:
         frames: all usable frames of the scene.
-        asked: positions of the frames that the range is for.
+        positions: positions of the frames that the range is for.
         unit: "metric" or "unknown".
         points: the scene's sparse points [n 3] in the world, or None.
         features: known features of frames by their positions; new ones are added.
@@ -75,15 +75,15 @@ def depth_range(
     if unit == "metric":
         return DepthRange(*INDOOR_DEPTH_RANGE, unit, "the scene is metric, and this is the range of rooms")
     if points is not None:
-        inverse = np.concatenate([_inverse_depths_of_points(frames[index], points) for index in asked])
+        inverse = np.concatenate([_inverse_depths_of_points(frames[index], points) for index in positions])
         if len(inverse) >= FEW_POINTS:
             return _around(inverse, unit, f"from {len(inverse)} sightings of the scene's sparse points")
     pictures = {} if features is None else features
-    for pairs in (_pairs_among(asked), _pairs_beside(frames, asked)):
+    for pairs in (_pairs_among(positions), _pairs_beside(frames, positions)):
         inverse = _triangulated(frames, pairs, pictures)
         if len(inverse) >= FEW_POINTS:
             return _around(inverse, unit, f"from {len(inverse) // 2} points triangulated between the images")
-    return _from_baseline(frames, asked, unit)
+    return _from_baseline(frames, positions, unit)
 
 
 def _around(inverse: np.ndarray, unit: str, reason: str) -> DepthRange:
@@ -102,13 +102,13 @@ def _inverse_depths_of_points(frame: Frame, points: np.ndarray) -> np.ndarray:
     return 1 / depths[depths > 0]
 
 
-def _pairs_among(asked: Sequence[int]) -> list[list[tuple[int, int]]]:
+def _pairs_among(positions: Sequence[int]) -> list[list[tuple[int, int]]]:
     """All pairs of the frames, or of four spread evenly over them; each pair is a trial of its own."""
-    few = [asked[round(step)] for step in np.linspace(0, len(asked) - 1, min(len(asked), 4))]
+    few = [positions[round(step)] for step in np.linspace(0, len(positions) - 1, min(len(positions), 4))]
     return [[pair] for pair in itertools.combinations(dict.fromkeys(few), 2)]
 
 
-def _pairs_beside(frames: Sequence[Frame], asked: Sequence[int]) -> list[list[tuple[int, int]]]:
+def _pairs_beside(frames: Sequence[Frame], positions: Sequence[int]) -> list[list[tuple[int, int]]]:
     """For some of the frames, other frames of the scene to try in turn until one shows parallax.
 
     These are the 1st, 3rd, 9th ... nearest of the frames that look the same way to within 30 degrees: in a video a far frame is needed,
@@ -117,7 +117,9 @@ def _pairs_beside(frames: Sequence[Frame], asked: Sequence[int]) -> list[list[tu
     centres = np.stack([frame.world_from_camera[:3, 3] for frame in frames])
     axes = np.stack([frame.world_from_camera[:3, 2] for frame in frames])
     trials = []
-    for index in dict.fromkeys(asked[round(step)] for step in np.linspace(0, len(asked) - 1, min(len(asked), 4))):
+    for index in dict.fromkeys(
+        positions[round(step)] for step in np.linspace(0, len(positions) - 1, min(len(positions), 4))
+    ):
         distances = np.linalg.norm(centres - centres[index], axis=1)
         alike = (axes @ axes[index] > np.cos(np.radians(30))) & (np.arange(len(frames)) != index)
         order = [int(other) for other in np.argsort(distances, kind="stable") if alike[other]]
@@ -126,7 +128,7 @@ def _pairs_beside(frames: Sequence[Frame], asked: Sequence[int]) -> list[list[tu
 
 
 def _triangulated(
-    frames: Sequence[Frame], trials: list[list[tuple[int, int]]], pictures: dict[int, Seen]
+    frames: Sequence[Frame], trials: list[list[tuple[int, int]]], pictures: dict[int, FrameFeatures]
 ) -> np.ndarray:
     """Inverse depths from the first pair of each trial that shows parallax; `pictures` stores features between calls."""
     found = []
@@ -134,7 +136,7 @@ def _triangulated(
         for first, second in trial:
             for index in (first, second):
                 if index not in pictures:
-                    pictures[index] = seen(frames[index])
+                    pictures[index] = find_features(frames[index])
             inverse = inverse_depths(pictures[first], pictures[second])
             if len(inverse):
                 found.append(inverse)
@@ -142,10 +144,10 @@ def _triangulated(
     return np.concatenate(found) if found else np.zeros(0)
 
 
-def _from_baseline(frames: Sequence[Frame], asked: Sequence[int], unit: str) -> DepthRange:
+def _from_baseline(frames: Sequence[Frame], positions: Sequence[int], unit: str) -> DepthRange:
     """The range of a room with a middle depth of `MIDDLE_PER_BASELINE` times the distance between the cameras."""
     everyone = np.stack([frame.world_from_camera[:3, 3] for frame in frames])
-    for centres, whose in ((everyone[list(asked)], "these cameras"), (everyone, "the scene's cameras")):
+    for centres, whose in ((everyone[list(positions)], "these cameras"), (everyone, "the scene's cameras")):
         mean = centres.mean(axis=0)
         count = max(2, len(centres))
         # The root mean square distance of all pairs, without a loop over them.

@@ -22,7 +22,7 @@ LEAST_PARALLAX = np.radians(0.25)
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class FrameFeatures:
     """The features of one frame.
 
     Attributes:
@@ -40,7 +40,7 @@ class Seen:
     pixel: float
 
 
-def seen(frame: Frame) -> Seen:
+def find_features(frame: Frame) -> FrameFeatures:
     """The features of a frame at reduced size, as directions in the world.
 
     Raises:
@@ -52,7 +52,7 @@ def seen(frame: Frame) -> Seen:
     # OpenCV's positions have the first pixel's centre at 0.
     positions = (np.array([point.pt for point in keypoints], dtype=np.float64).reshape(-1, 2) + 0.5) * scale
     directions = frame.lens.directions(positions) @ frame.world_from_camera[:3, :3].T
-    return Seen(
+    return FrameFeatures(
         centre=frame.world_from_camera[:3, 3],
         axis=frame.world_from_camera[:3, 2],
         directions=directions / np.linalg.norm(directions, axis=1, keepdims=True),
@@ -61,7 +61,7 @@ def seen(frame: Frame) -> Seen:
     )
 
 
-def inverse_depths(first: Seen, second: Seen) -> np.ndarray:
+def inverse_depths(first: FrameFeatures, second: FrameFeatures) -> np.ndarray:
     """Inverse z-depths, in both frames, of the features that they share; empty if there is too little parallax.
 
     A match counts if it is mutual, passes Lowe's ratio test, and its two rays meet within `EPIPOLAR_TOLERANCE_PX`. Points too far away to

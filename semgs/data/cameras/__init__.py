@@ -1,1 +1,1 @@
-"""Cameras with lenses: distortion, crops and sizes."""
+"""Lenses with distortion, undone to a pinhole on reading."""

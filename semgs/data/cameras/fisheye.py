@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import final
+from typing import Any, ClassVar, final
 
 import cv2
 import numpy as np
 
-from semgs.data.cameras.lens import HALF, AbstractLens, matrix, shifted
+from semgs.data.cameras.lens import HALF, AbstractLens, matrix
 
 
 @final
@@ -28,6 +28,8 @@ class FisheyeLens(AbstractLens):
 
     fisheye: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     as_toolbox: bool = False
+
+    _model: ClassVar[Any] = cv2.fisheye
 
     @property
     def coefficients(self) -> tuple[float, ...]:
@@ -56,31 +58,6 @@ class FisheyeLens(AbstractLens):
     def invents_nothing(self) -> bool:
         """The toolbox allows unseen pixels."""
         return not self.as_toolbox
-
-    def directions(self, positions: np.ndarray) -> np.ndarray:
-        """Directions in the camera [n 3], z = 1, of positions [n 2] in the stored image [px]."""
-        if not len(positions):
-            return np.zeros((0, 3))
-        points = np.asarray(positions, dtype=np.float64)[:, None] - self._half
-        plane = cv2.fisheye.undistortPoints(points, self._opencv_matrix, np.array(self.fisheye))[:, 0]
-        return np.concatenate((plane, np.ones((len(plane), 1))), axis=1)
-
-    def sources(self, pinhole: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-        """Where the pixels of a pinhole K [3 3] of (height, width) come from in the stored image, in OpenCV's positions."""
-        x, y = cv2.fisheye.initUndistortRectifyMap(
-            self._opencv_matrix,
-            np.array(self.fisheye),
-            np.eye(3),
-            shifted(pinhole, -self._half),
-            size[::-1],
-            cv2.CV_32FC1,
-        )
-        return np.asarray(x), np.asarray(y)
-
-    @property
-    def _opencv_matrix(self) -> np.ndarray:
-        """K as passed to OpenCV."""
-        return matrix(self.focal, (self.centre[0] - self._half, self.centre[1] - self._half))
 
     @property
     def _half(self) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import final
+from typing import Any, ClassVar, final
 
 import cv2
 import numpy as np
@@ -48,6 +48,9 @@ class AbstractLens(ABC):
     focal: tuple[float, float]
     centre: tuple[float, float]
 
+    _model: ClassVar[Any] = cv2
+    """OpenCV's functions for this model of distortion."""
+
     def __post_init__(self) -> None:
         if min(self.size) < 1 or not min(self.focal) > 0:
             raise ValueError(
@@ -88,17 +91,35 @@ class AbstractLens(ABC):
         """K [3 3] of the images after undistortion, at the same size [px]."""
 
     @property
-    @abstractmethod
     def invents_nothing(self) -> bool:
         """Whether every undistorted pixel has to come from a pixel of the stored image."""
+        return True
 
-    @abstractmethod
     def directions(self, positions: np.ndarray) -> np.ndarray:
         """Directions in the camera [n 3], z = 1, of positions [n 2] in the stored image [px]."""
+        if not len(positions):
+            return np.zeros((0, 3))
+        points = np.asarray(positions, dtype=np.float64)[:, None] - self._half
+        plane = self._model.undistortPoints(points, self._opencv_matrix, np.array(self.coefficients))[:, 0]
+        return np.concatenate((plane, np.ones((len(plane), 1))), axis=1)
 
-    @abstractmethod
     def sources(self, pinhole: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
         """Where the pixels of a pinhole K [3 3] of (height, width) come from in the stored image, in OpenCV's positions."""
+        target = shift_principal_point(pinhole, -self._half)
+        x, y = self._model.initUndistortRectifyMap(
+            self._opencv_matrix, np.array(self.coefficients), np.eye(3), target, size[::-1], cv2.CV_32FC1
+        )
+        return np.asarray(x), np.asarray(y)
+
+    @property
+    def _opencv_matrix(self) -> np.ndarray:
+        """K as passed to OpenCV."""
+        return matrix(self.focal, (self.centre[0] - self._half, self.centre[1] - self._half))
+
+    @property
+    def _half(self) -> float:
+        """Our pixel positions minus those passed to OpenCV [px]."""
+        return HALF
 
     def maps(self) -> tuple[np.ndarray, np.ndarray]:
         """For every undistorted pixel its (x, y) in the stored image, in OpenCV's positions, float32 [h w] each."""
@@ -165,42 +186,18 @@ class Lens(AbstractLens):
         )
         return matrix((ideal[0, 0], ideal[1, 1]), (ideal[0, 2] + HALF, ideal[1, 2] + HALF))
 
-    @property
-    def invents_nothing(self) -> bool:
-        """Always."""
-        return True
-
-    def directions(self, positions: np.ndarray) -> np.ndarray:
-        """Directions in the camera [n 3], z = 1, of positions [n 2] in the stored image [px]."""
-        if not len(positions):
-            return np.zeros((0, 3))
-        points = np.asarray(positions, dtype=np.float64)[:, None] - HALF
-        plane = cv2.undistortPoints(points, self._opencv_matrix, np.array(self.distortion))[:, 0]
-        return np.concatenate((plane, np.ones((len(plane), 1))), axis=1)
-
-    def sources(self, pinhole: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-        """Where the pixels of a pinhole K [3 3] of (height, width) come from in the stored image, in OpenCV's positions."""
-        x, y = cv2.initUndistortRectifyMap(
-            self._opencv_matrix, np.array(self.distortion), np.eye(3), shifted(pinhole, -HALF), size[::-1], cv2.CV_32FC1
-        )
-        return np.asarray(x), np.asarray(y)
-
-    @property
-    def _opencv_matrix(self) -> np.ndarray:
-        return matrix(self.focal, (self.centre[0] - HALF, self.centre[1] - HALF))
-
 
 def matrix(focal: tuple[float, float], centre: tuple[float, float]) -> np.ndarray:
     """K from focal lengths and principal point."""
     return np.array([[focal[0], 0.0, centre[0]], [0.0, focal[1], centre[1]], [0.0, 0.0, 1.0]])
 
 
-def shifted(pinhole: np.ndarray, pixels: float) -> np.ndarray:
+def shift_principal_point(pinhole: np.ndarray, pixels: float) -> np.ndarray:
     """K [3 3] with its principal point moved along both axes [px]."""
     return pinhole + pixels * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
 
 
-def carried_over(values: np.ndarray, source: AbstractLens, target: AbstractLens) -> np.ndarray:
+def carry_over(values: np.ndarray, source: AbstractLens, target: AbstractLens) -> np.ndarray:
     """A map [h w] of one pinhole as seen by another with the same pose; 0 outside.
 
     Each pixel gets the value of the pixel that its ray hits. Values are not interpolated, so z-depths stay valid.

@@ -14,8 +14,8 @@ from itertools import zip_longest
 import numpy as np
 
 from semgs.data.bounds.depth_range import DepthRange
-from semgs.data.bounds.parallax import Seen
-from semgs.data.choosing.covisibility import WIDEST_ANGLE, Covisibility, DepthGrids, flat
+from semgs.data.bounds.parallax import FrameFeatures
+from semgs.data.choosing.covisibility import WIDEST_ANGLE, Covisibility, DepthGrids, flat_grid
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 
@@ -83,11 +83,11 @@ def choose(scene: Scene, count: int) -> Choice:
         InputError: no two frames share that much.
     """
     _check_count(scene, count)
-    features: dict[int, Seen] = {}
+    features: dict[int, FrameFeatures] = {}
     typical = scene.depth_range(features=features).typical
     grids = DepthGrids(scene)
     few = _spread(range(len(scene)), max(_most(grids), count))
-    together = Covisibility(scene, few, grids.of(few, typical))
+    together = Covisibility.of(scene, few, grids.of(few, typical))
     overlaps, baselines = together.overlaps(), together.baselines
     depths = np.sqrt(together.medians[:, None] * together.medians)
     scores = np.where(overlaps >= LEAST_SHARED, overlaps * preference(baselines / depths), -1)
@@ -127,7 +127,7 @@ def choose(scene: Scene, count: int) -> Choice:
     return _with_targets(scene, grids, context, scene.depth_range(context, features), "chosen: ", notes)
 
 
-def given(scene: Scene, context: Sequence[int | str]) -> Choice:
+def choose_named(scene: Scene, context: Sequence[int | str]) -> Choice:
     """The input views that the user named, in that order, and frames between them as targets.
 
     Raises:
@@ -140,7 +140,7 @@ def given(scene: Scene, context: Sequence[int | str]) -> Choice:
     return _with_targets(scene, DepthGrids(scene), indices, scene.depth_range(indices), "as requested: ")
 
 
-def drawn(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np.random.Generator) -> Choice:
+def draw_sample(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np.random.Generator) -> Choice:
     """Random frames for training: input views that go together by the measure of `choose`, and targets between and around them.
 
     The first input view is any frame. Each further one is sampled by how well it goes with the nearest of the others. Targets are sampled
@@ -156,15 +156,10 @@ def drawn(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np
     Raises:
         InputError: the scene has fewer frames than that.
     """
-    if contexts + targets > len(scene):
-        raise InputError(
-            scene.path,
-            f"at least {contexts + targets} usable frames, for {contexts} input views and {targets} to compare with",
-            f"{len(scene)}",
-        )
+    _check_frames(scene, contexts + targets, f"for {contexts} input views and {targets} to compare with")
     first = int(rng.integers(len(scene)))
     few = np.array([first, *_beside(scene, first, bounds, max(DRAWN_FROM, contexts + targets), rng)])
-    together = Covisibility(scene, few, [flat(bounds.middle)] * len(few))
+    together = Covisibility.of(scene, few, [flat_grid(bounds.middle)] * len(few))
     overlaps, baselines = together.overlaps(), together.baselines
     scores = overlaps * preference(baselines / bounds.middle)
     chosen = [0]
@@ -179,7 +174,7 @@ def drawn(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np
     return Choice(context, tuple(sorted(int(few[index]) for index in others)), "drawn", bounds)
 
 
-def consecutive(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np.random.Generator) -> Choice:
+def draw_consecutive(scene: Scene, bounds: DepthRange, contexts: int, targets: int, rng: np.random.Generator) -> Choice:
     """Random frames for training, arranged as in the protocol `neighbours`: a target, the input views around it, more targets beside them.
 
     The first target is any inner frame. Its input views are the nearest frames in file order, and further targets the next nearest.
@@ -194,20 +189,14 @@ def consecutive(scene: Scene, bounds: DepthRange, contexts: int, targets: int, r
     Raises:
         InputError: the scene has fewer frames than that, or fewer than three.
     """
-    wanted = max(contexts + targets, 3)
-    if wanted > len(scene):
-        raise InputError(
-            scene.path,
-            f"at least {wanted} usable frames, for {contexts} input views around one to compare with",
-            f"{len(scene)}",
-        )
+    _check_frames(scene, max(contexts + targets, 3), f"for {contexts} input views around one to compare with")
     target = int(rng.integers(1, len(scene) - 1))
     forward = bool(rng.integers(2))
-    order = around(target, len(scene), contexts + targets - 1, forward)
+    order = frames_around(target, len(scene), contexts + targets - 1, forward)
     return Choice(tuple(sorted(order[:contexts])), tuple(sorted((target, *order[contexts:]))), "consecutive", bounds)
 
 
-def around(frame: int, frames: int, count: int, forward: bool = False) -> tuple[int, ...]:
+def frames_around(frame: int, frames: int, count: int, forward: bool = False) -> tuple[int, ...]:
     """The `count` frames nearest to one in file order, alternately before and after it; if one side ends, the rest comes from the other.
 
     Args:
@@ -249,6 +238,12 @@ def _check_count(scene: Scene, count: int) -> None:
         raise ValueError(
             f"{count} input view{'' if count == 1 else 's'} requested; expected 2 to {len(scene)}, the number of usable frames of {scene.path}"
         )
+
+
+def _check_frames(scene: Scene, count: int, purpose: str) -> None:
+    """Refuse a scene with fewer usable frames."""
+    if count > len(scene):
+        raise InputError(scene.path, f"at least {count} usable frames, {purpose}", f"{len(scene)}")
 
 
 def preference(relative: np.ndarray) -> np.ndarray:
@@ -296,9 +291,8 @@ def _with_targets(
     well = [index for index in seen if seen[index] >= WELL_SEEN]
     targets = _spread([index for index in well if index in between], TARGETS) or well[:TARGETS]
     if not targets:
-        targets = sorted((index for index in seen if seen[index] >= LEAST_SEEN), key=lambda index: -seen[index])[
-            :TARGETS
-        ]
+        enough = [index for index in seen if seen[index] >= LEAST_SEEN]
+        targets = sorted(enough, key=lambda index: -seen[index])[:TARGETS]
         if targets:
             notes = [
                 *notes,
@@ -313,7 +307,7 @@ def _covered(
 ) -> dict[int, float]:
     """For some frames, the share of what they see that the input views also see."""
     every = list(dict.fromkeys((*context, *frames)))
-    together = Covisibility(scene, every, grids.of(every, depth))
+    together = Covisibility.of(scene, every, grids.of(every, depth))
     parts = together.covered(range(len(context))).tolist()
     return dict(zip(every[len(context) :], parts[len(context) :], strict=True))
 
@@ -321,7 +315,7 @@ def _covered(
 def _reason(scene: Scene, grids: DepthGrids, context: Sequence[int], bounds: DepthRange) -> str:
     """One sentence with the figures of the input views."""
     found = grids.of(context, bounds.typical)
-    together = Covisibility(scene, context, found)
+    together = Covisibility.of(scene, context, found)
     overlaps, baselines = together.overlaps(), together.baselines[np.triu_indices(len(context), 1)]
     np.fill_diagonal(overlaps, 0)
     shares = overlaps.max(axis=1)

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 
 from semgs.data.frames import Frame
 from semgs.data.scene import Scene
@@ -47,7 +48,7 @@ class DepthGrid:
         return float(np.nanmedian(self.depths))
 
 
-def flat(depth: float) -> DepthGrid:
+def flat_grid(depth: float) -> DepthGrid:
     """The grid of a frame without any depth: every cell at one assumed depth."""
     return DepthGrid(np.full(GRID * GRID, depth), np.full(GRID * GRID, np.inf))
 
@@ -63,7 +64,7 @@ class DepthGrids:
 
     def of(self, indices: Sequence[int] | np.ndarray, otherwise: float) -> list[DepthGrid]:
         """The grids of some frames; frames without depth get the depth `otherwise`."""
-        return [self._grid(int(index)) or flat(otherwise) for index in indices]
+        return [self._grid(int(index)) or flat_grid(otherwise) for index in indices]
 
     def _grid(self, index: int) -> DepthGrid | None:
         """The grid of a frame, None if its depth is unknown."""
@@ -118,7 +119,7 @@ def _middles() -> np.ndarray:
     return np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
 
 
-def points_of(grid: DepthGrid, camera: Cameras) -> np.ndarray:
+def world_points(grid: DepthGrid, camera: Cameras) -> np.ndarray:
     """The known points of a grid in the world [n 3]."""
     height, width = camera.size
     pose, pixels = camera.world_from_camera.numpy(), _middles() * (width, height)
@@ -128,46 +129,23 @@ def points_of(grid: DepthGrid, camera: Cameras) -> np.ndarray:
 
 
 class Covisibility:
-    """The covisibility of some frames of a scene.
+    """What cameras see of one another's surfaces. The cameras may have different sizes.
+
+    Args:
+        cameras: each without leading axes.
+        grids: the depths that each sees.
 
     Attributes:
         medians: the median depth of each frame [n].
         baselines: distances between the cameras [n n].
     """
 
-    def __init__(self, scene: Scene, indices: Sequence[int] | np.ndarray, grids: Sequence[DepthGrid]) -> None:
-        frames = [scene.frames[index] for index in indices]
-        lenses = {frame.lens: frame.lens.intrinsics for frame in frames}
-        self._fill(
-            np.stack([frame.world_from_camera for frame in frames]),
-            np.stack([lenses[frame.lens] for frame in frames]),
-            [frame.lens.size for frame in frames],
-            grids,
-        )
-
-    @classmethod
-    def between(cls, cameras: Sequence[Cameras], grids: Sequence[DepthGrid]) -> Covisibility:
-        """The covisibility of single cameras, which may have different sizes."""
-        found = cls.__new__(cls)
-        found._fill(
-            np.stack([camera.world_from_camera.numpy() for camera in cameras]),
-            np.stack([camera.intrinsics.numpy() for camera in cameras]),
-            [camera.size for camera in cameras],
-            grids,
-        )
-        return found
-
-    def _fill(
-        self,
-        poses: np.ndarray,
-        intrinsics: np.ndarray,
-        sizes: Sequence[tuple[int, int]],
-        grids: Sequence[DepthGrid],
-    ) -> None:
-        """Compute everything from poses [n 4 4], intrinsics [n 3 3], image sizes (height, width) and depth grids."""
+    def __init__(self, cameras: Sequence[Cameras], grids: Sequence[DepthGrid]) -> None:
+        poses = np.stack([camera.world_from_camera.numpy() for camera in cameras])
+        intrinsics = np.stack([camera.intrinsics.numpy() for camera in cameras])
         depths = np.stack([grid.depths for grid in grids])
         rotations, self._centres = poses[:, :3, :3], poses[:, :3, 3]
-        self._sizes = np.array([size[::-1] for size in sizes], dtype=np.float64)
+        self._sizes = np.array([camera.size[::-1] for camera in cameras], dtype=np.float64)
         self._projections = intrinsics @ rotations.mT
         grid = _middles() * self._sizes[:, None]
         pixels = np.concatenate((grid, np.ones_like(grid[..., :1])), axis=-1)
@@ -179,6 +157,18 @@ class Covisibility:
         self.medians = np.array([grid.median for grid in grids])
         self.baselines = np.linalg.norm(self._centres[:, None] - self._centres, axis=-1)
         self._seen = np.stack([self._seen_by(index) for index in range(len(poses))])
+
+    @classmethod
+    def of(cls, scene: Scene, indices: Sequence[int] | np.ndarray, grids: Sequence[DepthGrid]) -> Covisibility:
+        """The covisibility of some frames of a scene, given their depth grids."""
+        frames = [scene.frames[index] for index in indices]
+        intrinsics = {frame.lens: torch.from_numpy(frame.lens.intrinsics) for frame in frames}
+        poses = [torch.from_numpy(frame.world_from_camera) for frame in frames]
+        cameras = [
+            Cameras.trusted(pose, intrinsics[frame.lens], frame.lens.size)
+            for pose, frame in zip(poses, frames, strict=True)
+        ]
+        return cls(cameras, grids)
 
     def overlaps(self) -> np.ndarray:
         """The share of what each pair sees in common, the smaller of both directions [n n]."""

@@ -16,10 +16,10 @@ import numpy as np
 
 from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
-from semgs.data.layouts.parts.fields import Fields, parsed
-from semgs.data.layouts.parts.pose_files import checked_poses
-from semgs.data.layouts.parts.sentences import lacking, on_white
-from semgs.data.layouts.parts.sparse_points import points_in_view, read_points
+from semgs.data.layouts.parts.fields import Fields, read_fields
+from semgs.data.layouts.parts.pose_files import listed_poses
+from semgs.data.layouts.parts.sentences import note_lacking, note_transparent
+from semgs.data.layouts.parts.sparse_points import points_in_view, read_ply_points
 from semgs.data.maps import ClassMap, DepthMap
 from semgs.data.scene import Scene
 from semgs.data.tables.class_files import read_class_file
@@ -88,14 +88,10 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
         name_of_scene: the name of the scene.
         beside: finds the files that it lists.
     """
-    shared = parsed(file)
+    shared = read_fields(file)
     listed = shared.objects("frames")
     names = _names(listed)
-    poses = checked_poses(
-        file,
-        [frame.values.get("transform_matrix") for frame in listed],
-        [f"{one.place}transform_matrix" for one in listed],
-    )
+    poses = listed_poses(listed)
     poses[:, :3, 1:3] *= -1
     lenses: dict[Lens, Lens] = {}
     frames, labels, absent, notes = list[Frame](), dict[int, Stored](), [], _Notes()
@@ -122,7 +118,7 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
         unread = error
     sparse = shared.text("ply_file_path")
     stored_points = beside(sparse.replace("\\", "/")) if sparse else None
-    points = read_points(stored_points) if stored_points is not None else None
+    points = read_ply_points(stored_points) if stored_points is not None else None
     if points is not None:
         frames = [replace(frame, points=points_in_view(frame, points)) for frame in frames]
     return Scene(
@@ -153,10 +149,10 @@ class _Notes:
         """The notes on a scene."""
         masked = any(frame.value("mask_path") for frame in listed)
         return [
-            *lacking(absent, len(listed), "listed images are missing"),
-            *on_white(self.transparent),
-            *lacking(self.missing_maps, self.maps, "listed depth and label files are missing"),
-            *lacking(self.unread_maps, self.maps, "listed depth and label files have an unsupported format"),
+            *note_lacking(absent, len(listed), "listed images are missing"),
+            *note_transparent(self.transparent),
+            *note_lacking(self.missing_maps, self.maps, "listed depth and label files are missing"),
+            *note_lacking(self.unread_maps, self.maps, "listed depth and label files have an unsupported format"),
             *(["The frames list masks, which are ignored."] if masked else []),
         ]
 
@@ -287,13 +283,9 @@ def _classes(shared: Fields, beside: Beside) -> tuple[ClassTable, tuple[int | No
 
 def _applied_transform(shared: Fields) -> np.ndarray | None:
     """nerfstudio's transform from the original world to that of the poses, [3 4]."""
-    value = shared.value("applied_transform")
+    value, matrix = shared.value("applied_transform"), shared.array("applied_transform")
     if value is None:
         return None
-    try:
-        matrix = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        matrix = np.zeros(0)
-    if matrix.shape not in ((3, 4), (4, 4)) or not np.isfinite(matrix).all():
+    if matrix is None or matrix.shape not in ((3, 4), (4, 4)) or not np.isfinite(matrix).all():
         raise shared.refused("applied_transform", "a 3x4 matrix of finite numbers", f"{value!r:.40}")
     return matrix[:3]

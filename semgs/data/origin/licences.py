@@ -134,14 +134,12 @@ def _record(scene: Scene) -> dict[str, Any] | None:
 
 def _of_layout(layout: str) -> Terms | None:
     """The terms of a data set with a layout of its own."""
-    if layout == scannet.LAYOUT:
-        return SCANNET
     if layout.startswith(scannetpp.LAYOUT):
         return SCANNETPP
     if layout.startswith(f"{LAYOUT} "):
-        title = next(one.title for one in DATA_SETS if layout == f"{LAYOUT} {one.name}")
+        title = next(data.title for data in DATA_SETS if layout == f"{LAYOUT} {data.name}")
         return Terms(f"{title}: the terms of use of the data set", own=True)
-    return REPLICA if layout == replica.LAYOUT else None
+    return {scannet.LAYOUT: SCANNET, replica.LAYOUT: REPLICA}.get(layout)
 
 
 def _has_assets(room: Path) -> bool:

@@ -99,7 +99,7 @@ def prepare_scene(
         return _fill(file, scene, frames, settings, done)
 
 
-def estimated_bytes(scene: Scene, settings: Preparation, sample: int = 3) -> int:
+def estimate_bytes(scene: Scene, settings: Preparation, sample: int = 3) -> int:
     """Estimate the size of a scene's archive in bytes, from some of its frames.
 
     Raises:
@@ -132,7 +132,7 @@ def _fill(
     listed: list[dict[str, Any]] = []
     with zipfile.ZipFile(file, "w") as archive:
         for frame, stem in zip(frames, _stems(frames), strict=True):
-            view = prepared_view(scene, frame, settings.size)
+            view = read_prepared_view(scene, frame, settings.size)
             listed.append(_write_frame(archive, frame, stem, view, scene, settings))
             if view.labels is not None:
                 pixels += np.bincount(view.labels.numpy().ravel(), minlength=IGNORE + 1)
@@ -146,7 +146,7 @@ def _fill(
     return record
 
 
-def prepared_view(scene: Scene, frame: Frame, size: tuple[int, int]) -> Views:
+def read_prepared_view(scene: Scene, frame: Frame, size: tuple[int, int]) -> Views:
     """One prepared frame: cropped to the aspect of `size` and resized. For portrait images, `size` is swapped.
 
     Args:
@@ -157,7 +157,7 @@ def prepared_view(scene: Scene, frame: Frame, size: tuple[int, int]) -> Views:
     Raises:
         InputError: a file of the frame cannot be used.
     """
-    view = frame.read(INDOOR_DEPTH_RANGE, scene.classes)
+    view = frame.view(INDOOR_DEPTH_RANGE, scene.classes).checked()
     rows, columns = view.size
     height, width = size if (rows <= columns) == (size[0] <= size[1]) else size[::-1]
     return reframed(view, (height, width))

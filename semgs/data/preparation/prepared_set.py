@@ -23,15 +23,15 @@ import numpy as np
 
 from semgs.data.layouts.parts.usable_frames import sequence_name
 from semgs.data.origin.prepared_record import read_record
-from semgs.data.preparation.archive import Preparation, estimated_bytes, fingerprint, prepare_scene
+from semgs.data.preparation.archive import Preparation, estimate_bytes, fingerprint, prepare_scene
 from semgs.data.scene import Scene
-from semgs.data.scene_details import Asked
-from semgs.data.scene_lists import SceneList, calls
-from semgs.data.scenes import open_asked, scene_paths
+from semgs.data.scene_details import SceneDetails
+from semgs.data.scene_lists import SceneList, scenes_by_name
+from semgs.data.scenes import open_with_details, scene_paths
 from semgs.files.atomic import remove_parts, write_json, write_text
 from semgs.files.claims import is_begun
 from semgs.files.errors import InputError
-from semgs.files.folders import alone, check_writable
+from semgs.files.folders import check_writable, lock_folder
 from semgs.files.hashes import sha256
 from semgs.files.paths import typed_path
 from semgs.runtime.workers import outcomes
@@ -79,12 +79,12 @@ class Reading:
 
     Attributes:
         as_peers: as for `open_scene`.
-        asked: details that apply to all scenes.
+        details: details that apply to all scenes.
         needs_labels: as for `open_scene`.
     """
 
     as_peers: tuple[str, ...] = ()
-    asked: Asked = Asked()  # noqa: RUF009
+    details: SceneDetails = SceneDetails()  # noqa: RUF009
     needs_labels: bool = True
 
     def open(self, source: SceneSource) -> Scene:
@@ -93,21 +93,21 @@ class Reading:
         Raises:
             InputError: as `open_scene`.
         """
-        return open_asked(source.path, self.as_peers, self.asked, self.needs_labels)
+        return open_with_details(source.path, self.as_peers, self.details, self.needs_labels)
 
     def as_json(self) -> dict[str, Any]:
         """The given details for `settings.json`."""
-        details = {name: value for name, value in vars(self.asked).items() if value is not None}
-        return {"as_peers": sorted(self.as_peers), "told": json.loads(json.dumps(details))}
+        given = {name: value for name, value in vars(self.details).items() if value is not None}
+        return {"as_peers": sorted(self.as_peers), "told": json.loads(json.dumps(given))}
 
 
-def sources(path: Path, wanted: SceneList | None = None, scenezoo: str | None = None) -> list[SceneSource]:
+def find_sources(path: Path, wanted: SceneList | None = None, scenezoo: str | None = None) -> list[SceneSource]:
     """The scenes at a path, named by their place below it.
 
     Args:
         path: a scene, a folder of scenes, or a folder of such folders.
         wanted: the scenes to take; None for all.
-        scenezoo: the one scene of a data set, as in `semgs.data.scene_details.Asked`; None to look for scenes.
+        scenezoo: the one scene of a data set, as in `semgs.data.scene_details.SceneDetails`; None to look for scenes.
 
     Raises:
         InputError: there is none, or one in `wanted` is missing.
@@ -130,7 +130,7 @@ def sources(path: Path, wanted: SceneList | None = None, scenezoo: str | None = 
     if wanted is None:
         return found
     by_path = {source.path: source for source in found}
-    called = {**{source.name: source.path for source in found}, **calls(path, paths)}
+    called = {**{source.name: source.path for source in found}, **scenes_by_name(path, paths)}
     return [by_path[one] for one in wanted.choose(called, str(path))]
 
 
@@ -174,7 +174,7 @@ class PreparedSet:
         errors: list[InputError] = []
         for index in sorted({round(at) for at in np.linspace(0, len(missing) - 1, min(len(missing), SAMPLED_SCENES))}):
             try:
-                sizes.append(estimated_bytes(self.reading.open(missing[index]), self.settings))
+                sizes.append(estimate_bytes(self.reading.open(missing[index]), self.settings))
             except InputError as error:
                 errors.append(error)
         if errors and not sizes:
@@ -220,7 +220,7 @@ class PreparedSet:
 
     def _alone(self) -> AbstractContextManager[None]:
         """Lock the folder against other processes that prepare scenes into it."""
-        return alone(self.out / SETTINGS, "a folder that no other process prepares scenes into", "one in use")
+        return lock_folder(self.out / SETTINGS, "a folder that no other process prepares scenes into", "one in use")
 
     def _archive(self, source: SceneSource) -> Path:
         return self.out / f"{source.name}.zip"

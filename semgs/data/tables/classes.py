@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 IGNORE = 255
 """The label of unlabelled pixels. They count in no semantic loss or metric."""
@@ -43,20 +42,6 @@ class ClassTable:
     def index(self, name: str) -> int:
         """The label of a class by its name."""
         return self.names.index(name)
-
-    @classmethod
-    def from_json(cls, saved: dict[str, Any]) -> ClassTable:
-        """The table from JSON that `dataclasses.asdict` wrote.
-
-        Raises:
-            KeyError, TypeError, ValueError: it is not a table.
-        """
-        return cls(
-            saved["name"],
-            tuple(saved["names"]),
-            tuple((int(r), int(g), int(b)) for r, g, b in saved["colours"]),
-            tuple(saved["raw_ids"]),
-        )
 
 
 SCANNET20 = ClassTable(

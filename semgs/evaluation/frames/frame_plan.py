@@ -110,7 +110,7 @@ def make_plan(
         InputError: a scene has too few frames, or two of its targets would have the same file name.
     """
     tasks = [
-        Task(scene, size or usual_size(scene), sample)
+        Task(scene, size or choose_size(scene), sample)
         for count in sorted(set(views))
         for scene in scenes
         for sample in protocol(scene, count)
@@ -126,14 +126,14 @@ def with_depth_range(plan: FramePlan, depth_range: tuple[float, float] | None) -
     return replace(plan, protocol=f"{plan.protocol}, near {near:g} and far {far:g}", depth_range=depth_range)
 
 
-def usual_size(scene: Scene) -> tuple[int, int]:
+def choose_size(scene: Scene) -> tuple[int, int]:
     """240x320, or 320x240 if most frames of the scene are taller than wide."""
     portrait = sum(frame.lens.size[0] > frame.lens.size[1] for frame in scene.frames)
     return LANDSCAPE[::-1] if 2 * portrait > len(scene) else LANDSCAPE
 
 
 def frame_list(plan: FramePlan) -> dict:
-    """The plan by frame name, ready for JSON; `pinned_plan` reads it."""
+    """The plan by frame name, ready for JSON; `read_plan` reads it."""
     scenes = [
         {
             "scene": scene.name,
@@ -147,7 +147,7 @@ def frame_list(plan: FramePlan) -> dict:
     return {"format": FORMAT, "version": VERSION, "protocol": plan.protocol, "scenes": scenes}
 
 
-def pinned_plan(
+def read_plan(
     path: str | Path, scenes: Sequence[Scene], views: Sequence[int] = (), size: tuple[int, int] | None = None
 ) -> FramePlan:
     """The plan in a file: `frames.json` or `report.json` of an evaluation, or one written by hand.
@@ -173,7 +173,7 @@ def pinned_plan(
         pinned = _size(path, entry.get("size"), f"{place}.size")
         for index, sample in enumerate(_list(path, entry, "samples", place)):
             one = _sample(path, known[name], sample, f"{place}.samples[{index}]")
-            tasks.append(Task(known[name], size or pinned or usual_size(known[name]), one))
+            tasks.append(Task(known[name], size or pinned or choose_size(known[name]), one))
     held = sorted({task.views for task in tasks})
     for count in views:
         if count not in held:

@@ -10,8 +10,9 @@ import torch
 
 from semgs.data.scene import Scene
 from semgs.evaluation.frames.predictions import Inputs, Prediction
-from semgs.model.encode import Network, encode, now
+from semgs.model.encode import Network, encode
 from semgs.rendering.rendering import SEEN_ALPHA, confidence_maps, likeliest
+from semgs.runtime.stopwatch import now
 from semgs.scene.nearest import NearestViews
 from semgs.segmenters.labelling import Labelling
 

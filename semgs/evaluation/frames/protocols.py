@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from semgs.data.choosing.choice import around
+from semgs.data.choosing.choice import frames_around
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 
@@ -45,7 +45,7 @@ def neighbours(scene: Scene, views: int) -> list[TargetSample]:
         InputError: the scene has fewer than three usable frames, or too few for `views` contexts.
     """
     _check(scene, views, sources=len(scene) - 1, least=3)
-    return [TargetSample(around(target, len(scene), views), target) for target in range(1, len(scene) - 1)]
+    return [TargetSample(frames_around(target, len(scene), views), target) for target in range(1, len(scene) - 1)]
 
 
 def peers(scene: Scene, views: int, distance: Literal["sray", "gsnerf"] = "sray") -> list[TargetSample]:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.views import Views, joined
 from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.predictions import Inputs
 
 
-def read_frame(task: Task, position: int, bounds: tuple[float, float]) -> Views:
-    """Read a frame of the task's scene as one view at the size of the evaluation.
+def read_frame(task: Task, position: int, bounds: DepthRange | tuple[float, float]) -> Views:
+    """Read a frame of the task's scene as one view at the size of the evaluation, stretched to it.
 
     Raises:
         InputError: one of its files cannot be used.
     """
-    return task.scene.local(task.scene.frames[position].read(bounds, task.scene.classes, size=task.size))
+    return task.scene.read([position], task.size, bounds, fit="stretch")
 
 
 def read_views(task: Task, depth_range: tuple[float, float] | None = None) -> dict[int, Views]:
@@ -28,15 +29,11 @@ def read_views(task: Task, depth_range: tuple[float, float] | None = None) -> di
     Raises:
         InputError: one of their files cannot be used.
     """
-    if depth_range is None:
-        found = task.scene.depth_range(task.sample.contexts)
-        depth_range = (found.near, found.far)
-    return {
-        position: read_frame(task, position, depth_range) for position in (*task.sample.contexts, task.sample.target)
-    }
+    bounds = depth_range or task.scene.depth_range(task.sample.contexts)
+    return {position: read_frame(task, position, bounds) for position in (*task.sample.contexts, task.sample.target)}
 
 
-def inputs_of(task: Task, views: Mapping[int, Views]) -> Inputs:
+def make_inputs(task: Task, views: Mapping[int, Views]) -> Inputs:
     """What a method gets from `read_views`: no labels and no depths."""
     contexts = joined([views[index] for index in task.sample.contexts]).changed(labels=None, depths=None)
     return Inputs(task, contexts, views[task.sample.target].cameras)

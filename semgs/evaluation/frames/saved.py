@@ -21,6 +21,7 @@ from semgs.figures.depth_images import MILLIMETRES
 from semgs.files.arrays import read_array
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_header, read_rgb, read_uint16
+from semgs.files.paths import found_at
 from semgs.files.strict_json import read_json
 from semgs.files.text import listed
 
@@ -109,14 +110,14 @@ class SavedPredictions:
         return len(tasks), [f"{task.stem}{KINDS[kind][0]}" for task in tasks if self._file(kind, task) is None]
 
 
-def views_in(folder: Path) -> tuple[int, ...]:
+def find_view_counts(folder: Path) -> tuple[int, ...]:
     """The numbers of views for which a predictions folder has a subfolder, ascending.
 
     Raises:
         InputError: it is no folder, or has no such subfolder.
     """
     if not folder.is_dir():
-        raise InputError(folder, "a folder of predictions", "a file" if folder.exists() else "nothing there")
+        raise InputError(folder, "a folder of predictions", found_at(folder))
     names = [child.name[1:] for child in folder.iterdir() if child.is_dir() and child.name.startswith("N")]
     found = tuple(sorted(int(name) for name in names if name.isdecimal() and int(name) >= 2))
     if not found:

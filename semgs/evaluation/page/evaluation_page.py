@@ -14,13 +14,13 @@ from semgs.evaluation.frames.predictions import Prediction
 from semgs.evaluation.frames.reading import read_frame
 from semgs.evaluation.scoring.baselines import NAMES
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.scoring.method_scores import SHOWN, Rows
-from semgs.evaluation.scoring.summary import METRICS, extremes, summary, total_confusion
+from semgs.evaluation.scoring.method_scores import SHOWN, MethodScores
+from semgs.evaluation.scoring.summary import METRICS, find_extremes, sum_confusions, summarise
 from semgs.evaluation.tables.card import risk_curve
 from semgs.evaluation.tables.comparison_tables import BRIEF, MARKED, ROWS, overview_grid
 from semgs.evaluation.tables.evaluation_report import Evaluation, SavedReport, SavedResult, data_name
 from semgs.figures import html_page as page
-from semgs.figures.class_images import LegendEntry
+from semgs.figures.class_images import legend_of
 from semgs.figures.depth_images import WORST_ERROR, depth_error_bar, depth_error_picture
 from semgs.figures.number_texts import percent
 from semgs.figures.plotting import can_plot
@@ -90,7 +90,7 @@ def _headlines(report: SavedReport) -> list[page.Headline]:
     found = []
     for metric in ("miou", "psnr"):
         for views, result in report.results.items():
-            value, copy = result.numbers[metric], result.trivial.get("copy", {}).get(metric)
+            value, copy = result.numbers[metric], result.baselines.get("copy", {}).get(metric)
             if value is not None:
                 beside = "" if copy is None else f" (oracle: {shown_number(metric, copy)})"
                 unit = " dB" if metric == "psnr" else ""
@@ -144,7 +144,7 @@ def _facts(evaluation: Evaluation, report: SavedReport) -> page.Facts:
     return page.Facts(tuple(rows))
 
 
-def _sections_of(rows: Rows, result: SavedResult, evaluation: Evaluation) -> list[page.Section]:
+def _sections_of(rows: MethodScores, result: SavedResult, evaluation: Evaluation) -> list[page.Section]:
     """The sections for one number of views."""
     views, numbers, classes = rows.views, result.numbers, evaluation.classes
     blocks: list[page.Block] = [_metrics(result, evaluation.subject.name)]
@@ -192,7 +192,7 @@ def _metrics(result: SavedResult, name: str) -> page.Table:
     numbers = result.numbers
     rows = []
     for metric in METRICS:
-        columns = [numbers.get(metric), *[row.get(metric) for row in result.trivial.values()]]
+        columns = [numbers.get(metric), *[row.get(metric) for row in result.baselines.values()]]
         if all(value is None for value in columns) or (metric == "not_given" and not numbers[metric]):
             continue
         ends = numbers["intervals"].get(metric)
@@ -201,7 +201,7 @@ def _metrics(result: SavedResult, name: str) -> page.Table:
         mark = "†" if metric in numbers["below_copy"] else ""
         texts = [shown_number(metric, value) for value in columns]
         rows.append((TITLES[metric], texts[0] + mark, interval, *texts[1:]))
-    return page.Table(("metric", name, "95 % interval", *[ROWS[row] for row in result.trivial]), tuple(rows))
+    return page.Table(("metric", name, "95 % interval", *[ROWS[row] for row in result.baselines]), tuple(rows))
 
 
 def _risk_table(numbers: Mapping[str, Any]) -> page.Table:
@@ -226,7 +226,7 @@ def _scene_table(numbers: Mapping[str, Any]) -> page.Table:
 
 def _bars(result: SavedResult, classes: ClassTable) -> page.Bars:
     """The IoU of each class in the ground truth, the best first."""
-    copy = result.trivial.get("copy", {}).get("per_class_iou", {})
+    copy = result.baselines.get("copy", {}).get("per_class_iou", {})
     present = [(entry["iou"], label) for label, entry in enumerate(result.numbers["per_class"]) if entry["pixels"]]
     total = sum(entry["pixels"] for entry in result.numbers["per_class"])
     bars: dict[bool, list[page.Bar]] = {False: [], True: []}
@@ -239,7 +239,7 @@ def _bars(result: SavedResult, classes: ClassTable) -> page.Bars:
 
 def _matrix(result: SavedResult, classes: ClassTable) -> page.Matrix:
     """The confusion matrix; each row sums to 1. Classes that are neither true nor predicted are left out."""
-    confusion, truth = total_confusion(result.frames)
+    confusion, truth = sum_confusions(result.frames)
     rows = np.flatnonzero(truth)
     columns = np.flatnonzero((truth > 0) | (confusion.sum(0) > 0))
     shares = confusion / np.maximum(confusion.sum(1, keepdims=True), 1)
@@ -251,11 +251,11 @@ def _matrix(result: SavedResult, classes: ClassTable) -> page.Matrix:
     )
 
 
-def _galleries(rows: Rows, result: SavedResult, evaluation: Evaluation) -> tuple[page.Block, ...]:
+def _galleries(rows: MethodScores, result: SavedResult, evaluation: Evaluation) -> tuple[page.Block, ...]:
     """The best and the worst frames with their images."""
     tasks = evaluation.plan.of(rows.views)
     galleries: list[page.Gallery] = []
-    for which, places in zip(("Best", "Worst"), extremes(result.frames, SHOWN), strict=True):
+    for which, places in zip(("Best", "Worst"), find_extremes(result.frames, SHOWN), strict=True):
         for rank, place in enumerate(places, 1):
             task, frame = tasks[place], result.frames[place]
             said = rows.shown[frame.scene, frame.target]
@@ -264,27 +264,17 @@ def _galleries(rows: Rows, result: SavedResult, evaluation: Evaluation) -> tuple
     keys: list[page.Block] = []
     if galleries and evaluation.classes is not None and any(frame.confusion is not None for frame in result.frames):
         keys.append(_legend(result, evaluation.classes))
-    scale = page.Scale(
-        page.Picture(depth_error_bar(), "colours of the depth error"),
-        ("0 %", f"{50 * WORST_ERROR:g} %", f"{100 * WORST_ERROR:g} % or more"),
-        "depth error, |z − truth| / truth; grey without truth",
-    )
     if galleries and any(frame.depth is not None for frame in result.frames):
-        keys.append(scale)
+        bar = page.Picture(depth_error_bar(), "colours of the depth error")
+        ticks = ("0 %", f"{50 * WORST_ERROR:g} %", f"{100 * WORST_ERROR:g} % or more")
+        keys.append(page.Scale(bar, ticks, "depth error, |z − truth| / truth; grey without truth"))
     return (*keys, *galleries)
 
 
 def _legend(result: SavedResult, classes: ClassTable) -> page.Legend:
     """The colours of the true or predicted classes, with their share of the true pixels."""
-    confusion, truth = total_confusion(result.frames)
-    shown = np.flatnonzero((truth > 0) | (confusion.sum(0) > 0))
-    order = sorted(shown.tolist(), key=lambda label: -truth[label])
-    return page.Legend(
-        tuple(
-            LegendEntry(classes.names[label], classes.colours[label], float(truth[label] / truth.sum()))
-            for label in order
-        )
-    )
+    confusion, truth = sum_confusions(result.frames)
+    return page.Legend(legend_of(truth, np.flatnonzero((truth > 0) | (confusion.sum(0) > 0)), classes))
 
 
 def _gallery(
@@ -304,7 +294,7 @@ def _gallery(
         shown.append(depth_map(predicted.depths, depth_limits([known])))
         if truth.depths is not None:
             shown.append(page.Picture(depth_error_picture(depths, known), "depth error", lossy=True))
-    values = summary([frame])
+    values = summarise([frame])
     scores = [
         f"{TITLES[metric]} {shown_number(metric, values[metric])}"
         for metric in ("miou_per_image", "accuracy_per_image", "psnr", "depth_abs_rel")

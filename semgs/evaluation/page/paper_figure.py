@@ -14,12 +14,12 @@ from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.data.views import Views
 from semgs.evaluation.frames.frame_plan import FramePlan, Task
 from semgs.evaluation.frames.predictions import Method, Prediction
-from semgs.evaluation.frames.reading import inputs_of, read_views
+from semgs.evaluation.frames.reading import make_inputs, read_views
 from semgs.evaluation.scoring.frame_scores import score
 from semgs.evaluation.scoring.records import finite
-from semgs.evaluation.scoring.summary import summary
+from semgs.evaluation.scoring.summary import summarise
 from semgs.figures.class_images import LegendEntry, class_picture, legend, true_class_picture
-from semgs.figures.comparison import Block, PictureRow, mosaic
+from semgs.figures.comparison import FigureBlock, PictureRow, mosaic
 from semgs.figures.view_images import as_bytes
 from semgs.files.errors import InputError
 
@@ -28,7 +28,7 @@ VISIBLE = 0.001
 
 
 @dataclass(frozen=True, eq=False)
-class Compared:
+class ComparedTarget:
     """One target with the predictions of all methods.
 
     Attributes:
@@ -46,7 +46,7 @@ class Compared:
     classes: ClassTable
 
 
-def chosen_tasks(plan: FramePlan, rows: int, wanted: Sequence[str] = ()) -> tuple[Task, ...]:
+def choose_tasks(plan: FramePlan, rows: int, wanted: Sequence[str] = ()) -> tuple[Task, ...]:
     """The targets that a figure shows.
 
     Args:
@@ -67,9 +67,9 @@ def chosen_tasks(plan: FramePlan, rows: int, wanted: Sequence[str] = ()) -> tupl
     return tuple(plan.tasks[place] for place in dict.fromkeys(places.tolist()))
 
 
-def compared(
+def compare_methods(
     task: Task, methods: Sequence[Method], classes: ClassTable, depth_range: tuple[float, float] | None = None
-) -> Compared:
+) -> ComparedTarget:
     """Predict a target with every method.
 
     Args:
@@ -85,12 +85,12 @@ def compared(
     if not labelled:
         task = replace(task, scene=replace(task.scene, classes=classes))  # predictions are read in that table
     views = read_views(task, depth_range)
-    inputs = inputs_of(task, views)
+    inputs = make_inputs(task, views)
     predictions = tuple(method.predict(inputs) for method in methods)
     for method, prediction in zip(methods, predictions, strict=True):
         if prediction.labels is None:
             raise InputError(task.scene.path, f"classes of {task.truth_stem} from {method.name}", "none")
-    return Compared(task, inputs.contexts, views[task.sample.target], predictions, classes)
+    return ComparedTarget(task, inputs.contexts, views[task.sample.target], predictions, classes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,13 +114,13 @@ class FigurePart:
         """The headings of the methods."""
         return tuple(method.name for method in self.methods)
 
-    def compare(self) -> Iterator[Compared]:
-        """Predict the targets with every method, one target after the other; raises as `compared`."""
+    def compare(self) -> Iterator[ComparedTarget]:
+        """Predict the targets with every method, one target after the other; raises as `compare_methods`."""
         for task in self.plan.tasks:
-            yield compared(task, self.methods, self.classes, self.plan.depth_range)
+            yield compare_methods(task, self.methods, self.classes, self.plan.depth_range)
 
 
-def comparison_block(title: str, frames: Sequence[Compared], names: Sequence[str]) -> Block:
+def comparison_block(title: str, frames: Sequence[ComparedTarget], names: Sequence[str]) -> FigureBlock:
     """The block of some targets: inputs, each method, truth. If no target is labelled, its photo replaces the truth.
 
     Args:
@@ -141,10 +141,10 @@ def comparison_block(title: str, frames: Sequence[Compared], names: Sequence[str
         last = truth if labelled else as_bytes(one.target.images[0])
         rows.append(PictureRow(one.task.truth_stem, (inputs, *said, last)))
     last_heading = "ground truth" if labelled else "photo (no truth)"
-    return Block(title, ("inputs", *names, last_heading), tuple(rows))
+    return FigureBlock(title, ("inputs", *names, last_heading), tuple(rows))
 
 
-def comparison_legend(frames: Sequence[Compared]) -> tuple[LegendEntry, ...]:
+def comparison_legend(frames: Sequence[ComparedTarget]) -> tuple[LegendEntry, ...]:
     """The classes with a visible share of truth and predictions, the most frequent first; empty without frames."""
     maps = [
         prediction.labels.numpy() for one in frames for prediction in one.predictions if prediction.labels is not None
@@ -153,18 +153,18 @@ def comparison_legend(frames: Sequence[Compared]) -> tuple[LegendEntry, ...]:
     return tuple(entry for entry in legend(maps, frames[0].classes) if entry.share >= VISIBLE) if frames else ()
 
 
-def comparison_numbers(frames: Sequence[Compared], names: Sequence[str]) -> list[dict[str, Any]]:
-    """The scores of each method for each target of a figure, ready for JSON: mIoU, accuracy and `torn`; None without truth."""
+def comparison_numbers(frames: Sequence[ComparedTarget], names: Sequence[str]) -> list[dict[str, Any]]:
+    """The scores of each method for each target of a figure, ready for JSON: mIoU, accuracy and, as `torn`, the label noise; None without truth."""
     listed = []
     for one in frames:
         methods = {}
         for name, prediction in zip(names, one.predictions, strict=True):
-            values = summary([score(one.task, prediction, one.target)])
+            values = summarise([score(one.task, prediction, one.target)])
             assert prediction.labels is not None
             methods[name] = {
                 "miou_per_image": finite(values.get("miou_per_image")),
                 "accuracy": finite(values.get("accuracy")),
-                "torn": None if one.target.labels is None else torn(prediction.labels, one.target.labels[0]),
+                "torn": None if one.target.labels is None else label_noise(prediction.labels, one.target.labels[0]),
             }
         task = one.task
         contexts = list(task.contexts)
@@ -172,7 +172,7 @@ def comparison_numbers(frames: Sequence[Compared], names: Sequence[str]) -> list
     return listed
 
 
-def torn(predicted: UInt8[Tensor, "h w"], truth: UInt8[Tensor, "h w"]) -> float | None:
+def label_noise(predicted: UInt8[Tensor, "h w"], truth: UInt8[Tensor, "h w"]) -> float | None:
     """How noisy a class map is: the share of neighbouring pixels with the same true class that have different predicted classes.
 
     Neighbours are below and to the right, as in the paper's regional smoothness. Pixels with unknown truth do not count.

@@ -29,7 +29,7 @@ NAMES = {
 }
 
 
-def copied(nearest: Views) -> Prediction:
+def copy_nearest(nearest: Views) -> Prediction:
     """Image, true labels and true depth of the nearest context, used as a prediction for the target."""
     return Prediction(
         labels=None if nearest.labels is None else nearest.labels[0],
@@ -38,10 +38,10 @@ def copied(nearest: Views) -> Prediction:
     )
 
 
-def warped(contexts: Sequence[Views], target: Views) -> Prediction | None:
+def warp_contexts(contexts: Sequence[Views], target: Views) -> Prediction | None:
     """The contexts' images and true labels, warped to the target with its true depth.
 
-    Each pixel comes from the nearest context that sees its point. If none does, or the depth is unknown, it comes from `copied`
+    Each pixel comes from the nearest context that sees its point. If none does, or the depth is unknown, it comes from `copy_nearest`
     and counts as unseen. Colours are interpolated linearly; labels come from the pixel that contains the point.
 
     Args:
@@ -54,7 +54,7 @@ def warped(contexts: Sequence[Views], target: Views) -> Prediction | None:
     if target.depths is None or any(one.depths is None for one in contexts):
         return None
     filled = torch.zeros(target.size, dtype=torch.bool)
-    fallback = copied(contexts[0])
+    fallback = copy_nearest(contexts[0])
     assert fallback.image is not None
     image, labels = fallback.image.clone(), None if fallback.labels is None else fallback.labels.clone()
     points = back_project(target.depths.double(), target.cameras).reshape(1, -1, 3)
@@ -69,7 +69,7 @@ def warped(contexts: Sequence[Views], target: Views) -> Prediction | None:
     return Prediction(labels=labels, image=image, unseen=~filled)
 
 
-def majority(truths: Sequence[Int64[np.ndarray, " class"]]) -> list[Int64[np.ndarray, "class class"]]:
+def predict_majority(truths: Sequence[Int64[np.ndarray, " class"]]) -> list[Int64[np.ndarray, "class class"]]:
     """The confusion matrix of each image if every pixel is predicted as the most frequent class of all images.
 
     Args:

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from semgs.data.tables.classes import IGNORE
 from semgs.evaluation.frames.frame_plan import FramePlan
-from semgs.evaluation.frames.reading import inputs_of, read_views
+from semgs.evaluation.frames.reading import make_inputs, read_views
 from semgs.model.encode import encode
 from semgs.model.semgs import SemGS
 from semgs.model.weights.header_temperatures import DIGITS
@@ -50,7 +50,7 @@ class TemperatureEffect:
     bins_after: tuple[Bin, ...]
 
 
-def statements(
+def collect_statements(
     plan: FramePlan,
     network: SemGS,
     *,
@@ -75,7 +75,7 @@ def statements(
     found: dict[str, list[Statements]] = {kind: [] for kind in KINDS}
     for index, task in enumerate(plan.tasks):
         views = read_views(task, plan.depth_range)
-        inputs = inputs_of(task, views)
+        inputs = make_inputs(task, views)
         with torch.no_grad():
             encoding = encode(network, inputs.contexts).encoding
             rendering = encoding.render(inputs.camera)
@@ -89,7 +89,7 @@ def statements(
     return {kind: _joined(some, len(network.classes or ())) for kind, some in found.items()}
 
 
-def temperature_effect(said: Statements, temperature: float | None = None) -> TemperatureEffect:
+def measure_temperature(said: Statements, temperature: float | None = None) -> TemperatureEffect:
     """The calibration error with and without a temperature. None fits it to these statements, rounded as in a header.
 
     Raises:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import bootstrap
 
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.scoring.summary import MetricGroup, Values, metric_groups
+from semgs.evaluation.scoring.summary import MetricGroup, Values, group_metrics
 
 LEVEL = 0.95
 RESAMPLES = 5000
@@ -34,17 +34,22 @@ class Interval:
     low: float
     high: float
 
+    @property
+    def excludes_zero(self) -> bool:
+        """Whether both ends are on one side of 0."""
+        return self.low > 0 or self.high < 0
 
-def units(frames: Sequence[FrameScores]) -> Over:
+
+def choose_units(frames: Sequence[FrameScores]) -> Over:
     """What is resampled: scenes if there are five or more, else frames."""
     return "scenes" if len({frame.scene for frame in frames}) >= FEWEST_SCENES else "frames"
 
 
 def intervals(frames: Sequence[FrameScores]) -> dict[str, Interval]:
     """The 95 % percentile interval of every metric that two or more scenes (or frames) have."""
-    over = units(frames)
+    over = choose_units(frames)
     found: dict[str, Interval] = {}
-    for group in metric_groups(frames):
+    for group in group_metrics(frames):
         found |= group_intervals(group, over)
     return found
 
@@ -60,10 +65,10 @@ def paired_differences(first: Sequence[FrameScores], second: Sequence[FrameScore
     """
     if [(one.scene, one.target) for one in first] != [(one.scene, one.target) for one in second]:
         raise ValueError("the scores are of different targets; expected the same targets in the same order")
-    over = units(first)
-    others = {group.names: group for group in metric_groups(second)}
+    over = choose_units(first)
+    others = {group.names: group for group in group_metrics(second)}
     found: dict[str, Interval] = {}
-    for group in metric_groups(first):
+    for group in group_metrics(first):
         other = others.get(group.names)
         if other is not None and np.array_equal(group.scene_of, other.scene_of):
             found |= group_intervals(group, over, lambda *times, a=group, b=other: b.values(*times) - a.values(*times))

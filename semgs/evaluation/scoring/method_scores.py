@@ -14,11 +14,11 @@ from semgs.data.views import Views
 from semgs.evaluation.frames.frame_plan import FramePlan, Task
 from semgs.evaluation.frames.predictions import Method, Prediction, write_maps, write_prediction
 from semgs.evaluation.frames.protocols import nearest_first
-from semgs.evaluation.frames.reading import inputs_of, read_views
-from semgs.evaluation.scoring.baselines import copied, majority, warped
+from semgs.evaluation.frames.reading import make_inputs, read_views
+from semgs.evaluation.scoring.baselines import copy_nearest, predict_majority, warp_contexts
 from semgs.evaluation.scoring.frame_scores import FrameScores, score
 from semgs.evaluation.scoring.similarity import PerceptualDistance, perceptual_distance
-from semgs.evaluation.scoring.summary import extremes
+from semgs.evaluation.scoring.summary import find_extremes
 from semgs.runtime.workers import outcomes
 
 PREDICTIONS = "predictions"
@@ -30,13 +30,13 @@ SHOWN = 10
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class MethodScores:
     """The scores of all targets for one number of views, in the order of the plan.
 
     Attributes:
         views: the number of contexts.
         method: the scores of the method.
-        trivial: the scores of the baselines, by their names in `semgs.evaluation.scoring.baselines.NAMES`. A baseline that
+        baselines: the scores of the baselines, by their names in `semgs.evaluation.scoring.baselines.NAMES`. A baseline that
             needs truth that some scenes lack has fewer targets, or is absent.
         truth: a hash of the true labels and depths. Images are left out, because their resizing may differ in the last bit
             between machines.
@@ -45,12 +45,12 @@ class Rows:
 
     views: int
     method: tuple[FrameScores, ...]
-    trivial: dict[str, tuple[FrameScores, ...]]
+    baselines: dict[str, tuple[FrameScores, ...]]
     truth: str
     shown: dict[tuple[str, str], Prediction] = field(default_factory=dict)
 
 
-def evaluate(
+def score_method(
     plan: FramePlan,
     method: Method,
     folder: Path,
@@ -58,7 +58,7 @@ def evaluate(
     save: bool = True,
     workers: int = 0,
     done: Callable[[int], object] = lambda count: None,
-) -> list[Rows]:
+) -> list[MethodScores]:
     """Score a method and the baselines on every target of a plan.
 
     Args:
@@ -74,24 +74,24 @@ def evaluate(
         NotEnoughMemoryError: the network needs more memory than there is.
         OSError: the disk is full.
     """
-    judge = _Judge(method, plan.depth_range, folder, save, perceptual_distance())
-    judged: dict[int, list[_Judged]] = {views: [] for views in plan.views}
+    scorer = _TargetScorer(method, plan.depth_range, folder, save, perceptual_distance())
+    scores: dict[int, list[_TargetScores]] = {views: [] for views in plan.views}
     shown: dict[int, list[tuple[FrameScores, Prediction]]] = {views: [] for views in plan.views}
-    with closing(outcomes(judge, plan.tasks, workers)) as found:
-        for count, outcome in enumerate(found, 1):
-            if isinstance(outcome, Exception):
-                raise outcome
-            one, prediction = outcome
-            views = len(one.method.contexts)
-            judged[views].append(one)
+    with closing(outcomes(scorer, plan.tasks, workers)) as results:
+        for count, result in enumerate(results, 1):
+            if isinstance(result, Exception):
+                raise result
+            target, prediction = result
+            views = len(target.method.contexts)
+            scores[views].append(target)
             # A copy, because tensors from another process keep a file of shared memory open.
-            shown[views] = _kept([*shown[views], (one.method, prediction.copy())])
+            shown[views] = _keep_extremes([*shown[views], (target.method, prediction.copy())])
             done(count)
-    return [_rows(views, judged[views], shown[views]) for views in plan.views]
+    return [_combine(views, scores[views], shown[views]) for views in plan.views]
 
 
 @dataclass(frozen=True, eq=False)
-class _Judged:
+class _TargetScores:
     """One target: the method's scores, those of copy and warp, and a hash of the truth."""
 
     method: FrameScores
@@ -101,8 +101,8 @@ class _Judged:
 
 
 @dataclass(frozen=True, eq=False)
-class _Judge:
-    """Judges a target: reads its frames, predicts, writes the maps and scores them."""
+class _TargetScorer:
+    """Scores a target: reads its frames, predicts, writes the maps and compares them."""
 
     method: Method
     depth_range: tuple[float, float] | None
@@ -110,50 +110,52 @@ class _Judge:
     save: bool
     perceptual: PerceptualDistance | None
 
-    def __call__(self, task: Task) -> tuple[_Judged, Prediction]:
+    def __call__(self, task: Task) -> tuple[_TargetScores, Prediction]:
         """The scores of a target, and the prediction."""
         views = read_views(task, self.depth_range)
         target = views[task.sample.target]
-        prediction = self.method.predict(inputs_of(task, views))
+        prediction = self.method.predict(make_inputs(task, views))
         if self.save:
             write_prediction(self.folder / PREDICTIONS, task, prediction)
         if target.labels is not None:
             write_maps(self.folder / TRUTH, task.truth_stem, Prediction(labels=target.labels[0]), metric=True)
         ordered = [views[position] for position in nearest_first(task.scene, task.sample)]
-        moved = warped(ordered, target)
-        judged = _Judged(
+        warped = warp_contexts(ordered, target)
+        scores = _TargetScores(
             method=score(task, prediction, target, self.perceptual),
-            copy=score(task, copied(ordered[0]), target, self.perceptual),
-            warp=None if moved is None else score(task, moved, target, self.perceptual),
-            truth=_digest(target),
+            copy=score(task, copy_nearest(ordered[0]), target, self.perceptual),
+            warp=None if warped is None else score(task, warped, target, self.perceptual),
+            truth=_hash_truth(target),
         )
-        return judged, prediction
+        return scores, prediction
 
 
-def _kept(frames: list[tuple[FrameScores, Prediction]]) -> list[tuple[FrameScores, Prediction]]:
+def _keep_extremes(frames: list[tuple[FrameScores, Prediction]]) -> list[tuple[FrameScores, Prediction]]:
     """The frames so far that may still be among those shown."""
-    best, worst = extremes([frame for frame, _ in frames], SHOWN)
+    best, worst = find_extremes([frame for frame, _ in frames], SHOWN)
     return [frames[position] for position in sorted([*best, *worst])]
 
 
-def _rows(views: int, judged: Sequence[_Judged], shown: Sequence[tuple[FrameScores, Prediction]]) -> Rows:
+def _combine(
+    views: int, targets: Sequence[_TargetScores], shown: Sequence[tuple[FrameScores, Prediction]]
+) -> MethodScores:
     """The scores for one number of views."""
-    trivial = {"copy": tuple(one.copy for one in judged)}
-    if any(one.warp is not None for one in judged):
-        trivial["warp"] = tuple(one.warp for one in judged if one.warp is not None)
-    labelled = [(one.copy, one.copy.truth) for one in judged if one.copy.truth is not None]
+    baselines = {"copy": tuple(target.copy for target in targets)}
+    if any(target.warp is not None for target in targets):
+        baselines["warp"] = tuple(target.warp for target in targets if target.warp is not None)
+    labelled = [(target.copy, target.copy.truth) for target in targets if target.copy.truth is not None]
     if labelled:
-        matrices = majority([truth for _, truth in labelled])
-        trivial["majority"] = tuple(
+        matrices = predict_majority([truth for _, truth in labelled])
+        baselines["majority"] = tuple(
             FrameScores(frame.scene, frame.target, frame.contexts, confusion=matrix, truth=truth)
             for (frame, truth), matrix in zip(labelled, matrices, strict=True)
         )
-    together = hashlib.sha256("".join(one.truth for one in judged).encode()).hexdigest()
-    said = {(frame.scene, frame.target): prediction for frame, prediction in shown}
-    return Rows(views, tuple(one.method for one in judged), trivial, together, said)
+    truth_hash = hashlib.sha256("".join(target.truth for target in targets).encode()).hexdigest()
+    predictions = {(frame.scene, frame.target): prediction for frame, prediction in shown}
+    return MethodScores(views, tuple(target.method for target in targets), baselines, truth_hash, predictions)
 
 
-def _digest(view: Views) -> str:
+def _hash_truth(view: Views) -> str:
     """A hash of a view's labels and depths."""
     digest = hashlib.sha256()
     for maps in (view.labels, view.depths):

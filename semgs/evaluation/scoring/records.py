@@ -20,7 +20,7 @@ def finite(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else value
 
 
-def record(frame: FrameScores) -> dict[str, Any]:
+def encode_scores(frame: FrameScores) -> dict[str, Any]:
     """The scores of a target, ready for JSON.
 
     `confusion` lists "true predicted pixels" of each pair that occurs; `truth` likewise "class pixels"; `confidences` "level 0 pixels" and "level 1 pixels
@@ -60,37 +60,37 @@ def seconds(value: float | None) -> float | None:
     return None if value is None else round(value, 4)
 
 
-def frame_of(entry: dict[str, Any], classes: int) -> FrameScores:
+def decode_scores(entry: dict[str, Any], classes: int) -> FrameScores:
     """The scores of a target from JSON.
 
     Args:
-        entry: made by `record`.
+        entry: made by `encode_scores`.
         classes: the number of classes.
 
     Raises:
-        KeyError, TypeError, ValueError: it was not made by `record`.
+        KeyError, TypeError, ValueError: it was not made by `encode_scores`.
     """
-    depth = None
-    if entry.get("depth_abs_rel") is not None:
-        depth = DepthScores(float(entry["depth_abs_rel"]), float(entry["depth_delta_125"]), int(entry["depth_pixels"]))
-    seen = entry.get("depth_seen")
+    shapes = {"confusion": (classes, classes), "truth": (classes,), "confidences": (LEVELS, 2)}
+    values: dict[str, Any] = {name: _dense(entry[name], shape) for name, shape in shapes.items() if name in entry}
+    for name in ("psnr", "ssim", "lpips", "unseen", "seconds_encode", "seconds_render"):
+        values[name] = number(entry[name])
+    for name in ("miou_seen", "accuracy_seen", "psnr_seen"):
+        values[name] = number(entry.get(name))
     return FrameScores(
         scene=str(entry["scene"]),
         target=str(entry["target"]),
         contexts=tuple(entry["contexts"]),
-        confusion=_dense(entry["confusion"], (classes, classes)) if "confusion" in entry else None,
-        truth=_dense(entry["truth"], (classes,)) if "truth" in entry else None,
-        confidences=_dense(entry["confidences"], (LEVELS, 2)) if "confidences" in entry else None,
-        depth=depth,
-        depth_seen=None
-        if seen is None
-        else DepthScores(float(seen["abs_rel"]), float(seen["delta"]), int(seen["pixels"])),
-        **{name: number(entry.get(name)) for name in ("miou_seen", "accuracy_seen", "psnr_seen")},
-        **{
-            name: number(entry[name])
-            for name in ("psnr", "ssim", "lpips", "unseen", "seconds_encode", "seconds_render")
-        },
+        depth=_depth(entry, "depth_abs_rel", "depth_delta_125", "depth_pixels"),
+        depth_seen=_depth(entry.get("depth_seen") or {}, "abs_rel", "delta", "pixels"),
+        **values,
     )
+
+
+def _depth(entry: dict[str, Any], error: str, delta: str, pixels: str) -> DepthScores | None:
+    """The depth scores under three keys; None if there are none."""
+    if entry.get(error) is None:
+        return None
+    return DepthScores(float(entry[error]), float(entry[delta]), int(entry[pixels]))
 
 
 def number(value: object) -> float | None:

@@ -9,8 +9,8 @@ from typing import final
 import numpy as np
 
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.scoring.intervals import group_intervals, units
-from semgs.evaluation.scoring.summary import confidence_group
+from semgs.evaluation.scoring.intervals import choose_units, group_intervals
+from semgs.evaluation.scoring.summary import group_confidences
 from semgs.objectives.selective import least_confidence, risks
 
 COVERAGES = tuple(step / 20 for step in range(1, 21))
@@ -43,8 +43,8 @@ def risk_coverage(frames: Sequence[FrameScores]) -> tuple[RiskPoint, ...]:
     if not total.any():
         return ()
     names = tuple(f"{coverage:.2f}" for coverage in COVERAGES)
-    group = confidence_group(frames, names, lambda summed: risks(summed, COVERAGES))
-    found = group_intervals(group, units(frames))
+    group = group_confidences(frames, names, lambda summed: risks(summed, COVERAGES))
+    found = group_intervals(group, choose_units(frames))
     return tuple(
         RiskPoint(
             coverage,

@@ -72,7 +72,7 @@ class MetricGroup:
         return dict(zip(self.names, values[:, 0].tolist(), strict=True))
 
 
-def metric_groups(frames: Sequence[FrameScores]) -> list[MetricGroup]:
+def group_metrics(frames: Sequence[FrameScores]) -> list[MetricGroup]:
     """The metrics of some targets, in groups. Each group uses the targets that have what it needs."""
     groups: tuple[tuple[tuple[str, ...], str, Callable[..., Values]], ...] = (
         (CLASS_METRICS, "confusion", _class_values),
@@ -86,13 +86,13 @@ def metric_groups(frames: Sequence[FrameScores]) -> list[MetricGroup]:
     )
     found = []
     for names, needed, values in groups:
-        those = [frame for frame in frames if getattr(frame, needed) is not None]
-        if those:
-            scene_of = _scene_numbers(those)
-            found.append(MetricGroup(names, scene_of, values(those, scene_of)))
+        scored = [frame for frame in frames if getattr(frame, needed) is not None]
+        if scored:
+            scene_of = _scene_numbers(scored)
+            found.append(MetricGroup(names, scene_of, values(scored, scene_of)))
     if any(frame.confidences is not None and frame.confidences.any() for frame in frames):
         found.append(
-            confidence_group(
+            group_confidences(
                 frames,
                 CONFIDENCE_METRICS,
                 lambda counts: np.stack([area_under_risk_coverage(counts), equal_mass_calibration_error(counts)], -1),
@@ -101,7 +101,7 @@ def metric_groups(frames: Sequence[FrameScores]) -> list[MetricGroup]:
     return found
 
 
-def confidence_group(
+def group_confidences(
     frames: Sequence[FrameScores], names: tuple[str, ...], metrics: Callable[[np.ndarray], np.ndarray]
 ) -> MetricGroup:
     """Metrics of the confidence at the labelled and seen pixels of all targets together.
@@ -111,14 +111,14 @@ def confidence_group(
         names: of the metrics.
         metrics: computes them [trial metric] from counts [trial level 2].
     """
-    those = [frame for frame in frames if frame.confidences is not None and frame.confidences.any()]
-    counts = np.stack([frame.confidences for frame in those if frame.confidences is not None])
-    flat = counts.reshape(len(those), -1).astype(np.float64)  # exact up to 2^53 pixels, and fast to multiply
+    scored = [frame for frame in frames if frame.confidences is not None and frame.confidences.any()]
+    counts = np.stack([frame.confidences for frame in scored if frame.confidences is not None])
+    flat = counts.reshape(len(scored), -1).astype(np.float64)  # exact up to 2^53 pixels, and fast to multiply
 
     def values(times: np.ndarray, scene_times: np.ndarray) -> np.ndarray:
         return metrics((times @ flat).astype(np.int64).reshape(-1, *counts.shape[1:])).T
 
-    return MetricGroup(names, _scene_numbers(those), values)
+    return MetricGroup(names, _scene_numbers(scored), values)
 
 
 def _scene_numbers(frames: Sequence[FrameScores]) -> Int64[np.ndarray, " n"]:
@@ -127,21 +127,21 @@ def _scene_numbers(frames: Sequence[FrameScores]) -> Int64[np.ndarray, " n"]:
     return np.array([order[frame.scene] for frame in frames], np.int64)
 
 
-def summary(frames: Sequence[FrameScores]) -> dict[str, float]:
+def summarise(frames: Sequence[FrameScores]) -> dict[str, float]:
     """The metrics that some targets have, in the order of `METRICS`."""
     values: dict[str, float] = {}
-    for group in metric_groups(frames):
+    for group in group_metrics(frames):
         values |= group.once()
     return {name: values[name] for name in METRICS if name in values}
 
 
-def extremes(frames: Sequence[FrameScores], most: int) -> tuple[list[int], list[int]]:
+def find_extremes(frames: Sequence[FrameScores], most: int) -> tuple[list[int], list[int]]:
     """Positions of the best and of the worst frames, up to `most` of each without overlap, best and worst first.
 
     Ranked by mean IoU, or by PSNR if no classes are scored. Frames without that score are left out.
     """
     metric = "psnr" if all(frame.confusion is None for frame in frames) else "miou_per_image"
-    values = [summary([frame]).get(metric, math.nan) for frame in frames]
+    values = [summarise([frame]).get(metric, math.nan) for frame in frames]
     order = sorted((i for i, value in enumerate(values) if math.isfinite(value)), key=lambda i: -values[i])
     best = order[: min(most, (len(order) + 1) // 2)]
     return best, order[len(best) :][::-1][:most]
@@ -163,9 +163,9 @@ class ClassScores:
     predicted: int
 
 
-def class_scores(frames: Sequence[FrameScores]) -> list[ClassScores]:
+def score_classes(frames: Sequence[FrameScores]) -> list[ClassScores]:
     """The scores of each class, in the order of the class table; empty if no target has labels."""
-    confusion, truth = total_confusion(frames)
+    confusion, truth = sum_confusions(frames)
     ious = intersection_over_union(torch.from_numpy(confusion)).tolist()
     hits, rows = confusion.diagonal(), confusion.sum(1)
     return [
@@ -179,11 +179,13 @@ def class_scores(frames: Sequence[FrameScores]) -> list[ClassScores]:
     ]
 
 
-def total_confusion(
+def sum_confusions(
     frames: Sequence[FrameScores],
 ) -> tuple[Int64[np.ndarray, "class class"], Int64[np.ndarray, " class"]]:
     """The confusion matrix of all targets, and their pixels by true class; both empty if no target has labels."""
-    pairs = [(one.confusion, one.truth) for one in frames if one.confusion is not None and one.truth is not None]
+    pairs = [
+        (frame.confusion, frame.truth) for frame in frames if frame.confusion is not None and frame.truth is not None
+    ]
     if not pairs:
         return np.zeros((0, 0), np.int64), np.zeros(0, np.int64)
     return np.sum([confusion for confusion, _ in pairs], axis=0), np.sum([truth for _, truth in pairs], axis=0)

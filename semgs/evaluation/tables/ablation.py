@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from statistics import mean
 
-from semgs.evaluation.scoring.intervals import paired_differences
+from semgs.evaluation.scoring.intervals import Interval, paired_differences
 from semgs.evaluation.tables.evaluation_report import SavedReport
 from semgs.evaluation.tables.table_grid import Cell, Grid
 from semgs.objectives.measures import TITLES
@@ -96,10 +96,9 @@ def ablation_grid(reports: Mapping[tuple[str, int], SavedReport], views: int) ->
         if not done:
             continue
         over = str(done[0].numbers["intervals_over"])
-        cells = [Cell("✓" if there else "–") for there in row.parts]
-        for metric in METRICS:
-            cells.append(Cell(_cell([one.numbers for one in done], metric)))
-        rows.append((Cell(row.title), *cells))
+        parts = [Cell("✓" if there else "–") for there in row.parts]
+        scores = [Cell(_score([result.numbers for result in done], metric)) for metric in METRICS]
+        rows.append((Cell(row.title), *parts, *scores))
     targets = len(next(iter(reports.values())).results[views].frames) if reports else 0
     seeds = sorted({seed for _, seed in reports})
     notes = [f"In brackets: the 95 % interval over {over}."]
@@ -107,7 +106,6 @@ def ablation_grid(reports: Mapping[tuple[str, int], SavedReport], views: int) ->
         notes.append(f"Means over {len(seeds)} seeds, ± half the difference between the highest and the lowest.")
     return Grid(
         title=f"Ablation, {views} input views, {targets} targets, seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}",
-        groups=(),
         head=("row", "Sh-Layer", "Sw-Trans", "C-Inj", "Sm-Loss", *[TITLES[metric] for metric in METRICS]),
         rows=tuple(rows),
         notes=tuple(notes),
@@ -128,18 +126,10 @@ def steps_grid(reports: Mapping[tuple[str, int], SavedReport], views: int) -> Gr
                 continue
             first, second = (reports[one.name, seed].results[views] for one in (before, after))
             differences = paired_differences(first.frames, second.frames)
-            cells = []
-            for metric in METRICS:
-                one = differences.get(metric)
-                if one is None:
-                    cells.append(Cell("–"))
-                    continue
-                clear = one.low > 0 or one.high < 0
-                cells.append(Cell(f"{one.value:+.3f} ({one.low:+.3f} to {one.high:+.3f})", marked=clear))
+            cells = [_difference_cell(differences.get(metric)) for metric in METRICS]
             rows.append((Cell(after.title), Cell(str(seed)), *cells))
     return Grid(
         title="What each part adds",
-        groups=(),
         head=("part", "seed", *[TITLES[metric] for metric in METRICS]),
         rows=tuple(rows),
         mark=" *",
@@ -147,7 +137,15 @@ def steps_grid(reports: Mapping[tuple[str, int], SavedReport], views: int) -> Gr
     )
 
 
-def _cell(done: Sequence[Mapping], metric: str) -> str:
+def _difference_cell(difference: Interval | None) -> Cell:
+    """A difference with its interval."""
+    if difference is None:
+        return Cell("–")
+    ends = f"({difference.low:+.3f} to {difference.high:+.3f})"
+    return Cell(f"{difference.value:+.3f} {ends}", marked=difference.excludes_zero)
+
+
+def _score(done: Sequence[Mapping], metric: str) -> str:
     """A metric of a variant: value and interval, or for several seeds mean and half range."""
     values = [one[metric] for one in done if one[metric] is not None]
     if not values:

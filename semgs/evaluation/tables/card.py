@@ -8,7 +8,7 @@ from typing import Any
 from semgs.evaluation.scoring.summary import CONFIDENCE_METRICS
 from semgs.evaluation.tables.comparison_tables import MARKED, ROWS
 from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
-from semgs.evaluation.tables.metric_texts import with_interval
+from semgs.evaluation.tables.score_cells import interval_cells
 from semgs.evaluation.tables.table_grid import Cell, Grid
 from semgs.figures.risk_coverage_plot import RiskCurve
 from semgs.model.weights.header_scores import Figure
@@ -27,13 +27,12 @@ def card_grids(reports: Sequence[SavedReport]) -> list[Grid]:
     rows: list[tuple[Cell, ...]] = []
     for report, result in pairs:
         name = f"{report.data_name} ({len(report.sizes)}), {result.views} views"
-        rows.append(_row(name, result.numbers, result.numbers["below_copy"]))
-        rows.append(_row(f"  {ROWS['copy']}", result.trivial.get("copy", {}), ()))
+        rows.append((Cell(name), *interval_cells(result.numbers, METRICS, result.numbers["below_copy"])))
+        rows.append((Cell(f"  {ROWS['copy']}"), *interval_cells(result.baselines.get("copy", {}), METRICS)))
     protocols = " and ".join(dict.fromkeys(report.protocol for report in reports))
     marked = any(cell.marked for row in rows for cell in row)
     scores = Grid(
         title=f"Scores, protocol {protocols}",
-        groups=(),
         head=("data (scenes), input views", *[TITLES[metric] for metric in METRICS]),
         rows=tuple(rows),
         notes=(
@@ -66,36 +65,16 @@ def figures(numbers: Mapping[str, Any]) -> dict[str, Figure]:
     }
 
 
-def _row(name: str, numbers: Mapping[str, Any], worse: Sequence[str]) -> tuple[Cell, ...]:
-    """A row of the table of scores."""
-    known = figures(numbers)
-    return (
-        Cell(name),
-        *[
-            Cell(with_interval(metric, one.value, one.low, one.high), marked=metric in worse)
-            if (one := known.get(metric))
-            else Cell("–")
-            for metric in METRICS
-        ],
-    )
-
-
 def _confidence(pairs: Sequence[tuple[SavedReport, SavedResult]]) -> Grid:
     """How far confidence can be trusted."""
     rows = []
     for report, result in pairs:
-        numbers = result.numbers
-        points = {round(100 * point["coverage"]): point for point in numbers["risk_coverage"]}
-        cells = [Cell(f"{report.data_name} ({len(report.sizes)}), {result.views} views")]
-        for name in CONFIDENCE_METRICS:
-            cells.append(Cell(with_interval(name, numbers[name], *numbers["intervals"].get(name, (None, None)))))
-        for coverage in KEPT:
-            point = points[coverage]
-            cells.append(Cell(f"{100 * point['risk']:.1f} % ({point['confidence']:.2f})"))
-        rows.append(tuple(cells))
+        points = {round(100 * point["coverage"]): point for point in result.numbers["risk_coverage"]}
+        shares = [f"{100 * points[share]['risk']:.1f} % ({points[share]['confidence']:.2f})" for share in KEPT]
+        name = Cell(f"{report.data_name} ({len(report.sizes)}), {result.views} views")
+        rows.append((name, *interval_cells(result.numbers, CONFIDENCE_METRICS), *map(Cell, shares)))
     return Grid(
         title="Confidence",
-        groups=(),
         head=(
             "data (scenes), input views",
             *[TITLES[name] for name in CONFIDENCE_METRICS],

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any, Literal
 
 from semgs.evaluation.scoring.intervals import paired_differences
 from semgs.evaluation.scoring.summary import LOWER_IS_BETTER, SEEN_METRICS
-from semgs.evaluation.tables.evaluation_report import COMPARED, SavedReport, SavedResult, below
+from semgs.evaluation.tables.evaluation_report import COMPARED, SavedReport, SavedResult, worse_than_copy
 from semgs.evaluation.tables.published_results import MARK, PublishedTable
+from semgs.evaluation.tables.score_cells import score_cells
 from semgs.evaluation.tables.table_grid import Cell, Grid
 from semgs.files.errors import InputError
 from semgs.objectives.measures import MOSTLY_SEEN, TITLES, shown_number
@@ -89,18 +91,14 @@ def paper_grid(reports: Sequence[SavedReport], published: PublishedTable | None 
     """
     names = distinct_names(reports)
     views = sorted({count for report in reports for count in report.results})
-    by_views: dict[str, dict[int, Mapping[str, Any]]] = {
-        name: {count: result.numbers for count, result in report.results.items()}
-        for name, report in zip(names, reports, strict=True)
-    }
-    trivial = _trivial(reports, views)
-    rows = [
-        tuple([Cell(name), *_paper_cells(numbers, views, trivial.get("copy", {}))])
-        for name, numbers in by_views.items()
-    ]
+    trivial = _trivial(reports)
+    rows = []
+    for name, report in zip(names, reports, strict=True):
+        numbers = {count: result.numbers for count, result in report.results.items()}
+        rows.append(_paper_row(name, numbers, views, trivial.get("copy", {})))
     above = () if published is None else published.rows
-    above_rows = [tuple([Cell(f"{row.name} {MARK}"), *_paper_cells(row.numbers, views, {})]) for row in above]
-    below_rows = [tuple([Cell(ROWS[name]), *_paper_cells(numbers, views, {})]) for name, numbers in trivial.items()]
+    above_rows = [_paper_row(f"{row.name} {MARK}", row.numbers, views) for row in above]
+    below_rows = [_paper_row(ROWS[name], numbers, views) for name, numbers in trivial.items()]
     targets = max(len(result.frames) for report in reports for result in report.results.values())
     marked = any(cell.marked for row in rows for cell in row)
     return Grid(
@@ -125,15 +123,12 @@ def data_grid(reports: Sequence[SavedReport]) -> Grid:
     for report in reports:
         rules += [len(rows)] if rows else []
         for views, result in report.results.items():
-            worse = result.numbers["below_copy"]
             scenes = len(report.sizes)
             where = f"{report.name} on {report.data_name} ({scenes} scene{'s' * (scenes > 1)}), {views} views"
-            rows.append(_overview_row(where, result.numbers, DATA, worse))
-            copy = result.trivial.get("copy", {})
-            rows.append(_overview_row(f"  {ROWS['copy']}", copy, DATA, []))
+            rows.append((Cell(where), *score_cells(result.numbers, DATA, result.numbers["below_copy"])))
+            rows.append((Cell(f"  {ROWS['copy']}"), *score_cells(result.baselines.get("copy", {}), DATA)))
     return Grid(
         title=f"{len(reports)} evaluation{'s' * (len(reports) > 1)}, protocol {' and '.join(dict.fromkeys(report.protocol for report in reports))}",
-        groups=(),
         head=("method and data", *[TITLES[metric] for metric in DATA]),
         rows=tuple(rows),
         rules=tuple(rules),
@@ -164,21 +159,14 @@ def difference_grids(reports: Sequence[SavedReport]) -> list[Grid]:
                 if first.numbers.get(metric) is None or second.numbers.get(metric) is None:
                     continue
                 rows.append(_difference_row(metric, views, first, second, differences))
+        narrow = " (fewer than five scenes), so they are too narrow for other scenes" if over == "frames" else ""
         grids.append(
             Grid(
                 title=f"{name} minus {names[0]}, {len(reports[0].results[shared[0]].frames)} targets, protocol {report.protocol}",
-                groups=(),
                 head=("metric", "views", names[0], name, "difference", "95 % interval"),
                 rows=tuple(rows),
                 mark=" *",
-                notes=(
-                    f"* the interval excludes 0. Intervals: paired bootstrap over {over}"
-                    + (
-                        " (fewer than five scenes), so they are too narrow for other scenes."
-                        if over == "frames"
-                        else "."
-                    ),
-                ),
+                notes=(f"* the interval excludes 0. Intervals: paired bootstrap over {over}{narrow}.",),
             )
         )
     return grids
@@ -190,21 +178,20 @@ def overview_grid(report: SavedReport, metrics: Sequence[str] = FULL) -> Grid:
     Metrics over the seen pixels are shown only if a relevant share was not seen, as in `semgs reconstruct`.
     """
     seen = all((result.numbers.get("unseen") or 0) <= 1 - MOSTLY_SEEN for result in report.results.values())
-    every = [row for result in report.results.values() for row in (result.numbers, *result.trivial.values())]
+    every = [row for result in report.results.values() for row in (result.numbers, *result.baselines.values())]
     wanted = [metric for metric in metrics if not (seen and metric in SEEN_METRICS)]
     shown = [metric for metric in wanted if any(row.get(metric) is not None for row in every)]
     if any(result.numbers["not_given"] for result in report.results.values()):
         shown.append("not_given")
     rows = []
     for views, result in report.results.items():
-        worse = result.numbers["below_copy"]
-        rows.append(_overview_row(f"{report.name}, {views} views", result.numbers, shown, worse))
-        rows += [_overview_row(f"  {ROWS[name]}", numbers, shown, []) for name, numbers in result.trivial.items()]
+        own = score_cells(result.numbers, shown, result.numbers["below_copy"])
+        rows.append((Cell(f"{report.name}, {views} views"), *own))
+        rows += [(Cell(f"  {ROWS[name]}"), *score_cells(numbers, shown)) for name, numbers in result.baselines.items()]
     marked = any(cell.marked for row in rows for cell in row)
     samples = next(iter(report.results.values())).numbers["samples"]
     return Grid(
         title=f"{samples} targets, protocol {report.protocol}",
-        groups=(),
         head=("method", *[TITLES[metric] for metric in shown]),
         rows=tuple(rows),
         notes=(MARKED,) if marked else (),
@@ -233,38 +220,28 @@ def _measured_on(reports: Sequence[SavedReport]) -> str:
     return f"FPS of the rows run here: on {'; '.join(machines)}."
 
 
-def _overview_row(
-    name: str, numbers: Mapping[str, Any], shown: Sequence[str], worse: Sequence[str]
-) -> tuple[Cell, ...]:
-    """A row with some metrics."""
-    return (
-        Cell(name),
-        *[Cell(shown_number(metric, numbers.get(metric)), marked=metric in worse) for metric in shown],
-    )
-
-
-def _trivial(reports: Sequence[SavedReport], views: Sequence[int]) -> dict[str, dict[int, Mapping[str, Any]]]:
+def _trivial(reports: Sequence[SavedReport]) -> dict[str, dict[int, Mapping[str, Any]]]:
     """The baselines by name and number of views, from the first report that has them: all reports have the same targets."""
-    found: dict[str, dict[int, Mapping[str, Any]]] = {}
+    rows: dict[str, dict[int, Mapping[str, Any]]] = {}
     for name in ROWS:
-        for count in views:
-            for report in reports:
-                result = report.results.get(count)
-                if result is not None and name in result.trivial:
-                    found.setdefault(name, {}).setdefault(count, result.trivial[name])
-    return found
+        for result in (result for report in reports for result in report.results.values()):
+            if name in result.baselines:
+                rows.setdefault(name, {}).setdefault(result.views, result.baselines[name])
+    return rows
 
 
-def _paper_cells(
-    numbers: Mapping[int, Mapping[str, Any]], views: Sequence[int], copy: Mapping[int, Mapping[str, Any]]
-) -> list[Cell]:
-    """The cells of a row, for all numbers of views."""
-    cells = []
+def _paper_row(
+    name: str,
+    numbers: Mapping[int, Mapping[str, Any]],
+    views: Sequence[int],
+    copy: Mapping[int, Mapping[str, Any]] = MappingProxyType({}),
+) -> tuple[Cell, ...]:
+    """A row for all numbers of views; metrics that are worse than those of the copy are marked."""
+    cells = [Cell(name)]
     for count in views:
         ours = numbers.get(count, {})
-        worse = below(ours, copy.get(count, {}))
-        cells += [Cell(shown_number(metric, ours.get(metric)), marked=metric in worse) for metric in PAPER]
-    return cells
+        cells += score_cells(ours, PAPER, worse_than_copy(ours, copy.get(count, {})))
+    return tuple(cells)
 
 
 def _best(rows: Sequence[tuple[Cell, ...]]) -> list[tuple[Cell, ...]]:
@@ -275,17 +252,12 @@ def _best(rows: Sequence[tuple[Cell, ...]]) -> list[tuple[Cell, ...]]:
     def number(cell: Cell) -> float:
         return float("-inf") if cell.text == "–" else float(cell.text)
 
-    highest = [max(map(number, column)) for column in list(zip(*rows, strict=True))[1:]]
-    return [
-        (
-            row[0],
-            *[
-                replace(cell, best=number(cell) == top > float("-inf"))
-                for cell, top in zip(row[1:], highest, strict=True)
-            ],
-        )
-        for row in rows
-    ]
+    names, *columns = zip(*rows, strict=True)
+    marked = []
+    for column in columns:
+        highest = max(map(number, column))
+        marked.append([replace(cell, best=number(cell) == highest > float("-inf")) for cell in column])
+    return list(zip(names, *marked, strict=True))
 
 
 def _difference_row(
@@ -295,7 +267,7 @@ def _difference_row(
     before, after = first.numbers[metric], second.numbers[metric]
     interval = differences.get(metric)
     ends = "–" if interval is None else f"{_signed(metric, interval.low)} to {_signed(metric, interval.high)}"
-    clear = interval is not None and (interval.low > 0 or interval.high < 0)
+    clear = interval is not None and interval.excludes_zero
     arrow = " ↓" if metric in LOWER_IS_BETTER else ""
     return (
         Cell(TITLES[metric] + arrow),

@@ -12,17 +12,17 @@ from semgs.data.tables.classes import ClassTable
 from semgs.evaluation.frames.frame_plan import FramePlan, frame_list
 from semgs.evaluation.scoring.baselines import NAMES
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.scoring.intervals import intervals, units
-from semgs.evaluation.scoring.method_scores import Rows
-from semgs.evaluation.scoring.records import finite, frame_of, number, record, seconds
+from semgs.evaluation.scoring.intervals import choose_units, intervals
+from semgs.evaluation.scoring.method_scores import MethodScores
+from semgs.evaluation.scoring.records import decode_scores, encode_scores, finite, number, seconds
 from semgs.evaluation.scoring.risk_coverage import risk_coverage
 from semgs.evaluation.scoring.summary import (
     CONFIDENCE_METRICS,
     LOWER_IS_BETTER,
     METRICS,
     SEEN_METRICS,
-    class_scores,
-    summary,
+    score_classes,
+    summarise,
 )
 from semgs.files.errors import InputError
 from semgs.files.strict_json import read_json
@@ -35,7 +35,7 @@ COMPARED = tuple(name for name in METRICS if name not in ("unseen", "not_given",
 
 
 @dataclass(frozen=True)
-class Subject:
+class EvaluatedMethod:
     """What was evaluated.
 
     Attributes:
@@ -67,10 +67,10 @@ class Evaluation:
         notes: for the user, a sentence each.
     """
 
-    subject: Subject
+    subject: EvaluatedMethod
     data: str
     plan: FramePlan
-    rows: tuple[Rows, ...]
+    rows: tuple[MethodScores, ...]
     classes: ClassTable | None
     versions: Mapping[str, str]
     hardware: Mapping[str, str | int]
@@ -110,13 +110,13 @@ def evaluation_numbers(evaluation: Evaluation) -> dict[str, Any]:
     }
 
 
-def _result(rows: Rows, classes: ClassTable | None) -> dict[str, Any]:
+def _result(rows: MethodScores, classes: ClassTable | None) -> dict[str, Any]:
     """The entry for one number of views."""
     numbers = _numbers(rows.method)
-    trivial = {name: _numbers(frames) for name, frames in rows.trivial.items()}
+    trivial = {name: _numbers(frames) for name, frames in rows.baselines.items()}
     if classes is not None:
-        for name, frames in rows.trivial.items():
-            scored = zip(classes.names, class_scores(frames), strict=False)
+        for name, frames in rows.baselines.items():
+            scored = zip(classes.names, score_classes(frames), strict=False)
             trivial[name]["per_class_iou"] = {label: one.iou for label, one in scored if one.iou is not None}
     scenes = dict.fromkeys(frame.scene for frame in rows.method)
     entry = {
@@ -124,7 +124,7 @@ def _result(rows: Rows, classes: ClassTable | None) -> dict[str, Any]:
         **numbers,
         "samples": len(rows.method),
         **timing(rows.method),
-        "below_copy": below(numbers, trivial["copy"]),
+        "below_copy": worse_than_copy(numbers, trivial["copy"]),
         "trivial": trivial,
         "per_class": [],
         "risk_coverage": [asdict(point) for point in risk_coverage(rows.method)],
@@ -134,10 +134,10 @@ def _result(rows: Rows, classes: ClassTable | None) -> dict[str, Any]:
             for these in [[frame for frame in rows.method if frame.scene == scene]]
         ],
         "truth_sha256": rows.truth,
-        "per_frame": [record(frame) for frame in rows.method],
+        "per_frame": [encode_scores(frame) for frame in rows.method],
     }
     if classes is not None:
-        scores = class_scores(rows.method)
+        scores = score_classes(rows.method)
         entry["per_class"] = [{"name": name, **asdict(one)} for name, one in zip(classes.names, scores, strict=False)]
     return entry
 
@@ -161,7 +161,7 @@ def timing(frames: Sequence[FrameScores]) -> dict[str, float | None]:
     }
 
 
-def below(numbers: Mapping[str, Any], copy: Mapping[str, Any]) -> list[str]:
+def worse_than_copy(numbers: Mapping[str, Any], copy: Mapping[str, Any]) -> list[str]:
     """The metrics that are worse than those of the oracle that copies the nearest input view."""
     worse = []
     for name in COMPARED:
@@ -177,13 +177,13 @@ def _numbers(frames: Sequence[FrameScores]) -> dict[str, Any]:
     return {
         **_metrics(frames),
         "intervals": {name: [finite(found[name].low), finite(found[name].high)] for name in METRICS if name in found},
-        "intervals_over": units(frames),
+        "intervals_over": choose_units(frames),
     }
 
 
 def _metrics(frames: Sequence[FrameScores]) -> dict[str, float | None]:
     """All metrics; None if unknown."""
-    values = summary(frames)
+    values = summarise(frames)
     return {name: finite(values.get(name)) for name in METRICS}
 
 
@@ -194,14 +194,14 @@ class SavedResult:
     Attributes:
         views: the number of contexts.
         numbers: the entry in `results`.
-        trivial: numbers of the baselines, by name.
+        baselines: their numbers, by name.
         frames: the scores of each target.
         truth: the hash of the truth.
     """
 
     views: int
     numbers: Mapping[str, Any]
-    trivial: Mapping[str, Mapping[str, Any]]
+    baselines: Mapping[str, Mapping[str, Any]]
     frames: tuple[FrameScores, ...]
     truth: str
 
@@ -263,57 +263,48 @@ def saved_report(path: Path, content: dict[str, Any]) -> SavedReport:
         LookupError, TypeError, ValueError, OverflowError, AttributeError: the content is no complete report.
     """
     classes = content["classes"]
-    count = len(classes["names"]) if classes else 0
-    for entry in content["results"]:
-        for row in (entry, *entry["trivial"].values()):
-            for name in METRICS:
-                # Reports of older versions have neither metrics of the seen pixels nor of confidence.
-                number(row.get(name) if name in (*SEEN_METRICS, *CONFIDENCE_METRICS) else row[name])
-            for low, high in row.get("intervals", {}).values():
-                number(low)
-                number(high)
-        number(entry["fps_encoding_each"])
-        _check_shown(entry)
-        if entry["intervals_over"] not in ("scenes", "frames"):
-            raise ValueError(f"intervals_over is {entry['intervals_over']!r}")
-    results = {
-        int(entry["views"]): SavedResult(
-            views=int(entry["views"]),
-            numbers=entry,
-            trivial={name: entry["trivial"][name] for name in NAMES if name in entry["trivial"]},
-            frames=tuple(frame_of(frame, count) for frame in entry["per_frame"]),
-            truth=str(entry["truth_sha256"]),
-        )
-        for entry in content["results"]
-    }
+    results = [_saved_result(entry, len(classes["names"]) if classes else 0) for entry in content["results"]]
     return SavedReport(
         path=path,
         name=str(content["method"]["name"]),
         protocol=str(content["protocol"]),
         sizes={one["scene"]: (int(one["size"][0]), int(one["size"][1])) for one in content["frames"]["scenes"]},
         classes=classes["name"] if classes else None,
-        results=results,
+        results={result.views: result for result in results},
         data_name=data_name(str(content["data"]["path"]), [str(one["name"]) for one in content["data"]["scenes"]]),
         hardware=dict(content.get("hardware", {})),
         sha256=content["method"].get("sha256"),
     )
 
 
-def _check_shown(entry: Mapping[str, Any]) -> None:
-    """See that what tables show of an entry, besides its metrics, is of the right kind.
+def _saved_result(entry: dict[str, Any], classes: int) -> SavedResult:
+    """The entry for one number of views, after a check of all that tables show of it.
 
     Raises:
-        KeyError, TypeError, ValueError, AttributeError: it is not.
+        LookupError, TypeError, ValueError, OverflowError, AttributeError: it is incomplete.
     """
-    texts = [*entry["below_copy"], *(one["name"] for one in entry["per_class"])]
-    if wrong := [text for text in texts if not isinstance(text, str)]:
+    values = [entry["fps_encoding_each"]]
+    for row in (entry, *entry["trivial"].values()):
+        # Reports of older versions have neither metrics of the seen pixels nor of confidence.
+        values += [row.get(name) if name in (*SEEN_METRICS, *CONFIDENCE_METRICS) else row[name] for name in METRICS]
+        values += [end for low, high in row.get("intervals", {}).values() for end in (low, high)]
+    values += [label[name] for label in entry["per_class"] for name in ("pixels", "iou")]
+    points = entry.get("risk_coverage") or ()
+    values += [point[name] for point in points for name in ("coverage", "risk", "low", "high", "confidence")]
+    for value in values:
+        number(value)
+    names = [*entry["below_copy"], *(label["name"] for label in entry["per_class"])]
+    if wrong := [name for name in names if not isinstance(name, str)]:
         raise TypeError(f"{wrong[0]!r:.40} is not a name")
-    for one in entry["per_class"]:
-        number(one["pixels"])
-        number(one["iou"])
-    for point in entry.get("risk_coverage") or ():
-        for name in ("coverage", "risk", "low", "high", "confidence"):
-            number(point[name])
+    if entry["intervals_over"] not in ("scenes", "frames"):
+        raise ValueError(f"intervals_over is {entry['intervals_over']!r}")
+    return SavedResult(
+        views=int(entry["views"]),
+        numbers=entry,
+        baselines={name: entry["trivial"][name] for name in NAMES if name in entry["trivial"]},
+        frames=tuple(decode_scores(frame, classes) for frame in entry["per_frame"]),
+        truth=str(entry["truth_sha256"]),
+    )
 
 
 def data_name(path: str, scenes: Sequence[str]) -> str:

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 from semgs.data.scene import Scene
 from semgs.evaluation.frames.frame_plan import FramePlan
-from semgs.evaluation.scoring.intervals import FEWEST_SCENES, units
-from semgs.evaluation.scoring.method_scores import Rows
-from semgs.evaluation.scoring.summary import summary
-from semgs.evaluation.tables.evaluation_report import below
+from semgs.evaluation.scoring.intervals import FEWEST_SCENES, choose_units
+from semgs.evaluation.scoring.method_scores import MethodScores
+from semgs.evaluation.scoring.summary import summarise
+from semgs.evaluation.tables.evaluation_report import worse_than_copy
 from semgs.files.text import listed
 from semgs.objectives.measures import TITLES
 
@@ -18,7 +18,7 @@ STRETCH_TOLERANCE = 0.01
 """Images whose aspect ratio changes by more than this are reported."""
 
 
-def notes(plan: FramePlan, scenes: Sequence[Scene], rows: Sequence[Rows], workers: int) -> list[str]:
+def notes(plan: FramePlan, scenes: Sequence[Scene], rows: Sequence[MethodScores], workers: int) -> list[str]:
     """Limitations of an evaluation's numbers.
 
     Args:
@@ -63,7 +63,7 @@ def _without_truth(plan: FramePlan) -> list[str]:
     return found
 
 
-def _without_prediction(rows: Sequence[Rows]) -> list[str]:
+def _without_prediction(rows: Sequence[MethodScores]) -> list[str]:
     """Kinds of truth for which the method predicts nothing."""
     found = []
     frames = [frame for one in rows for frame in one.method]
@@ -71,7 +71,7 @@ def _without_prediction(rows: Sequence[Rows]) -> list[str]:
         found.append("The method predicts no classes, so there are no class metrics.")
     if all(frame.psnr is None for frame in frames):
         found.append("The method predicts no images, so there are no colour metrics.")
-    if all(frame.depth is None for frame in frames) and any(one.trivial.get("warp") for one in rows):
+    if all(frame.depth is None for frame in frames) and any(one.baselines.get("warp") for one in rows):
         found.append("The method predicts no depth, so there are no depth metrics.")
     return found
 
@@ -90,20 +90,20 @@ def _stretched(plan: FramePlan) -> list[str]:
     return found
 
 
-def _below_copy(rows: Sequence[Rows]) -> list[str]:
+def _below_copy(rows: Sequence[MethodScores]) -> list[str]:
     """Metrics that are worse than those of the oracle that copies the nearest input view."""
     found = []
     for one in rows:
-        worse = below(summary(one.method), summary(one.trivial["copy"]))
+        worse = worse_than_copy(summarise(one.method), summarise(one.baselines["copy"]))
         if worse:
             names = ", ".join(TITLES[name] for name in worse)
             found.append(f"From {one.views} views, worse than the oracle that copies the nearest input view: {names}.")
     return found
 
 
-def _intervals(rows: Sequence[Rows]) -> list[str]:
+def _intervals(rows: Sequence[MethodScores]) -> list[str]:
     """That intervals over frames are too narrow."""
-    if not any(units(one.method) == "frames" for one in rows):
+    if not any(choose_units(one.method) == "frames" for one in rows):
         return []
     return [
         f"There are fewer than {FEWEST_SCENES} scenes, so intervals are over frames. "
@@ -111,7 +111,7 @@ def _intervals(rows: Sequence[Rows]) -> list[str]:
     ]
 
 
-def _equal_pictures(rows: Sequence[Rows]) -> list[str]:
+def _equal_pictures(rows: Sequence[MethodScores]) -> list[str]:
     """That some PSNR is infinite."""
     count = sum(frame.psnr is not None and math.isinf(frame.psnr) for one in rows for frame in one.method)
     return (

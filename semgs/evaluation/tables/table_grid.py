@@ -23,18 +23,18 @@ class Grid:
 
     Attributes:
         title: of the table.
-        groups: headings above columns, each with the number of columns that it spans; the first column has none. May be empty.
         head: column headings; the first is for the names.
         rows: of equal length; the first cell is the name.
+        groups: headings above columns, each with the number of columns that it spans; the first column has none.
         rules: rows that have a line above them.
         mark: suffix of marked cells.
         notes: below the table, a sentence each.
     """
 
     title: str
-    groups: tuple[tuple[str, int], ...]
     head: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
+    groups: tuple[tuple[str, int], ...] = ()
     rules: tuple[int, ...] = ()
     mark: str = "†"
     notes: tuple[str, ...] = ()

@@ -6,7 +6,7 @@ import io
 
 from PIL.ImageFile import ImageFile
 
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, import_error
 from semgs.files.stored import Stored
 
 BRANDS = (b"heic", b"heix", b"heim", b"heis", b"mif1")
@@ -18,7 +18,7 @@ def is_heic(data: bytes) -> bool:
     return data[4:8] == b"ftyp" and data[8:12] in BRANDS
 
 
-def opened_heic(path: str | Stored, data: bytes) -> ImageFile:
+def open_heic(path: str | Stored, data: bytes) -> ImageFile:
     """A HEIC as an image of Pillow with only its header read. Its rotation is already applied.
 
     Args:
@@ -29,11 +29,9 @@ def opened_heic(path: str | Stored, data: bytes) -> ImageFile:
         InputError: it is damaged.
         ImportError: pillow-heif is not installed.
     """
-    try:
+    advice = f"{path} is a HEIC image, which needs pillow-heif: pip install '.[phone]' in SemGS's folder"
+    with import_error(advice, "pillow_heif"):
         from pillow_heif import HeifImageFile
-    except ImportError as error:
-        message = f"{path} is a HEIC image, which needs pillow-heif: pip install '.[phone]' in SemGS's folder"
-        raise ImportError(message, name="pillow_heif") from error
     try:
         return HeifImageFile(io.BytesIO(data))
     except (OSError, SyntaxError, ValueError, EOFError, RuntimeError) as error:

@@ -75,7 +75,7 @@ def html(text: str, rows: Iterable[Strip]) -> str:
     return f"<pre>{escape(text)}</pre>" + "".join(_row(one) for one in rows)
 
 
-def small(picture: np.ndarray) -> np.ndarray:
+def subsample(picture: np.ndarray) -> np.ndarray:
     """Every k-th row and column of an image [h w ...], so that no side is longer than `LONGEST`."""
     step = -(-max(picture.shape[:2]) // LONGEST)
     return picture[::step, ::step]
@@ -97,7 +97,7 @@ def _numbered(labels: Sequence[int]) -> tuple[tuple[str, ...], tuple[Colour, ...
 def _row(row: Strip) -> str:
     """A strip as HTML with embedded images."""
     pictures = "".join(
-        f'<img src="data:image/png;base64,{base64.b64encode(png_bytes(small(one))).decode()}" style="margin-right:4px">'
+        f'<img src="data:image/png;base64,{base64.b64encode(png_bytes(subsample(one))).decode()}" style="margin-right:4px">'
         for one in row.pictures
         if one.size
     )

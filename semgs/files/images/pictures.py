@@ -13,6 +13,7 @@ import re
 import struct
 import warnings
 import zlib
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from PIL import Image, UnidentifiedImageError
 from semgs.files.atomic import write_bytes
 from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError
-from semgs.files.images.heic import is_heic, opened_heic
+from semgs.files.images.heic import is_heic, open_heic
 from semgs.files.stored import Stored, stored
 
 FORMATS = ("JPEG", "PNG")
@@ -41,7 +42,7 @@ _PANORAMA = 6
 """What iPhones write as CustomRendered of a panorama."""
 _MM = {2: 25.4, 3: 10.0}
 """Millimetres of FocalPlaneResolutionUnit: inches, centimetres."""
-_SIXTEEN_BITS = ("I;16", "I;16B", "I;16L")
+_EIGHT_BITS, _SIXTEEN_BITS = ("L", "P"), ("I;16", "I;16B", "I;16L")
 _DAMAGE = (
     OSError,
     SyntaxError,
@@ -256,12 +257,7 @@ def read_uint16(path: str | Stored) -> np.ndarray:
     """
     if stored(path).suffix.lower() == ".pgm":
         return _pgm_counts(path, read_bytes(path, "an image"))
-    # From memory, because Pillow asks a file for as many bytes as its chunks claim to have.
-    with _opened(path, read_bytes(path, "an image")) as image:
-        _decode(path, image)
-        if image.mode not in _SIXTEEN_BITS or image.format != "PNG":
-            raise InputError(path, "a 16-bit PNG of one channel", f"a {image.format} of mode {image.mode}")
-        return np.asarray(image).astype(np.uint16)
+    return _map(read_bytes(path, "an image"), path, _SIXTEEN_BITS, "a 16-bit PNG of one channel")
 
 
 def _pgm_counts(path: str | Stored, data: bytes) -> np.ndarray:
@@ -281,11 +277,7 @@ def read_uint8(path: str | Stored) -> np.ndarray:
     Raises:
         InputError: it is missing, truncated, or something else.
     """
-    with _opened(path, read_bytes(path, "an image")) as image:
-        _decode(path, image)
-        if image.mode not in ("L", "P") or image.format != "PNG":
-            raise InputError(path, "an 8-bit PNG of one channel", f"a {image.format} of mode {image.mode}")
-        return np.array(image)
+    return _map(read_bytes(path, "an image"), path, _EIGHT_BITS, "an 8-bit PNG of one channel")
 
 
 def decode_map(data: bytes, path: str | Stored) -> np.ndarray:
@@ -298,10 +290,15 @@ def decode_map(data: bytes, path: str | Stored) -> np.ndarray:
     Raises:
         InputError: it is truncated, or something else.
     """
+    return _map(data, path, (*_EIGHT_BITS, *_SIXTEEN_BITS), "a PNG of one channel")
+
+
+def _map(data: bytes, path: str | Stored, modes: Collection[str], expected: str) -> np.ndarray:
+    """A PNG with one channel of one of Pillow's modes, as stored. From memory, as Pillow asks files for as many bytes as chunks claim to have."""
     with _opened(path, data) as image:
         _decode(path, image)
-        if image.format != "PNG" or image.mode not in ("L", "P", *_SIXTEEN_BITS):
-            raise InputError(path, "a PNG of one channel", f"a {image.format} of mode {image.mode}")
+        if image.format != "PNG" or image.mode not in modes:
+            raise InputError(path, expected, f"a {image.format} of mode {image.mode}")
         return np.asarray(image).astype(np.uint16 if image.mode in _SIXTEEN_BITS else np.uint8)
 
 
@@ -359,7 +356,7 @@ def _opened(path: str | Stored, data: bytes | None = None) -> Image.Image:
         data = read_bytes(file, "an image") if data is None else data
         if not is_heic(data):
             raise InputError(path, "a JPEG or PNG image", "something else or a damaged header") from error
-        image = opened_heic(path, data)
+        image = open_heic(path, data)
     except _DAMAGE as error:
         raise InputError(path, "a JPEG or PNG image", str(error)) from error
     if image.width * image.height > MOST_PIXELS:

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 
 from semgs.model.attention.camera_attention import token_transforms
 from semgs.model.attention.swin import MultiViewSwin
-from semgs.model.layers.network_input import Padded
+from semgs.model.layers.network_input import NetworkInput
 
 
 class CameraTransformer(nn.Module):
@@ -26,14 +26,14 @@ class CameraTransformer(nn.Module):
         self.camera_aware = camera_aware
         self.output_transform = output_transform
 
-    def forward(self, features: Float[Tensor, "n c h w"], scene: Padded) -> Float[Tensor, "n c h w"]:
+    def forward(self, features: Float[Tensor, "n c h w"], inputs: NetworkInput) -> Float[Tensor, "n c h w"]:
         """Features of the same size."""
         transforms = None
         if self.camera_aware:
             grid = self.swin.grid((features.shape[-2], features.shape[-1]))
             transforms = token_transforms(
-                scene.cameras, scene.near, grid, features.shape[1], features, self.output_transform
+                inputs.cameras, inputs.near, grid, features.shape[1], features, self.output_transform
             )
-        batch = scene.cameras.batch
+        batch = inputs.cameras.batch
         transformed: Tensor = self.swin(torch.unflatten(features, 0, batch), transforms)
         return transformed.flatten(0, 1)

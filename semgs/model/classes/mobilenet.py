@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn.functional import interpolate, pad, relu6
 
-from semgs.model.classes.refinement import ClassRefinement, Cues, Refined, Shallow
+from semgs.model.classes.refinement import ClassRefinement, Cues, Shallow, ViewFeatures
 from semgs.model.layers.memory_format import lay_out
 from semgs.scene.coarse_depth import SHRINK
 
@@ -138,17 +138,15 @@ class MobileNetRefinement(ClassRefinement):
     """
 
     reads_shallow = False
-    feature_layers = ("features",)
-    cue_layers = ("backbone",)
 
     def __init__(self, channels: int, classes: int, width: int = 96) -> None:
         super().__init__()
         self.backbone = MobileNetV2()
-        self.lateral = nn.ModuleList(normed(nn.Conv2d(wide, width, 1, bias=False)) for wide in WIDTHS)
+        self.lateral = nn.ModuleList(conv_norm_relu(nn.Conv2d(wide, width, 1, bias=False)) for wide in WIDTHS)
         self.merged = nn.ModuleList(
-            normed(nn.Conv2d(width, width, 3, padding=1, groups=width, bias=False)) for _ in WIDTHS[:-1]
+            conv_norm_relu(nn.Conv2d(width, width, 3, padding=1, groups=width, bias=False)) for _ in WIDTHS[:-1]
         )
-        self.last = normed(nn.Conv2d(width, width, 3, padding=1, bias=False))
+        self.last = conv_norm_relu(nn.Conv2d(width, width, 3, padding=1, bias=False))
         self.features = nn.Conv2d(width, channels, 1)
         self.classifier = nn.Conv2d(width, classes, 1)
 
@@ -158,27 +156,40 @@ class MobileNetRefinement(ClassRefinement):
         lay_out(self, torch.channels_last)
         return self
 
-    def forward(self, images: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
-        """Features at 1/4 of the images, and the evidence for classes. Large images are downsampled first (`near_side`)."""
-        maps = self.backbone(near_side(images, SHRINK))
-        x = at_scale(self.decoded(maps), images, SHRINK)
-        return Refined(self.features(x), x, tuple(maps[k] for k in CUES))
+    def forward(self, images: Float[Tensor, "n 3 h w"], shallow: Shallow) -> ViewFeatures:
+        """Features at 1/4 of the images, and the evidence for classes. Large images are downsampled first (`downsample`)."""
+        maps = self.backbone(downsample(images, SHRINK))
+        x = resample(self.decode(maps), images, SHRINK)
+        return ViewFeatures(self.features(x), x, tuple(maps[k] for k in CUES))
 
-    def cues(self, images: Float[Tensor, "n 3 h w"], seen: tuple[Tensor, ...] = ()) -> Cues:
+    def cues(self, images: Float[Tensor, "n 3 h w"], cue_maps: tuple[Tensor, ...] = ()) -> Cues:
         """The backbone's maps of 32 and 96 channels: depth reads them and never teaches them.
 
         They are contiguous, because torch 2.13 crashes in the gradient of a group norm on maps with channels last and without gradient.
         """
-        if not seen:
+        if not cue_maps:
             with torch.no_grad():
-                maps = self.backbone(near_side(images, SHRINK))
-            seen = tuple(maps[k] for k in CUES)
-        shown = (one.detach().contiguous() for one in seen)
-        return tuple(at_scale(one, images, SHRINK * 2**k) for k, one in zip(CUES, shown, strict=True))
+                maps = self.backbone(downsample(images, SHRINK))
+            cue_maps = tuple(maps[k] for k in CUES)
+        detached = (cue_map.detach().contiguous() for cue_map in cue_maps)
+        return tuple(resample(cue_map, images, SHRINK * 2**k) for k, cue_map in zip(CUES, detached, strict=True))
 
-    def decoded(self, maps: list[Tensor]) -> Float[Tensor, "n width h4 w4"]:
+    def evidence_layers(self) -> tuple[nn.Module, ...]:
+        """Layers on which the classifier's logits depend, the classifier included."""
+        assert self.classifier is not None
+        return self.backbone, self.lateral, self.merged, self.last, self.classifier
+
+    def cue_layers(self) -> tuple[nn.Module, ...]:
+        """The backbone."""
+        return (self.backbone,)
+
+    def pretrained_layers(self) -> tuple[nn.Module, ...]:
+        """The backbone."""
+        return (self.backbone,)
+
+    def decode(self, maps: list[Tensor]) -> Float[Tensor, "n width h4 w4"]:
         """The decoder's finest map, at 1/4 of the backbone's images; classes and features are linear in it."""
-        *finer, coarsest = (lateral(one) for lateral, one in zip(self.lateral, maps, strict=True))
+        *finer, coarsest = (lateral(wide) for lateral, wide in zip(self.lateral, maps, strict=True))
         x = coarsest
         for merged, fine in zip(reversed(self.merged), reversed(finer), strict=True):
             x = merged(fine + interpolate(x, size=fine.shape[-2:], mode="bilinear", align_corners=False))
@@ -186,7 +197,7 @@ class MobileNetRefinement(ClassRefinement):
         return finest
 
 
-def near_side(images: Float[Tensor, "n 3 h w"], shrink: int) -> Float[Tensor, "n 3 h_small w_small"]:
+def downsample(images: Float[Tensor, "n 3 h w"], shrink: int) -> Float[Tensor, "n 3 h_small w_small"]:
     """Images downsampled by the integer that brings their shorter side closest to `SIDE`, to multiples of `shrink`; small ones are unchanged."""
     times = round(min(images.shape[-2:]) / SIDE)
     if times <= 1:
@@ -195,12 +206,12 @@ def near_side(images: Float[Tensor, "n 3 h w"], shrink: int) -> Float[Tensor, "n
     return interpolate(images, size=(height, width), mode="area")
 
 
-def normed(conv: nn.Conv2d) -> nn.Sequential:
+def conv_norm_relu(conv: nn.Conv2d) -> nn.Sequential:
     """relu(norm(conv(x)))."""
     return nn.Sequential(conv, nn.BatchNorm2d(conv.out_channels), nn.ReLU())
 
 
-def at_scale(
+def resample(
     maps: Float[Tensor, "n c h2 w2"], images: Float[Tensor, "n 3 h w"], shrink: int
 ) -> Float[Tensor, "n c hs ws"]:
     """Maps resampled to 1 / shrink of the images, unless they have that size already."""

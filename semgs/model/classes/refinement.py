@@ -20,22 +20,22 @@ Cues = tuple[Tensor, ...]
 
 
 @dataclass(frozen=True)
-class Refined:
+class ViewFeatures:
     """The output of a refinement, for single views.
 
     Attributes:
         features: for the transformer.
         evidence: for the refinement's own classifier, if it has one.
-        seen: maps from which `ClassRefinement.cues` makes depth's cues, if it makes any.
+        cue_maps: maps from which `ClassRefinement.cues` makes depth's cues, if it makes any.
     """
 
     features: Float[Tensor, "n c h4 w4"]
     evidence: Float[Tensor, "n k h4 w4"]
-    seen: tuple[Tensor, ...] = ()
+    cue_maps: tuple[Tensor, ...] = ()
 
-    def __getitem__(self, at: slice) -> Refined:
-        """The same of some of the views, without `seen`."""
-        return Refined(self.features[at], self.evidence[at])
+    def __getitem__(self, at: slice) -> ViewFeatures:
+        """The same of some of the views, without `cue_maps`."""
+        return ViewFeatures(self.features[at], self.evidence[at])
 
 
 class ClassRefinement(nn.Module, ABC):
@@ -43,23 +43,19 @@ class ClassRefinement(nn.Module, ABC):
 
     Attributes:
         reads_shallow: whether it uses the shallow features, so that shared layers learn from classes.
-        feature_layers: names of layers that only the transformer needs.
-        cue_layers: names of layers that `cues` needs.
 
     Args:
-        classifier: from `Refined.evidence` to class logits, which the head then corrects; None leaves the classes to the head.
+        classifier: from `ViewFeatures.evidence` to class logits, which the head then corrects; None leaves the classes to the head.
     """
 
     reads_shallow: ClassVar[bool] = True
-    feature_layers: ClassVar[tuple[str, ...]] = ()
-    cue_layers: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, classifier: nn.Conv2d | None = None) -> None:
         super().__init__()
         self.classifier = classifier
 
     @abstractmethod
-    def forward(self, images: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
+    def forward(self, images: Float[Tensor, "n 3 h w"], shallow: Shallow) -> ViewFeatures:
         """Features at 1/4 of the images (0..1).
 
         Args:
@@ -67,13 +63,25 @@ class ClassRefinement(nn.Module, ABC):
             shallow: computes their shallow features, if they are used.
         """
 
-    def cues(self, images: Float[Tensor, "n 3 h w"], seen: tuple[Tensor, ...] = ()) -> Cues:
+    def cues(self, images: Float[Tensor, "n 3 h w"], cue_maps: tuple[Tensor, ...] = ()) -> Cues:
         """Coarse maps of each view for depth; this refinement has none.
 
         Args:
             images: as for `forward`.
-            seen: `Refined.seen` from `forward`; without it, only the necessary layers are computed.
+            cue_maps: `ViewFeatures.cue_maps` from `forward`; without them, only the necessary layers are computed.
         """
+        return ()
+
+    def evidence_layers(self) -> tuple[nn.Module, ...]:
+        """Layers on which the classifier's logits depend, the classifier included."""
+        return ()
+
+    def cue_layers(self) -> tuple[nn.Module, ...]:
+        """Layers on which `cues` depends."""
+        return ()
+
+    def pretrained_layers(self) -> tuple[nn.Module, ...]:
+        """Layers that can start from published weights."""
         return ()
 
 
@@ -84,7 +92,7 @@ class ResidualRefinement(ClassRefinement):
         super().__init__()
         self.residual = nn.Sequential(ResidualBlock(channels, channels), ResidualBlock(channels, channels))
 
-    def forward(self, images: Float[Tensor, "n 3 h w"], shallow: Shallow) -> Refined:
+    def forward(self, images: Float[Tensor, "n 3 h w"], shallow: Shallow) -> ViewFeatures:
         """Features of each view; no classes."""
         features: Tensor = self.residual(shallow(images))
-        return Refined(features, features)
+        return ViewFeatures(features, features)

@@ -10,11 +10,11 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from semgs.model.attention.transformer import CameraTransformer
-from semgs.model.classes.refinement import ClassRefinement, Refined
-from semgs.model.gaussians.heads import Head, PlainUpsampler, Upsampler, upsampled
+from semgs.model.classes.refinement import ClassRefinement, ViewFeatures
+from semgs.model.layers.branch_head import Head, PlainUpsampler, Upsampler, upsample
 from semgs.model.layers.cnn import FeatureCNN
 from semgs.model.layers.memory_format import beside
-from semgs.model.layers.network_input import Padded
+from semgs.model.layers.network_input import NetworkInput
 
 SHAPE = 7
 """Channels of the head before its classes: 3 sizes and a quaternion."""
@@ -63,74 +63,76 @@ class SemanticBranch(nn.Module):
         self.upsampler = upsampler
         self.head = head
 
-    def forward(self, refined: Refined, scene: Padded) -> Attributes:
+    def forward(self, single: ViewFeatures, inputs: NetworkInput) -> Attributes:
         """Apply the transformer to all views; return a function that applies the head to some of them.
 
         Args:
-            refined: from `refined`.
-            scene: the views.
+            single: from `refine`.
+            inputs: the views.
         """
-        features: Tensor = self.transformer(refined.features, scene)
-        return lambda at: self._attributes(scene.small[at], features[at], refined[at])
+        features: Tensor = self.transformer(single.features, inputs)
+        return lambda at: self._attributes(inputs.small[at], features[at], single[at])
 
-    def logits_of(self, refined: Refined, scene: Padded) -> Float[Tensor, "n class h w"]:
+    def single_view_logits(self, single: ViewFeatures, inputs: NetworkInput) -> Float[Tensor, "n class h w"]:
         """Class logits of single views: those of the refinement, or else those of the head without the transformer."""
         if self.refinement.classifier is not None:
-            return self._own_logits(self.refinement.classifier, refined)
-        return self._attributes(scene.small, refined.features, refined)[:, SHAPE:]
+            return self._own_logits(self.refinement.classifier, single)
+        return self._attributes(inputs.small, single.features, single)[:, SHAPE:]
 
     @property
     def evidence_channels(self) -> int:
         """Channels of the evidence for the refinement's classifier; 0 if it has none."""
         return 0 if self.refinement.classifier is None else self.refinement.classifier.in_channels
 
-    def refined(self, scene: Padded, cnn: FeatureCNN, shallow: Float[Tensor, "n c h4 w4"] | None = None) -> Refined:
+    def refine(
+        self, inputs: NetworkInput, cnn: FeatureCNN, shallow: Float[Tensor, "n c h4 w4"] | None = None
+    ) -> ViewFeatures:
         """The refinement's output for single views.
 
         Args:
-            scene: the views.
+            inputs: the views.
             cnn: the shared CNN.
             shallow: its features of the views; None computes them if they are needed.
         """
 
-        def features(images: Tensor) -> Tensor:
+        def shallow_features(images: Tensor) -> Tensor:
             if shallow is not None and self.cnn is None:
                 return shallow
             own: Tensor = (self.cnn or cnn)(images)
             return own
 
-        refined: Refined = self.refinement(scene.images, features)
-        return refined
+        single: ViewFeatures = self.refinement(inputs.images, shallow_features)
+        return single
 
     def _attributes(
-        self, small: Float[Tensor, "n 3 h w"], features: Float[Tensor, "n c h4 w4"], refined: Refined
+        self, small: Float[Tensor, "n 3 h w"], features: Float[Tensor, "n c h4 w4"], single: ViewFeatures
     ) -> Float[Tensor, "n channel h w"]:
         """The output of the head, plus the refinement's own logits if it has any."""
-        raw: Tensor = self.head(beside(small, self.upsampler(features, refined.features)))
+        raw: Tensor = self.head(beside(small, self.upsampler(features, single.features)))
         if self.refinement.classifier is None:
             return raw
-        own = self._own_logits(self.refinement.classifier, refined)
+        own = self._own_logits(self.refinement.classifier, single)
         return torch.cat((raw[:, :SHAPE], raw[:, SHAPE:] + own), dim=1)
 
-    def _own_logits(self, classifier: nn.Conv2d, refined: Refined) -> Float[Tensor, "n class h w"]:
+    def _own_logits(self, classifier: nn.Conv2d, single: ViewFeatures) -> Float[Tensor, "n class h w"]:
         """The refinement's logits at the Gaussians' scale."""
-        return upsampled(classifier(refined.evidence), self.upsampler.factor, self.upsampler.pixel_centres)
+        return upsample(classifier(single.evidence), self.upsampler.factor, self.upsampler.pixel_centres)
 
     @property
     def shares_cnn(self) -> bool:
         """Whether it uses the features of the shared CNN."""
         return self.cnn is None and self.refinement.reads_shallow
 
-    def layers(self, alone: bool = False) -> tuple[str, ...]:
-        """Beginnings of the names of the parameters on which the classes depend; with `alone`, on which `logits_of` depends."""
-        refinement = [f"refinement.{name}" for name, _ in self.refinement.named_children()]
+    def layers(self, alone: bool = False) -> tuple[nn.Module, ...]:
+        """Layers of the branch on which the classes depend; with `alone`, on which `single_view_logits` depends."""
         if not alone:
-            return ("cnn", *refinement, "transformer", "upsampler", "head")
-        if self.refinement.classifier is None:
-            return ("cnn", *refinement, "upsampler", "head")
-        between = {f"refinement.{name}" for name in self.refinement.feature_layers}
-        return ("cnn", *(one for one in refinement if one not in between))
+            return (self,)
+        cnn = () if self.cnn is None else (self.cnn,)
+        if self.refinement.classifier is not None:
+            return (*cnn, *self.refinement.evidence_layers())
+        return (*cnn, self.refinement, self.upsampler, self.head)
 
-    def class_layers(self) -> tuple[str, str]:
-        """Names of the layers that predict classes: the head's last and the refinement's, if it has one."""
-        return f"head.{len(self.head) - 1}", "refinement.classifier"
+    def class_layers(self) -> tuple[nn.Module, ...]:
+        """Layers that predict classes: the head's last and the refinement's, if it has one."""
+        own = self.refinement.classifier
+        return (self.head[-1],) if own is None else (self.head[-1], own)

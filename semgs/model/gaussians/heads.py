@@ -14,10 +14,11 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from semgs.geometry.plane_sweep import expected_depth
+from semgs.model.layers.branch_head import Head, Upsampler, upsample
 from semgs.model.layers.chunks import by_chunks
 from semgs.model.layers.conventions import Conventions
 from semgs.model.layers.memory_format import beside
-from semgs.model.layers.network_input import Padded
+from semgs.model.layers.network_input import NetworkInput
 from semgs.model.settings import MVSplatHeads
 from semgs.model.sweep.depth import Depth
 from semgs.model.sweep.unet import UNet
@@ -32,7 +33,7 @@ Features = Float[Tensor, "n c h4 w4"]
 
 
 @dataclass(frozen=True)
-class Decoded:
+class RawGaussians:
     """Predictions for each Gaussian of n views, in both forms of the heads.
 
     Attributes:
@@ -50,38 +51,6 @@ class Decoded:
     confidences: Float[Tensor, "n h w"]
     depth_spread: Float[Tensor, "n h w"]
     offsets: Float[Tensor, "n 2 h w"] | None = None
-
-
-class Upsampler(nn.Module):
-    """gelu(upsample(conv(transformed, single))): features from the network's scale to the Gaussians'."""
-
-    def __init__(self, inputs: int, outputs: int, factor: int, pixel_centres: bool = True) -> None:
-        super().__init__()
-        self.conv = nn.Conv2d(inputs, outputs, 3, padding=1)
-        self.factor = factor
-        self.pixel_centres = pixel_centres
-
-    def forward(
-        self, transformed: Float[Tensor, "n c h w"], single: Float[Tensor, "n c2 h w"]
-    ) -> Float[Tensor, "n d h2 w2"]:
-        """Features `factor` times as large, from features after the transformer and features of single views."""
-        x = self.conv(beside(transformed, single))
-        return nn.functional.gelu(upsampled(x, self.factor, self.pixel_centres))
-
-
-class PlainUpsampler(nn.Module):
-    """The paper's text: upsample the features of the transformer."""
-
-    def __init__(self, factor: int, pixel_centres: bool = True) -> None:
-        super().__init__()
-        self.factor = factor
-        self.pixel_centres = pixel_centres
-
-    def forward(
-        self, transformed: Float[Tensor, "n c h w"], single: Float[Tensor, "n c2 h w"]
-    ) -> Float[Tensor, "n c h2 w2"]:
-        """Features `factor` times as large; features of single views are not used."""
-        return upsampled(transformed, self.factor, self.pixel_centres)
 
 
 class DepthRefinement(nn.Module):
@@ -120,41 +89,21 @@ class DepthRefinement(nn.Module):
         return refined, self.to_disparity(refined).to(disparities.dtype)
 
 
-class Head(nn.Sequential):
-    """The two-layer CNN that predicts one branch's attributes.
-
-    Args:
-        inputs, hidden, outputs: channels.
-        last_kernel: of the second layer.
-        full: compute the second layer in full precision, even within autocast.
-    """
-
-    def __init__(self, inputs: int, hidden: int, outputs: int, last_kernel: int = 3, full: bool = False) -> None:
-        last = FullPrecisionConv2d if full else nn.Conv2d
-        super().__init__(
-            nn.Conv2d(inputs, hidden, 3, padding=1),
-            nn.GELU(),
-            last(hidden, outputs, last_kernel, padding=last_kernel // 2),
-        )
-
-
 class Decoder(nn.Module, ABC):
-    """The heads: they turn features and depth into the attributes of Gaussians.
+    """The heads: they turn features and depth into the attributes of Gaussians."""
 
-    Attributes:
-        depth_layers: names of the parts on which depth depends.
-    """
-
-    depth_layers: tuple[str, ...] = ()
+    def depth_layers(self) -> tuple[nn.Module, ...]:
+        """Layers on which depth depends."""
+        return ()
 
     @abstractmethod
     def forward(
-        self, scene: Padded, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
-    ) -> Decode:
+        self, inputs: NetworkInput, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
+    ) -> DecodeViews:
         """Compute what needs all views; return a function that decodes some of them.
 
         Args:
-            scene: the views.
+            inputs: the views.
             shallow: features of single views.
             features: of the colour transformer.
             depth: of the plane sweep.
@@ -162,7 +111,7 @@ class Decoder(nn.Module, ABC):
         """
 
 
-Decode = Callable[[slice], Decoded]
+DecodeViews = Callable[[slice], RawGaussians]
 """From a slice of the views to the attributes of their Gaussians."""
 
 
@@ -177,8 +126,6 @@ class MVSplatDecoder(Decoder):
         conventions: of geometry.
     """
 
-    depth_layers = ("upsampler", "refinement")
-
     def __init__(
         self, upsampler: Upsampler, refinement: DepthRefinement, colour: Head, harmonics: int, conventions: Conventions
     ) -> None:
@@ -190,31 +137,37 @@ class MVSplatDecoder(Decoder):
         self.factor = upsampler.factor
         self.conventions = conventions
 
+    def depth_layers(self) -> tuple[nn.Module, ...]:
+        """Layers on which depth depends."""
+        return self.upsampler, self.refinement
+
     def forward(
-        self, scene: Padded, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
-    ) -> Decode:
+        self, inputs: NetworkInput, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
+    ) -> DecodeViews:
         """The decoder of all views; the refinement sees them together."""
         confidences, spread = depth.confidences(self.factor), depth.spread(self.factor)
         disparities = coarse_disparities(depth, self.factor, self.conventions)
         # The upsampled features are needed twice. If views come in chunks, they are computed twice to save memory.
-        kept: Tensor | None = self.upsampler(features, shallow) if views_at_a_time is None else None
+        whole: Tensor | None = self.upsampler(features, shallow) if views_at_a_time is None else None
 
         def wide(at: slice) -> Tensor:
-            return self.upsampler(features[at], shallow[at]) if kept is None else kept[at]
+            return self.upsampler(features[at], shallow[at]) if whole is None else whole[at]
 
         projected = by_chunks(lambda at: self.refinement.project(wide(at)), len(features), views_at_a_time)
         near, far = depth.planes.bounds[:, :, None, None].unbind(1)
         unit = near if self.conventions.relative_disparity else torch.ones_like(near)
-        refined, raw = self.refinement(scene.small, projected, disparities * unit, confidences, scene.views)
+        refined, raw = self.refinement(inputs.small, projected, disparities * unit, confidences, inputs.views)
         depths = 1 / (disparities + raw[:, 0] / unit).clamp(1 / far, 1 / near)
         opacities = raw[:, 1].sigmoid()
 
-        def decoded(at: slice) -> Decoded:
-            seen = beside(refined[at], scene.small[at], wide(at))
-            attributes = rendered_attributes(self.colour, self.harmonics, seen)
-            return Decoded(depths[at], opacities[at], attributes[:, 2:], confidences[at], spread[at], attributes[:, :2])
+        def decode(at: slice) -> RawGaussians:
+            evidence = beside(refined[at], inputs.small[at], wide(at))
+            attributes = rendered_attributes(self.colour, self.harmonics, evidence)
+            return RawGaussians(
+                depths[at], opacities[at], attributes[:, 2:], confidences[at], spread[at], attributes[:, :2]
+            )
 
-        return decoded
+        return decode
 
 
 class PaperDecoder(Decoder):
@@ -237,25 +190,25 @@ class PaperDecoder(Decoder):
         self.conventions = conventions
 
     def forward(
-        self, scene: Padded, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
-    ) -> Decode:
+        self, inputs: NetworkInput, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
+    ) -> DecodeViews:
         """The decoder of all views; each view is decoded on its own."""
         sampling, corners = self.conventions.candidates, self.conventions.pixel_centres
 
-        def decoded(at: slice) -> Decoded:
+        def decode(at: slice) -> RawGaussians:
             part = depth[at]
-            distribution = upsampled(part.probabilities, self.factor, corners)
-            wide = upsampled(features[at], self.factor, corners)
+            distribution = upsample(part.probabilities, self.factor, corners)
+            wide = upsample(features[at], self.factor, corners)
             opacity: Tensor = self.opacity(distribution)
-            return Decoded(
+            return RawGaussians(
                 expected_depth(distribution, part.planes.depths, sampling),
                 opacity[:, 0].to(distribution.dtype).sigmoid(),
-                rendered_attributes(self.colour, self.harmonics, beside(scene.small[at], wide)),
+                rendered_attributes(self.colour, self.harmonics, beside(inputs.small[at], wide)),
                 part.confidences(self.factor),
                 part.spread(self.factor),
             )
 
-        return decoded
+        return decode
 
 
 def rendered_attributes(head: Head, harmonics: int, x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n d h w"]:
@@ -276,9 +229,4 @@ def rendered_attributes(head: Head, harmonics: int, x: Float[Tensor, "n c h w"])
 def coarse_disparities(depth: Depth, factor: int, conventions: Conventions) -> Float[Tensor, "n h w"]:
     """1 / expected depth, upsampled to maps `factor` times as large [1 / m]."""
     coarse = 1 / expected_depth(depth.probabilities, depth.planes.depths, conventions.candidates)
-    return upsampled(coarse[:, None], factor, conventions.pixel_centres)[:, 0]
-
-
-def upsampled(x: Float[Tensor, "n c h w"], factor: int, pixel_centres: bool) -> Float[Tensor, "n c h2 w2"]:
-    """Bilinear upsampling that preserves image corners, or the centres of the corner texels."""
-    return nn.functional.interpolate(x, scale_factor=factor, mode="bilinear", align_corners=not pixel_centres)
+    return upsample(coarse[:, None], factor, conventions.pixel_centres)[:, 0]

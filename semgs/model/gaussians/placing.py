@@ -8,13 +8,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from semgs.geometry.cameras import Cameras, pixel_centres, shrunk
+from semgs.geometry.cameras import Cameras, pixel_centres, shrink_cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.harmonics_rotation import rotated_harmonics
+from semgs.geometry.harmonics_rotation import rotate_harmonics
 from semgs.geometry.rotations import quaternion_from_matrix, quaternion_product
-from semgs.model.gaussians.heads import Decoded
+from semgs.model.gaussians.heads import RawGaussians
 from semgs.model.layers.conventions import Conventions
-from semgs.model.layers.network_input import Padded, widened
+from semgs.model.layers.network_input import NetworkInput, widen
 from semgs.runtime.precision import outside_autocast
 from semgs.scene.encoding import Encoding
 from semgs.scene.overlap import PAIR, Others, seen_by, shrinkage
@@ -134,7 +134,7 @@ def colour_appearance(
     terms = harmonics.shape[-2]
     degrees = torch.arange(terms, device=raw.device, dtype=raw.dtype).sqrt().floor()
     damping = torch.where(degrees == 0, 1, 0.1 * 0.25**degrees)
-    harmonics = rotated_harmonics(
+    harmonics = rotate_harmonics(
         (harmonics * damping[:, None]).flatten(1, 2), rays.rotation, mvsplat_basis=not conventions.standard_harmonics
     )
     if images is not None:
@@ -168,22 +168,22 @@ class Placer:
     conventions: Conventions
     shrink_seen: float = 0.0
 
-    def rays(self, scene: Padded, size: tuple[int, int], like: Tensor) -> Rays:
+    def rays(self, inputs: NetworkInput, size: tuple[int, int], like: Tensor) -> Rays:
         """Camera data of all views, at the Gaussians' scale.
 
         Args:
-            scene: the views.
+            inputs: the views.
             size: (height, width) of the images before padding [px].
             like: a tensor with the device and dtype of the result.
         """
-        rays = Rays.of(shrunk(scene.cameras, self.stride).flatten(), like)
-        if self.shrink_seen == 0 or scene.views <= PAIR:
+        rays = Rays.of(shrink_cameras(inputs.cameras, self.stride).flatten(), like)
+        if self.shrink_seen == 0 or inputs.views <= PAIR:
             return rays
-        return replace(rays, others=Others.of(scene.cameras, size, like))
+        return replace(rays, others=Others.of(inputs.cameras, size, like))
 
     def __call__(
         self,
-        decoded: Decoded,
+        decoded: RawGaussians,
         raw: Float[Tensor, "n channel h w"] | None,
         small: Float[Tensor, "n 3 h w"],
         rays: Rays,
@@ -222,8 +222,9 @@ class Placer:
             self._full(decoded.confidences, size),
             self._full(decoded.depth_spread, size),
             depth_range[:, None],
+            stride=self.stride,
         )
 
     def _full(self, maps: Float[Tensor, "n h w"], size: tuple[int, int]) -> Float[Tensor, "n 1 height width"]:
         """Maps at the images' own scale."""
-        return widened(maps, self.stride)[:, None, : size[0], : size[1]]
+        return widen(maps, self.stride)[:, None, : size[0], : size[1]]

@@ -1,4 +1,4 @@
-"""Padded: a batch of scenes in the form that the network takes."""
+"""NetworkInput: a batch of scenes in the form that the layers take."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MULTIPLE = 16
 
 
 @dataclass(frozen=True)
-class Padded:
+class NetworkInput:
     """A batch of b scenes of v views each, padded below and right; n = b v images, scene by scene.
 
     Attributes:
@@ -34,7 +34,7 @@ class Padded:
     views: int
 
     @staticmethod
-    def of(views: Views, like: Tensor, stride: int) -> Padded:
+    def of(views: Views, like: Tensor, stride: int) -> NetworkInput:
         """From views of one scene, or of scenes with any leading axes.
 
         Args:
@@ -43,14 +43,14 @@ class Padded:
             stride: pixels per Gaussian along each side.
         """
         count, (height, width) = len(views), views.size
-        padded = (-(-height // MULTIPLE) * MULTIPLE, -(-width // MULTIPLE) * MULTIPLE)
+        padded = padded_size(views.size)
         images = views.images.flatten(end_dim=-4).to(like)
         if padded != (height, width):
             images = pad(images, (0, padded[1] - width, 0, padded[0] - height), mode="replicate")
         small = avg_pool2d(images, stride) if stride > 1 else images
         cameras = views.cameras.arranged(lambda array: array.reshape(-1, count, *array.shape[-2:]))
         cameras = Cameras.trusted(cameras.world_from_camera, cameras.intrinsics, padded)
-        return Padded(images, small, cameras, views.depth_range.reshape(-1, count, 2), count)
+        return NetworkInput(images, small, cameras, views.depth_range.reshape(-1, count, 2), count)
 
     @property
     def near(self) -> Float[Tensor, " b"]:
@@ -58,6 +58,12 @@ class Padded:
         return self.depth_range[..., 0].amin(-1)
 
 
-def widened(maps: Float[Tensor, "*n h w"], stride: int) -> Float[Tensor, "*n h2 w2"]:
+def padded_size(size: tuple[int, ...]) -> tuple[int, int]:
+    """The (height, width) of images after padding [px]."""
+    height, width = (-(-side // MULTIPLE) * MULTIPLE for side in size)
+    return height, width
+
+
+def widen(maps: Float[Tensor, "*n h w"], stride: int) -> Float[Tensor, "*n h2 w2"]:
     """Each pixel of the maps repeated `stride` times along both sides."""
     return maps.repeat_interleave(stride, -1).repeat_interleave(stride, -2)

@@ -7,15 +7,13 @@ that the allocator cannot release (`HOLES`). Both were measured; docs/benchmarks
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 
-from semgs.data.views import Views
 from semgs.model.layers.chunks import Chunks
-from semgs.model.layers.network_input import MULTIPLE
+from semgs.model.layers.network_input import MULTIPLE, padded_size
 from semgs.model.memory.stage_memory import Work, seen_bytes, stage_bytes
-from semgs.model.semgs import SemGS
 from semgs.runtime.free_memory import free_bytes, held_bytes
 
 LIBRARIES = 225e6
@@ -62,63 +60,58 @@ class MemoryPlan:
     available_bytes: float
 
 
-def memory_plan(
-    model: SemGS, views: Views, targets: Views | None = None, *, available_bytes: float | None = None
-) -> MemoryPlan:
+def memory_plan(work: Work, available_bytes: float | None = None) -> MemoryPlan:
     """The memory for encoding a scene and rendering its views, with the fastest chunks or, if memory is short, the largest that fit.
 
     Args:
-        model: on the device that it will compute on.
-        views: the input views of one scene.
-        targets: target views to render as well, as `semgs.reconstruction.pipeline` does.
+        work: on views that are not padded yet.
         available_bytes: memory that may be used in total; None reads it from the system, its containers and limits, or the CUDA device.
 
     Raises:
         NotEnoughMemoryError: it does not fit even with one view at a time.
     """
-    device = next(model.parameters()).device
     if available_bytes is None:
-        available_bytes = _available(device)
-    held = _held(device)
-    work = _work(len(views), views.size, 0 if targets is None else len(targets))
-    best = _fitting(model, work, held, available_bytes)
+        available_bytes = _available(work.device)
+    held, padded = _held(work.device), _resized(work, work.size)
+    best = _fitting(padded, held, available_bytes)
     if best.peak_bytes > available_bytes:
-        raise NotEnoughMemoryError(_too_much(model, work, views.size, best, held))
+        raise NotEnoughMemoryError(_too_much(padded, work.size, best, held))
     return best
 
 
-def peaks(model: SemGS, work: Work, chunks: Chunks, held: float) -> dict[str, float]:
+def peaks(work: Work, chunks: Chunks, held: float) -> dict[str, float]:
     """Peak memory of a process in each stage, if it used `held` before [bytes]."""
-    found = {}
-    for stage, tensors in stage_bytes(model, work, chunks).items():
+
+    def peak(stage: str, tensors: float) -> float:
         holes = min(HOLES.get(stage, MANY_HOLES) * tensors, MOST_HOLES)
-        found[stage] = held + LIBRARIES + ROUNDING * tensors + holes
-    return found
+        return held + LIBRARIES + ROUNDING * tensors + holes
+
+    return {stage: peak(stage, tensors) for stage, tensors in stage_bytes(work, chunks).items()}
 
 
-def _fitting(model: SemGS, work: Work, held: float, available: float) -> MemoryPlan:
+def _fitting(work: Work, held: float, available: float) -> MemoryPlan:
     """The plan with the fastest chunks, with the largest that fit, or with the smallest if none fit."""
-    fastest = Chunks(heads=_joined(model, work))
+    fastest = Chunks(heads=_joined(work))
 
     def largest(stages: tuple[str, ...], chunked: str) -> int | None:
         """The most views at a time with which those stages fit; None is all."""
         sizes = list(_halves(work.views, getattr(fastest, chunked)))
         for size in sizes:
-            of = peaks(model, work, Chunks(**{chunked: size}), held)
-            if max(of[stage] for stage in stages) <= available:
+            stage_peaks = peaks(work, Chunks(**{chunked: size}), held)
+            if max(stage_peaks[stage] for stage in stages) <= available:
                 return size
         return sizes[-1]
 
     chunks = Chunks(cost=largest(("cost_volume",), "cost"), heads=largest(("depth", "heads"), "heads"))
-    found = peaks(model, work, chunks, held)
-    stage = max(found, key=lambda name: found[name])
-    return MemoryPlan(found[stage], stage, chunks, chunks != fastest, available)
+    stage_peaks = peaks(work, chunks, held)
+    stage = max(stage_peaks, key=lambda name: stage_peaks[name])
+    return MemoryPlan(stage_peaks[stage], stage, chunks, chunks != fastest, available)
 
 
-def _joined(model: SemGS, work: Work) -> int | None:
+def _joined(work: Work) -> int | None:
     """How many views the heads take at a time if memory is not short; None is all."""
-    most = max(1, int(JOINED // seen_bytes(model, work)))
-    return None if next(model.parameters()).device.type != "cpu" or most >= work.views else most
+    most = max(1, int(JOINED // seen_bytes(work)))
+    return None if work.device.type != "cpu" or most >= work.views else most
 
 
 def _halves(views: int, most: int | None) -> Iterator[int | None]:
@@ -130,7 +123,7 @@ def _halves(views: int, most: int | None) -> Iterator[int | None]:
         yield views
 
 
-def _too_much(model: SemGS, work: Work, size: tuple[int, int], best: MemoryPlan, held: float) -> str:
+def _too_much(work: Work, size: tuple[int, int], best: MemoryPlan, held: float) -> str:
     """One line on the memory that is needed, the memory that is free, and what would fit."""
     line = (
         f"N = {work.views} at {size[0]}x{size[1]} needs about {_gigabytes(best.peak_bytes)}, "
@@ -139,17 +132,18 @@ def _too_much(model: SemGS, work: Work, size: tuple[int, int], best: MemoryPlan,
     for views in dict.fromkeys((work.views, 2)):
         for part in (1, 2, 4, 8):
             smaller = size if part == 1 else tuple(max(SMALLEST_SIDE, _rounded(side / part)) for side in size)
-            found = _fitting(model, _work(views, smaller, work.drawn), held, best.available_bytes)
-            if found.peak_bytes <= best.available_bytes:
+            less = _resized(replace(work, views=views, drawn=views + work.drawn), smaller)
+            plan = _fitting(less, held, best.available_bytes)
+            if plan.peak_bytes <= best.available_bytes:
                 named = "" if views == work.views else f"N = {views} at "
-                return f"{line}; {named}{smaller[0]}x{smaller[1]} needs {_gigabytes(found.peak_bytes)}"
+                return f"{line}; {named}{smaller[0]}x{smaller[1]} needs {_gigabytes(plan.peak_bytes)}"
     return f"{line}; no size fits"
 
 
-def _work(views: int, size: tuple[int, ...], targets: int) -> Work:
-    """The work of `reconstruct`: all views are rendered, input and target views."""
-    height, width = (-(-side // MULTIPLE) * MULTIPLE for side in size)
-    return Work(views, (height, width), views + targets, (height, width) != tuple(size))
+def _resized(work: Work, size: tuple[int, ...]) -> Work:
+    """The same work on views of another (height, width), padded if necessary [px]."""
+    padded = padded_size(size)
+    return replace(work, size=padded, padded=padded != tuple(size))
 
 
 def _rounded(side: float) -> int:

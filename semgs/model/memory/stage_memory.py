@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import torch
+
 from semgs.model.classes.mobilenet import CUE_WIDTHS
 from semgs.model.classes.semantic import SHAPE
 from semgs.model.gaussians.heads import RENDERED_HARMONICS
 from semgs.model.layers.chunks import WHOLE, Chunks
-from semgs.model.semgs import SemGS
 from semgs.model.settings import MobileNet, NetworkSettings, PaperHeads, TransformerSettings
 from semgs.model.sweep.cost_volume import CHUNK
 from semgs.scene.coarse_depth import SHRINK
@@ -37,16 +38,45 @@ class Work:
     """The work of a network.
 
     Attributes:
+        settings: of the network.
+        classes: number of its classes, 0 for colour alone.
+        fuses: whether views agree on classes.
+        dtype: of its parameters.
+        device: on which it computes.
         views: number of input views.
         size: (height, width) after padding [px].
         drawn: number of rendered views.
         padded: whether padding copies the images.
     """
 
+    settings: NetworkSettings
+    classes: int
+    fuses: bool
+    dtype: torch.dtype
+    device: torch.device
     views: int
     size: tuple[int, int]
     drawn: int
     padded: bool = False
+
+    @property
+    def number_bytes(self) -> int:
+        """Bytes per number in the network's tensors."""
+        return max(self.dtype.itemsize, 4)
+
+    def texels(self, stride: int) -> float:
+        """Texels of a view's grid with that stride."""
+        return self.size[0] * self.size[1] / stride**2
+
+    @property
+    def gaussians(self) -> float:
+        """Gaussians of all views."""
+        return self.views * self.texels(self.settings.stride)
+
+    @property
+    def pixels(self) -> int:
+        """Pixels of all views."""
+        return self.views * self.size[0] * self.size[1]
 
 
 @dataclass(frozen=True)
@@ -70,33 +100,26 @@ class Heads:
     joined: int = 0
 
 
-def stage_bytes(model: SemGS, work: Work, chunks: Chunks = WHOLE) -> dict[str, float]:
+def stage_bytes(work: Work, chunks: Chunks = WHOLE) -> dict[str, float]:
     """Peak memory of the tensors in each stage, without memory used before [bytes]."""
-    number = _number_bytes(model)
-    numbers = _numbers(model, work, chunks, next(model.parameters()).device.type == "cpu")
-    count = work.views * _texels(work.size, model.stride)
-    pixels = work.size[0] * work.size[1]
-    classes = model.class_count
+    pixels, classes = work.size[0] * work.size[1], work.classes
     maps = 5 + classes
     # All views' renderings, the largest maps of one call to `render` again while they are concatenated, the last view's layers.
     drawn = pixels * (work.drawn * maps + max(work.views, work.drawn - work.views) * max(classes, 3) + 2 * maps) * 4
-    result = number * _result(model, count, work.views * pixels)
-    drawing = result + drawn + DRAWING * count + DRAWN_PAIRS
-    return {stage: number * value for stage, value in numbers.items()} | {"render": drawing}
+    drawing = work.number_bytes * _result(work) + drawn + DRAWING * work.gaussians + DRAWN_PAIRS
+    return {stage: work.number_bytes * value for stage, value in _numbers(work, chunks).items()} | {"render": drawing}
 
 
-def seen_bytes(model: SemGS, work: Work) -> float:
+def seen_bytes(work: Work) -> float:
     """Input of the heads of colour and opacity for one view [bytes]."""
-    return _number_bytes(model) * _texels(work.size, model.stride) * _heads(model.settings).seen
+    return work.number_bytes * work.texels(work.settings.stride) * _heads(work.settings).seen
 
 
-def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str, float]:
+def _numbers(work: Work, chunks: Chunks) -> dict[str, float]:
     """Numbers in the tensors of each stage of the network, at its peak."""
-    s, views = model.settings, work.views
-    texels = views * _texels(work.size, SHRINK)
-    gaussians = views * _texels(work.size, model.stride)
-    pixels = views * work.size[0] * work.size[1]
-    images = (3 * pixels if work.padded else 0) + (3 * gaussians if model.stride > 1 else 0)
+    s, views, gaussians = work.settings, work.views, work.gaussians
+    texels = views * work.texels(SHRINK)
+    images = (3 * work.pixels if work.padded else 0) + (3 * gaussians if s.stride > 1 else 0)
     features = texels * s.channels
 
     # Half-size maps of a residual block: its input, and two convolutions and their norms.
@@ -104,7 +127,7 @@ def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str,
 
     # The shallow and the transformed features of each branch.
     known = features * ((4 if s.semantic else 2) + s.colour.depth.cosine_cost)
-    cost = known + _cost(s, texels, views, chunks, fused)
+    cost = known + _cost(work, texels, chunks)
     # The cost, the distribution, its largest probability and its spread.
     known += 2 * texels * s.colour.depth.candidates + 2 * gaussians
     regression = known + texels * (s.channels + 2 * s.colour.depth.candidates + UNET_MAPS * s.colour.depth.width)
@@ -121,11 +144,10 @@ def _numbers(model: SemGS, work: Work, chunks: Chunks, fused: bool) -> dict[str,
     part = min(chunks.heads or views, views) / views
     last = kept + part * gaussians * (heads.seen + max(again, 2 * s.colour.hidden + 2 * heads.outputs))
     if part < 1:
-        last += _result(model, gaussians, pixels) * (1 + part)
+        last += _result(work) * (1 + part)
     # The result, the classes of all views by row and column, their logarithms, the sums by view and together, and points in double precision.
-    fusing = kept + _result(model, gaussians, pixels) + (4 * model.class_count + 10) * gaussians
-    if model.fuses:
-        last = max(last, fusing)
+    if work.fuses:
+        last = max(last, kept + _result(work) + (4 * work.classes + 10) * gaussians)
     return {
         "cnn": images + cnn,
         "transformer_colour": images + features + _attention(s.colour.transformer, features, views),
@@ -153,13 +175,13 @@ def _semantic(settings: NetworkSettings, features: float, views: int) -> float:
     return max(_attention(settings.semantic.transformer, features, views), refinement)
 
 
-def _cost(settings: NetworkSettings, texels: float, views: int, chunks: Chunks, fused: bool) -> float:
+def _cost(work: Work, texels: float, chunks: Chunks) -> float:
     """Features gathered for every pair of views, with the sums and counts of its planes; without the compiled kernel also the features
     warped for some planes at a time, and their positions."""
-    channels, candidates = settings.channels, settings.colour.depth.candidates
+    views, channels, candidates = work.views, work.settings.channels, work.settings.colour.depth.candidates
     at_once = min(chunks.cost or views, views)
     pair = 2 * channels + 2 * candidates
-    if not fused:
+    if work.device.type != "cpu":
         pair += CHUNK * (2 * channels + 10) + candidates
     return texels * (views - 1) * at_once / views * pair + texels * candidates
 
@@ -180,18 +202,8 @@ def _heads(settings: NetworkSettings) -> Heads:
     )
 
 
-def _result(model: SemGS, gaussians: float, pixels: int) -> float:
+def _result(work: Work) -> float:
     """Numbers in an encoding: its Gaussians, and three maps of its views."""
-    harmonics = min(model.settings.colour.harmonics, RENDERED_HARMONICS)
-    semantic = SHAPE + model.class_count if model.class_count else 0
-    return gaussians * (3 + 1 + SHAPE + 3 * harmonics + semantic) + 3 * pixels
-
-
-def _number_bytes(model: SemGS) -> int:
-    """Bytes per number in the network's tensors."""
-    return max(next(model.parameters()).element_size(), 4)
-
-
-def _texels(size: tuple[int, int], stride: int) -> float:
-    """Texels of a view's grid with that stride."""
-    return size[0] * size[1] / stride**2
+    harmonics = min(work.settings.colour.harmonics, RENDERED_HARMONICS)
+    semantic = SHAPE + work.classes if work.classes else 0
+    return work.gaussians * (3 + 1 + SHAPE + 3 * harmonics + semantic) + 3 * work.pixels

@@ -16,7 +16,7 @@ from semgs.model.classes.refinement import Cues
 from semgs.model.layers.chunks import by_chunks
 from semgs.model.layers.conventions import Conventions
 from semgs.model.layers.memory_format import beside
-from semgs.model.layers.network_input import Padded, widened
+from semgs.model.layers.network_input import NetworkInput, widen
 from semgs.model.settings import DepthSettings
 from semgs.model.sweep.cost_filter import CostFilter
 from semgs.model.sweep.cost_volume import cost_volume, unit_features
@@ -59,7 +59,7 @@ class Depth:
 
     def confidences(self, factor: int) -> Float[Tensor, "n h w"]:
         """The largest probability, repeated to maps `factor` times as large."""
-        return widened(self.probabilities.amax(1), factor)
+        return widen(self.probabilities.amax(1), factor)
 
     def spread(self, factor: int) -> Float[Tensor, "n h w"]:
         """Standard deviation of log depth under the probabilities, repeated to maps `factor` times as large; without gradient."""
@@ -71,7 +71,7 @@ class Depth:
             return (probabilities[at] * (logs - mean).square()).sum(1).sqrt()
 
         # A view at a time stays in the cache: half the time.
-        return widened(by_chunks(spread, len(probabilities), 1), factor)
+        return widen(by_chunks(spread, len(probabilities), 1), factor)
 
 
 class PlaneSweepDepth(nn.Module):
@@ -98,20 +98,20 @@ class PlaneSweepDepth(nn.Module):
         self.conventions = conventions
 
     def cost(
-        self, features: Float[Tensor, "n c h4 w4"], scene: Padded, views_at_a_time: int | None
+        self, features: Float[Tensor, "n c h4 w4"], inputs: NetworkInput, views_at_a_time: int | None
     ) -> Float[Tensor, "n l h4 w4"]:
         """The cost volume of all views.
 
         Args:
             features: of the colour transformer.
-            scene: the views.
+            inputs: the views.
             views_at_a_time: reference views to compute at a time; None is all.
         """
-        planes, batch = self.planes(features, scene), scene.cameras.batch
+        planes, batch = self.planes(features, inputs), inputs.cameras.batch
         matched = unit_features(features) if self.settings.cosine_cost else features
         return cost_volume(
             torch.unflatten(matched, 0, batch),
-            scene.cameras,
+            inputs.cameras,
             torch.unflatten(planes.bounds[:, 0], 0, batch),
             torch.unflatten(planes.depths, 0, batch),
             self.conventions,
@@ -124,26 +124,30 @@ class PlaneSweepDepth(nn.Module):
         return self.regressor.cues is not None
 
     def forward(
-        self, cost: Float[Tensor, "n l h4 w4"], features: Float[Tensor, "n c h4 w4"], scene: Padded, cues: Cues = ()
+        self,
+        cost: Float[Tensor, "n l h4 w4"],
+        features: Float[Tensor, "n c h4 w4"],
+        inputs: NetworkInput,
+        cues: Cues = (),
     ) -> Depth:
         """Probabilities of the depth candidates. Within autocast, only filter and regressor compute in half precision.
 
         Args:
             cost: from `cost`.
             features: of the colour transformer.
-            scene: the views.
+            inputs: the views.
             cues: from the class branch; only used with `reads_cues`.
         """
-        planes = self.planes(features, scene)
+        planes = self.planes(features, inputs)
         if self.filter is not None:
             cost = self.filter(cost)
-        logits: Tensor = self.regressor(cost, features, scene.views, cues)
+        logits: Tensor = self.regressor(cost, features, inputs.views, cues)
         return Depth(logits.to(planes.depths).softmax(1), planes)
 
-    def planes(self, features: Tensor, scene: Padded) -> Planes:
+    def planes(self, features: Tensor, inputs: NetworkInput) -> Planes:
         """The candidates on the features' device, in their dtype or at least float32."""
-        bounds = scene.depth_range.to(features.device, torch.promote_types(features.dtype, torch.float32))
-        depths = depth_candidates(scene.depth_range, self.settings.candidates, self.conventions.candidates).to(bounds)
+        bounds = inputs.depth_range.to(features.device, torch.promote_types(features.dtype, torch.float32))
+        depths = depth_candidates(inputs.depth_range, self.settings.candidates, self.conventions.candidates).to(bounds)
         return Planes(depths.flatten(0, 1), bounds.flatten(0, 1))
 
 

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from semgs.files.errors import InputError
+from semgs.files.records import make_record
 from semgs.files.strict_json import parse_json
 from semgs.model.weights.weights_file import read_header
 
@@ -52,7 +53,7 @@ class Score:
 
 def scores_text(scores: Sequence[Score]) -> str:
     """Scores as text for a header."""
-    return json.dumps([asdict(one) for one in scores])
+    return json.dumps([asdict(score) for score in scores])
 
 
 def read_scores(path: str | Path) -> tuple[Score, ...]:
@@ -63,9 +64,6 @@ def read_scores(path: str | Path) -> tuple[Score, ...]:
     """
     text = read_header(path).metadata.get(KEY, "[]")
     try:
-        return tuple(
-            Score(**{**one, "figures": {name: Figure(**figure) for name, figure in one["figures"].items()}})
-            for one in parse_json(text)
-        )
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise InputError(path, "scores as JSON", f"{type(error).__name__}: {error}", key=KEY) from None
+        return tuple(make_record(Score, score) for score in parse_json(text))
+    except (ValueError, TypeError) as error:
+        raise InputError(path, "scores as JSON", f"{error}", key=KEY) from None

@@ -8,6 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from semgs.files.errors import InputError
+from semgs.files.records import make_record
 from semgs.files.strict_json import parse_json
 from semgs.model.weights.weights_file import read_header
 from semgs.rendering.temperatures import Temperatures
@@ -43,6 +44,6 @@ def temperatures_in(metadata: Mapping[str, str], path: str | Path) -> Temperatur
     if text is None:
         return None
     try:
-        return Temperatures(**parse_json(text))
-    except (ValueError, TypeError) as error:
-        raise InputError(path, "temperatures as JSON", f"{type(error).__name__}: {error}", key=KEY) from None
+        return make_record(Temperatures, parse_json(text))
+    except ValueError as error:
+        raise InputError(path, "temperatures as JSON", f"{error}", key=KEY) from None

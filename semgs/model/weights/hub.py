@@ -51,7 +51,7 @@ def is_hub_id(weights: str | Path) -> bool:
     return isinstance(weights, str) and weights.startswith(SCHEME)
 
 
-def fetched(text: str) -> Path:
+def fetch(text: str) -> Path:
     """The weights file of a hub id, from the hub or from its library's cache, checked against the repository's hash.
 
     Args:
@@ -62,7 +62,7 @@ def fetched(text: str) -> Path:
             file or states no hash; or the hash differs.
         ImportError: huggingface_hub is not installed; the message names the extra.
     """
-    asked = HubId.parsed(text)
+    requested = HubId.parsed(text)
     try:
         from huggingface_hub import HfApi, hf_hub_download
     except ImportError as error:
@@ -70,16 +70,16 @@ def fetched(text: str) -> Path:
             "weights on the hub need huggingface_hub: pip install '.[hub]' in SemGS's folder", name="huggingface_hub"
         ) from error
     try:
-        repository = HfApi().model_info(asked.repository, revision=asked.revision, files_metadata=True)
+        repository = HfApi().model_info(requested.repository, revision=requested.revision, files_metadata=True)
     except Exception as error:  # the library passes on errors of its HTTP client, which changes between versions
         raise InputError(text, "a repository on the hub", _reason(error), advice=ADVICE) from None
-    files = [one for one in repository.siblings or [] if one.rfilename.endswith(".safetensors")]
+    files = [sibling for sibling in repository.siblings or [] if sibling.rfilename.endswith(".safetensors")]
     if len(files) != 1:
-        names = ", ".join(one.rfilename for one in files) or "none"
+        names = ", ".join(file.rfilename for file in files) or "none"
         raise InputError(text, "a repository with one safetensors file", names, advice=ADVICE)
     (file,) = files
     stated = file.lfs.sha256 if file.lfs else None
-    expected = asked.sha256 or stated
+    expected = requested.sha256 or stated
     if expected is None:
         known = "a file whose sha256 the repository states"
         raise InputError(text, known, "one outside LFS", file.rfilename, "give it: @sha256:HASH")
@@ -87,7 +87,7 @@ def fetched(text: str) -> Path:
         raise InputError(text, f"sha256 {expected}", f"{stated}, as the repository states", file.rfilename)
     try:
         # The commit, not the branch, which may have moved since.
-        path = Path(hf_hub_download(asked.repository, file.rfilename, revision=repository.sha))
+        path = Path(hf_hub_download(requested.repository, file.rfilename, revision=repository.sha))
     except Exception as error:
         raise InputError(text, f"{file.rfilename} from the hub", _reason(error), advice=ADVICE) from None
     found = sha256(path)

@@ -13,11 +13,21 @@ from pathlib import Path
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
+from semgs.files.records import make_record
 from semgs.files.strict_json import parse_json
 
 FILE_NAME = "index.json"
 SHOWN = 12
 """How many characters of a hash are shown."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An entry of the index: a file's name, hash and size."""
+
+    file: str
+    sha256: str
+    bytes: int
 
 
 @dataclass(frozen=True)
@@ -51,15 +61,15 @@ def read_index(folder: Path | None = None) -> tuple[Shipped, ...]:
     folder = shipped_folder() if folder is None else folder
     path = folder / FILE_NAME
     try:
-        content = parse_json(path.read_bytes())
-        return tuple(
-            Shipped(name, folder / Path(str(one["file"])).name, str(one["sha256"]), int(one["bytes"]))
-            for name, one in sorted(content.items())
-        )
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        entries = {name: make_record(Entry, entry) for name, entry in parse_json(path.read_bytes()).items()}
+    except (OSError, ValueError, AttributeError) as error:
         raise InputError(
             path, "the index of the included weights", f"{type(error).__name__}: {error}", advice="install semgs again"
         ) from None
+    return tuple(
+        Shipped(name, folder / Path(entry.file).name, entry.sha256, entry.bytes)
+        for name, entry in sorted(entries.items())
+    )
 
 
 def write_index(folder: Path | None = None) -> None:
@@ -93,13 +103,13 @@ def matching(file: Path, index: Sequence[Shipped]) -> Shipped:
         InputError: the file cannot be read, or is none of them.
     """
     if not file.is_file():
-        names = " or ".join(one.name for one in index)
+        names = " or ".join(shipped.name for shipped in index)
         raise InputError(file, f"a weights file, or {names}", "a folder" if file.is_dir() else "nothing")
     found = sha256(file)
-    for one in index:
-        if found == one.sha256:
-            return one
-    known = ", ".join(f"{one.name} {one.sha256[:SHOWN]}" for one in index)
+    for shipped in index:
+        if found == shipped.sha256:
+            return shipped
+    known = ", ".join(f"{shipped.name} {shipped.sha256[:SHOWN]}" for shipped in index)
     raise InputError(
         file, f"the sha256 of included weights ({known})", found[:SHOWN],
         advice="the file was changed, or belongs to another version of semgs",

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+
+from torch import Tensor
 
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
 from semgs.model.networks import NAMES, NETWORKS
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
-from semgs.model.switches import switched, switches_of
+from semgs.model.switches import Switches, switched, switches_of
 from semgs.model.weights.load import (
     as_large_as,
     find,
@@ -38,7 +41,7 @@ ADDED = ("colour.depth.filter.", "colour.depth.regressor.cues.")
 """Beginnings of the tensor names of those layers."""
 
 
-def start(
+def initial_network(
     name: str,
     init: str,
     *,
@@ -67,48 +70,69 @@ def start(
     Raises:
         InputError: the weights are missing, unreadable or do not fit; the tensor, class table or switch is named.
     """
-    asked = {} if switches is None else dict(switches)
+    requested = dict(switches or {})
     if backbone:
-        begun = start(
+        network = initial_network(
             name, init, seed=seed, classes=classes, own_classes=own_classes, switches=switches, fresh_semantics=fresh_semantics
         )  # fmt: skip
-        return with_backbone(begun, backbone)
+        return with_backbone(network, backbone)
     if init == "random":
-        return untrained(_switched(NETWORKS[name](), asked), seed, classes).eval()
+        return untrained(_switched(NETWORKS[name](), requested), seed, classes).eval()
     if init in NAMES and shipped(init) is None:
         raise InputError(
             init, "random, a weights file, or the name of included weights", "a name without included weights"
         )
     _, path = find(init)
     if is_published(path):
-        return with_backbone(
-            untrained(_switched(NETWORKS[name](), {"class_backbone": True, **asked}), seed, classes), path
-        )
-    if not is_ours(path):
-        if not asked or name == "small":
-            return load(name, path, seed=seed, classes=classes)
-        return from_mvsplat(untrained(_switched(NETWORKS[name](), asked), seed, classes), path, seed)
+        settings = _switched(NETWORKS[name](), {"class_backbone": True, **requested})
+        return with_backbone(untrained(settings, seed, classes), path)
+    if is_ours(path):
+        return _from_weights(name, path, requested, seed, classes, own_classes, fresh_semantics)
+    if not requested or name.startswith("small"):
+        return load(name, path, seed=seed, classes=classes)
+    return from_mvsplat(untrained(_switched(NETWORKS[name](), requested), seed, classes), path, seed)
+
+
+def _from_weights(
+    name: str,
+    path: Path,
+    requested: Mapping[str, Any],
+    seed: int,
+    classes: ClassTable,
+    own_classes: bool,
+    fresh_semantics: bool,
+) -> SemGS:
+    """The network of a weights file, with the requested switches and class table."""
     header = read_header(path)
-    there = switches_of(header.settings)
-    for key, value in asked.items():
-        fits = key in (*SEMANTIC_SHAPE, *NO_WEIGHTS) or (key in MORE_DEPTH and not getattr(there, key))
-        if getattr(there, key) != value and not fits:
-            raise InputError(
-                path, f"weights of a network with {key} = {value}", f"{getattr(there, key)}", key="settings"
-            )
-    kept = _switched(header.settings, {key: asked[key] for key in NO_WEIGHTS if key in asked})
-    wanted = _switched(kept, {key: asked[key] for key in (*SEMANTIC_SHAPE, *MORE_DEPTH) if asked.get(key)})
+    _check_switches(path, requested, switches_of(header.settings))
+    present = _switched(header.settings, {key: requested[key] for key in NO_WEIGHTS if key in requested})
+    wanted = _switched(present, {key: requested[key] for key in (*SEMANTIC_SHAPE, *MORE_DEPTH) if requested.get(key)})
     if header.settings.name != name:
         return load(name, path, classes=classes)  # raises an InputError
-    fresh_semantics |= wanted.semantic != kept.semantic
+    fresh_semantics |= wanted.semantic != present.semantic
     if not fresh_semantics and header.classes not in (None, classes) and not own_classes:
         raise other_table(path, classes, header.classes, "name the table to train on with --classes FILE")
     fresh_classes = header.classes != classes
     if fresh_semantics or fresh_classes or wanted != header.settings:
-        return _lent(path, wanted, classes, seed, fresh_classes, fresh_semantics)
+        return _fill_fitting(path, wanted, classes, seed, fresh_classes, fresh_semantics)
     model = load(name, path, classes=classes)
     model.origin = f"{path.name}: all {len(model.state_dict())} tensors kept"
     return model
+
+
+def _check_switches(path: Path, requested: Mapping[str, Any], present: Switches) -> None:
+    """Refuse weights whose switches differ from the requested ones, unless layers can be added or exchanged."""
+    for key, value in requested.items():
+        fits = key in (*SEMANTIC_SHAPE, *NO_WEIGHTS) or (key in MORE_DEPTH and not getattr(present, key))
+        if getattr(present, key) != value and not fits:
+            raise InputError(
+                path, f"weights of a network with {key} = {value}", f"{getattr(present, key)}", key="settings"
+            )
+
+
+def changed_switches(switches: Switches) -> dict[str, Any]:
+    """The switches that differ from their defaults."""
+    return {name: value for name, value in asdict(switches).items() if value != getattr(Switches, name)}
 
 
 def _switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSettings:
@@ -123,7 +147,7 @@ def _switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkS
         raise InputError("--network", "switches that agree", "some that do not", advice=f"{error}") from None
 
 
-def _lent(
+def _fill_fitting(
     path: Path, settings: NetworkSettings, classes: ClassTable, seed: int, fresh_classes: bool, fresh_semantics: bool
 ) -> SemGS:
     """A network with these settings and all tensors of a file that fit; the others are random.
@@ -138,31 +162,32 @@ def _lent(
     """
     with as_large_as(path):
         model = untrained(settings, seed, classes)
-    own = model.state_dict()
-    theirs = {key: one for key, one in read_tensors(path).items() if key in own or not key.startswith(ADDED)}
-    added = [name for name in own if name.startswith(ADDED) and name not in theirs]
-    kept = theirs | {name: own[name] for name in added}
-    notes = [f"the layers added to depth drawn with seed {seed}"] if added else []
-    fresh = list(added)
+    random = model.state_dict()
+    saved = {
+        name: tensor for name, tensor in read_tensors(path).items() if name in random or not name.startswith(ADDED)
+    }
+    fresh = {name: random[name] for name in random if name.startswith(ADDED) and name not in saved}
+    notes = [f"the layers added to depth drawn with seed {seed}"] if fresh else []
     if fresh_semantics:
-        semantic = semantic_tensors(model)
-        kept = {name: tensor for name, tensor in kept.items() if not name.startswith("semantic.")}
-        kept |= {name: own[name] for name in semantic}
-        fresh += semantic
+        saved = {name: tensor for name, tensor in saved.items() if not name.startswith("semantic.")}
+        fresh |= {name: random[name] for name in semantic_tensors(model)}
         notes.append(f"the semantic branch drawn anew with seed {seed}")
     elif fresh_classes:
-        predict = model.parts()["classes"]
-        names = [name for name in own if name in predict]
-        for name in names:
-            rows = own[name].clone()
-            shared = len(rows) - len(classes)
-            if name in theirs and theirs[name].shape[1:] == rows.shape[1:] and len(theirs[name]) >= shared:
-                rows[:shared] = theirs[name][:shared]
-            kept[name] = rows
-        fresh += names
+        class_layers = model.parts()["classes"]
+        names = [name for name in random if name in class_layers]
+        fresh |= {name: _keep_rows(random[name], saved.get(name), len(classes)) for name in names}
         notes.append(
             f"drawn anew for the {len(classes)} classes of {classes.name} with seed {seed}: {', '.join(names)}"
         )
-    fill(model, kept, path, model.name)
-    model.origin = "; ".join([f"{path.name}: {len(own) - len(fresh)} of {len(own)} tensors kept", *notes])
+    fill(model, saved | fresh, path, model.name)
+    kept = len(random) - len(fresh)
+    model.origin = "; ".join([f"{path.name}: {kept} of {len(random)} tensors kept", *notes])
     return model
+
+
+def _keep_rows(random: Tensor, saved: Tensor | None, classes: int) -> Tensor:
+    """Random rows for the classes, which come last, below the rows of saved weights."""
+    rows, shared = random.clone(), len(random) - classes
+    if saved is not None and saved.shape[1:] == rows.shape[1:] and len(saved) >= shared:
+        rows[:shared] = saved[:shared]
+    return rows

@@ -16,13 +16,13 @@ from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError, input_error
 from semgs.files.paths import found_at, typed_path
 from semgs.files.strict_json import parse_json
-from semgs.model import networks
 from semgs.model.build import build
+from semgs.model.networks import NAMES, NETWORKS
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 from semgs.model.weights import mvsplat
 from semgs.model.weights.header_temperatures import temperatures_in
-from semgs.model.weights.hub import SCHEME, fetched, is_hub_id
+from semgs.model.weights.hub import SCHEME, fetch, is_hub_id
 from semgs.model.weights.index import shipped_folder
 from semgs.model.weights.weights_file import count_parameters, fill, is_ours, read_header, read_tensors
 
@@ -66,10 +66,8 @@ def load(
     if weights is None and (is_hub_id(name) or found_at(typed_path(name)) == "a file"):
         name, weights = find(name)
     name = str(name)
-    if name not in networks.NAMES:
-        raise ValueError(
-            f"unknown model {name!r}; known: {', '.join(networks.NAMES)}, a weights file, {SCHEME}OWNER/NAME"
-        )
+    if name not in NAMES:
+        raise ValueError(f"unknown model {name!r}; known: {', '.join(NAMES)}, a weights file, {SCHEME}OWNER/NAME")
     if weights is None:
         weights = shipped(name)
         if weights is None:
@@ -77,7 +75,7 @@ def load(
                 f'there are no included weights for "{name}"; pass a file, or weights="random" for an untrained network'
             )
     if str(weights) == "random":
-        return _ready(untrained(networks.NETWORKS[name](), seed, classes))
+        return _ready(untrained(NETWORKS[name](), seed, classes))
     path = _local(weights)
     if (found := found_at(path)) != "a file":
         raise InputError(path, "a weights file", found)
@@ -108,13 +106,13 @@ def find(weights: str | Path) -> tuple[str, Path]:
         ImportError: a hub id is given and huggingface_hub is not installed.
     """
     path = _local(weights)
-    if str(weights) in networks.NAMES:
+    if str(weights) in NAMES:
         inside = shipped(str(weights))
         if inside is None:
             raise ValueError(f'there are no included weights for "{weights}"; name a file')
         return str(weights), inside
     if (found := found_at(path)) != "a file":
-        names = [name for name in networks.NAMES if shipped(name)]
+        names = [name for name in NAMES if shipped(name)]
         raise InputError(path, f"a weights file, or {' or '.join(names)}", found)
     return (read_header(path).settings.name if is_ours(path) else "mvsplat"), path
 
@@ -186,7 +184,7 @@ def shipped(name: str) -> Path | None:
 
 def _local(weights: str | Path) -> Path:
     """The path of weights; those on the hub are downloaded."""
-    return fetched(str(weights)) if is_hub_id(weights) else typed_path(weights)
+    return fetch(str(weights)) if is_hub_id(weights) else typed_path(weights)
 
 
 def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
@@ -233,9 +231,9 @@ def as_large_as(path: Path) -> Iterator[None]:
 
 
 def _mvsplats(name: str, path: Path, seed: int, classes: ClassTable) -> SemGS:
-    if name == "small":
-        raise InputError(path, 'weights of "small", written by semgs', "another file")
-    return from_mvsplat(untrained(networks.NETWORKS[name](), seed, classes), path, seed)
+    if name.startswith("small"):
+        raise InputError(path, f'weights of "{name}", written by semgs', "another file")
+    return from_mvsplat(untrained(NETWORKS[name](), seed, classes), path, seed)
 
 
 def semantic_tensors(model: SemGS) -> frozenset[str]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from semgs.files.errors import InputError
-from semgs.files.tensor_files import opened_tensors
+from semgs.files.tensor_files import open_tensors
 from semgs.model.classes.mobilenet import MobileNetRefinement, MobileNetV2
 from semgs.model.semgs import SemGS
 from semgs.model.weights.weights_file import fill, read_tensors
@@ -20,7 +20,7 @@ BACKBONE = ("stem.", "blocks.")
 def is_published(path: str | Path) -> bool:
     """Whether a file is safetensors with a stem and blocks of these names; shapes are not checked."""
     try:
-        with opened_tensors(path, "a safetensors file") as file:
+        with open_tensors(path, "a safetensors file") as file:
             names = list(file.keys())
     except InputError:
         return False

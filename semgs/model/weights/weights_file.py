@@ -17,8 +17,9 @@ from semgs.data.tables.classes import ClassTable
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import check_utf8
+from semgs.files.records import make_record
 from semgs.files.strict_json import parse_json
-from semgs.files.tensor_files import opened_tensors
+from semgs.files.tensor_files import open_tensors
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 
@@ -117,7 +118,7 @@ def is_ours(path: str | Path) -> bool:
     with readable(path):
         Path(path).open("rb").close()  # safetensors reports a file without permission as missing
     try:
-        with opened_tensors(path, WEIGHTS) as file:
+        with open_tensors(path, WEIGHTS) as file:
             return "semgs" in (file.metadata() or {})
     except InputError:
         return False
@@ -129,7 +130,7 @@ def read_header(path: str | Path) -> Header:
     Raises:
         InputError: it is not a weights file of semgs, or of another version.
     """
-    with opened_tensors(path, WEIGHTS) as file:
+    with open_tensors(path, WEIGHTS) as file:
         fields = dict(file.metadata() or {})
     fields.pop(CHECKSUM, None)
     version = fields.pop("semgs", None)
@@ -138,8 +139,8 @@ def read_header(path: str | Path) -> Header:
     try:
         settings = NetworkSettings.from_json(parse_json(fields.pop("settings")))
         classes = parse_json(fields.pop("classes"))
-        table = None if classes is None else ClassTable.from_json(classes)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        table = None if classes is None else make_record(ClassTable, classes)
+    except (KeyError, ValueError) as error:
         raise InputError(path, "settings and a class table as JSON", f"{error}", key="metadata") from None
     return Header(settings, table, fields)
 
@@ -154,7 +155,7 @@ def count_parameters(path: str | Path) -> int:
     Raises:
         InputError: the file cannot be read.
     """
-    with opened_tensors(path, WEIGHTS) as file:
+    with open_tensors(path, WEIGHTS) as file:
         names = [name for name in file.keys() if not name.endswith(MEASURED)]  # noqa: SIM118
         return sum(prod(file.get_slice(name).get_shape()) for name in names)
 
@@ -170,7 +171,7 @@ def read_tensors(path: str | Path) -> dict[str, torch.Tensor]:
 
 def _content(path: str | Path) -> tuple[dict[str, str], dict[str, torch.Tensor]]:
     """The metadata of a safetensors file and its tensors as they are stored."""
-    with opened_tensors(path, "a complete safetensors file") as file:
+    with open_tensors(path, "a complete safetensors file") as file:
         header = dict(file.metadata() or {})
         tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     if "semgs" in header and header.get(CHECKSUM, found := checksum(tensors)) != found:

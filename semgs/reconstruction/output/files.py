@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 
 from semgs.export.export_record import ExportedFile, write_record
@@ -14,18 +14,16 @@ from semgs.reconstruction.output.renders import write_renders
 from semgs.reconstruction.output.report import SCENE_PAGE, Origin, outputs, report_numbers
 from semgs.reconstruction.output.report_page import report_page
 from semgs.reconstruction.output.score_table import score_lines
-from semgs.reconstruction.pipeline import Reconstruction, Shown
+from semgs.reconstruction.result import Reconstruction, RenderedViews
 from semgs.runtime.stopwatch import Stages
-from semgs.scene.scene_file import FILE_NAME, SavedScene, save_scene
-from semgs.scene.upright import up_of, upright
+from semgs.scene.scene_file import FILE_NAME, save_scene
+from semgs.scene.upright import upright
 from semgs.segmenters.features.scene_features import FILE_NAME as FEATURES
 from semgs.segmenters.features.scene_features import save_features
 from semgs.viewer.viewer_page import scene_page
 
 
-def write_results(
-    folder: Path, result: Reconstruction, origin: Origin, stages: Stages, page: bool = False
-) -> Reconstruction:
+def write_results(folder: Path, result: Reconstruction, origin: Origin, stages: Stages, page: bool = False) -> None:
     """Write all files of a reconstruction into an existing folder.
 
     The report is written last, because it contains the time of every other stage.
@@ -35,27 +33,19 @@ def write_results(
         result, origin, stages: the reconstruction, how it was made, and its time.
         page: also write a page that shows the scene in 3D.
 
-    Returns:
-        The reconstruction, with a note if it is uncertain which way is up.
-
     Raises:
         ImportError: a page is requested, and viser is not installed.
         OSError: a file cannot be written.
     """
     with stages("write", "Writing the scene and its renders"):
-        scene = saved(result)
-        save_scene(folder / FILE_NAME, scene)
-        up = up_of(scene)
-        if not up.certain:
-            note = f"Which way is up is uncertain ({up.reason}): if the PLY files are tilted, use semgs export --up."
-            result = replace(result, notes=(*result.notes, note))
-        framed = upright(scene, "-y", up)
+        save_scene(folder / FILE_NAME, result.saved)
+        framed = upright(result.saved, "-y", result.up)
         save_ply(folder / "gaussians.ply", framed.scene.gaussians)
         names = ["gaussians.ply"]
         if result.classes is not None:
             save_semantic_ply(folder / "semantics.ply", framed.scene.gaussians, result.classes)
             names.append("semantics.ply")
-        write_record(folder, [ExportedFile(name, framed, len(scene.gaussians)) for name in names], up)
+        write_record(folder, [ExportedFile(name, framed, len(result.saved.gaussians)) for name in names], result.up)
         if result.features is not None:
             save_features(folder / FEATURES, result.features)
         (folder / "renders").mkdir()
@@ -63,34 +53,21 @@ def write_results(
     if page:
         with stages("page", "Writing the page in 3D"):
             photos = [as_bytes(image) for image in result.context.views.images]
-            write_text(folder / SCENE_PAGE, scene_page(scene, photos, min_confidence=result.min_confidence))
+            write_text(folder / SCENE_PAGE, scene_page(result.saved, photos, min_confidence=result.min_confidence))
     write_json(folder / "report.json", report_numbers(result, origin, stages.seconds))
     write_text(folder / "report.html", report_page(result, origin, stages.seconds, page))
-    return result
 
 
-def saved(result: Reconstruction) -> SavedScene:
-    """A reconstruction as the scene file stores it."""
-    scene = result.scene
-    transform = None if scene.applied_transform is None else scene.applied_transform.tolist()
-    found = SavedScene.of(
-        replace(result.encoding, classes=result.classes),
-        result.context.views,
-        unit="metric" if result.metric else "unknown",
-        frames=result.context.names,
-        source=scene.name,
-        model=result.model + (f", classes from {result.segmenter}" if result.segmenter else ""),
-    )
-    return replace(
-        found,
-        applied_transform=transform and tuple(tuple(row) for row in transform),
-        applied_scale=scene.applied_scale,
-        origin=tuple(scene.origin.tolist()),
-    )
+def summary(
+    result: Reconstruction, seconds: dict[str, float], out: Path, page: bool = False, notes: Sequence[str] = ()
+) -> str:
+    """The printed summary: the frames, the scores and the files.
 
-
-def summary(result: Reconstruction, seconds: dict[str, float], out: Path, page: bool = False) -> str:
-    """The printed summary: the frames, the scores and the files; `page` says whether there is one in 3D."""
+    Args:
+        result, seconds, out: the reconstruction, the time of its stages, and its folder.
+        page: whether there is a page that shows the scene in 3D.
+        notes: further notes, a sentence each.
+    """
     metric, bounds = result.metric, result.depth_range
     height, width = result.size
     rows = [
@@ -106,7 +83,7 @@ def summary(result: Reconstruction, seconds: dict[str, float], out: Path, page: 
         ("result", f"{len(result.encoding.gaussians):,} Gaussians"),
         *(("scores", line) for line in score_lines(result)),
         ("time", ", ".join(f"{name} {duration(value)}" for name, value in seconds.items())),
-        *(("note", sentence) for sentence in result.notes),
+        *(("note", sentence) for sentence in (*result.notes, *notes)),
     ]
     written = [(str(out / output.name), output.text) for output in outputs(result, page)]
     width = max(len(path) for path, _ in written)
@@ -121,10 +98,10 @@ def summary(result: Reconstruction, seconds: dict[str, float], out: Path, page: 
     )
 
 
-def _held_out(shown: Shown | None) -> str:
+def _held_out(target: RenderedViews | None) -> str:
     """The held-out frames, with the share of each that is seen."""
-    if shown is None:
+    if target is None:
         return "none"
     return ", ".join(
-        f"{frame} {percent(score.coverage)} seen" for frame, score in zip(shown.titles, shown.scores, strict=True)
+        f"{frame} {percent(score.coverage)} seen" for frame, score in zip(target.titles, target.scores, strict=True)
     )

@@ -23,12 +23,12 @@ import numpy as np
 from jaxtyping import Float, Float32
 from torch import Tensor
 
+from semgs.data.tables.classes import ClassTable
 from semgs.figures.class_images import class_picture
 from semgs.figures.depth_images import millimetres
 from semgs.figures.view_images import as_bytes
 from semgs.files.images.pictures import write_png, write_tiff
-from semgs.reconstruction.pipeline import Reconstruction, Shown
-from semgs.rendering.rendering import confidence_maps
+from semgs.reconstruction.result import Reconstruction, RenderedViews
 
 
 def write_renders(folder: Path, result: Reconstruction) -> None:
@@ -37,8 +37,8 @@ def write_renders(folder: Path, result: Reconstruction) -> None:
     Raises:
         OSError: a file cannot be written.
     """
-    for role, photo, shown in zip(("context", "target"), ("input", "truth"), result.shown, strict=False):
-        _write(folder, role, photo, shown, result)
+    for part in result.rendered_views:
+        _write(folder, part, result.classes, result.metric)
 
 
 def percent(shares: Float32[np.ndarray, "h w"]) -> np.ndarray:
@@ -51,26 +51,25 @@ def per_thousand(spreads: Float[Tensor, "h w"]) -> np.ndarray:
     return np.rint(1000 * spreads.double().nan_to_num(nan=np.inf).clamp(max=65.535).numpy()).astype(np.uint16)
 
 
-def _write(folder: Path, role: str, photo: str, shown: Shown, result: Reconstruction) -> None:
-    """The files of all views of one role."""
-    rendering, views, classes, metric = shown.rendering, shown.views, result.classes, result.metric
-    labels = result.label_maps(shown)
-    confidence = None if labels is None else confidence_maps(rendering)
-    for index, position in enumerate(shown.positions):
-        stem = f"{role}_{position:03d}"
-        write_png(folder / f"{stem}_{photo}.png", as_bytes(views.images[index]))
+def _write(folder: Path, part: RenderedViews, classes: ClassTable | None, metric: bool) -> None:
+    """Write the files of all views of one role."""
+    rendering, views = part.rendering, part.views
+    held_out = part.role == "target"
+    for index, position in enumerate(part.positions):
+        stem = f"{part.role}_{position:03d}"
+        write_png(folder / f"{stem}_{'truth' if held_out else 'input'}.png", as_bytes(views.images[index]))
         write_png(folder / f"{stem}_image.png", as_bytes(rendering.images[index]))
         alpha = np.rint(255 * rendering.alphas[index].clamp(0, 1).numpy()).astype(np.uint8)
         write_png(folder / f"{stem}_alpha.png", alpha)
         _write_depth(folder / f"{stem}_depth", rendering.depths[index], metric)
-        write_png(folder / f"{stem}_depth_spread.png", per_thousand(shown.depth_spread[index]))
-        if labels is not None and confidence is not None and classes is not None:
-            write_png(folder / f"{stem}_labels.png", labels[index])
-            write_png(folder / f"{stem}_confidence.png", percent(confidence[index]))
-            write_png(folder / f"{stem}_classes.png", class_picture(labels[index], classes))
-        if role == "target" and views.labels is not None:
+        write_png(folder / f"{stem}_depth_spread.png", per_thousand(part.depth_spread[index]))
+        if part.labels is not None and part.confidences is not None and classes is not None:
+            write_png(folder / f"{stem}_labels.png", part.labels[index])
+            write_png(folder / f"{stem}_confidence.png", percent(part.confidences[index]))
+            write_png(folder / f"{stem}_classes.png", class_picture(part.labels[index], classes))
+        if held_out and views.labels is not None:
             write_png(folder / f"{stem}_truth_labels.png", views.labels[index].numpy())
-        if role == "target" and views.depths is not None:
+        if held_out and views.depths is not None:
             _write_depth(folder / f"{stem}_truth_depth", views.depths[index], metric)
 
 

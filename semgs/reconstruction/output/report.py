@@ -9,9 +9,9 @@ import numpy as np
 
 from semgs.figures.class_images import legend
 from semgs.figures.html_page import Link
-from semgs.reconstruction.pipeline import Reconstruction, Shown
+from semgs.reconstruction.result import Reconstruction, RenderedViews
 from semgs.reconstruction.scores import ViewScores, mean_scores
-from semgs.rendering.rendering import UNKNOWN, UNSEEN, confidence_maps
+from semgs.rendering.rendering import UNKNOWN, UNSEEN
 from semgs.segmenters.features.scene_features import SceneFeatures
 
 
@@ -73,7 +73,7 @@ def outputs(result: Reconstruction, page: bool = False) -> tuple[Link, ...]:
         *(() if result.features is not None else ("features.safetensors",)),
         *(() if result.labelling is not None and result.labelling.saves_maps else ("segmenter/",)),
     }
-    return tuple(one for one in listed if one.name not in absent)
+    return tuple(link for link in listed if link.name not in absent)
 
 
 def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, float]) -> dict:
@@ -83,8 +83,8 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
     the scene's coordinates. `psnr` is in dB, and None for equal images.
     """
     scene = result.scene
-    maps = [labels for shown in result.shown if (labels := result.label_maps(shown)) is not None]
-    pixels = np.concatenate([one.ravel() for one in maps]) if maps else np.zeros(0, np.uint8)
+    placement, maps = result.placement, result.label_maps
+    pixels = np.concatenate([labels.ravel() for labels in maps]) if maps else np.zeros(0, np.uint8)
     temperatures = result.encoding.temperatures
     return {
         "format": "semgs.report.reconstruct",
@@ -123,22 +123,20 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
             "source": result.depth_source,
             "fits": [
                 {"name": name, **{key: rounded(value) for key, value in asdict(fit).items()}}
-                for name, fit in zip(result.context.names, result.placed.fits, strict=True)
+                for name, fit in zip(result.context.names, placement.fits, strict=True)
             ]
-            if result.placed
+            if placement
             else [],
-            "shift_px": [result.placed.registration.right, result.placed.registration.down]
-            if result.placed and result.placed.registration.shifted
+            "shift_px": [placement.registration.right, placement.registration.down]
+            if placement and placement.registration.shifted
             else None,
         },
         "gaussians": len(result.encoding.gaussians),
         "features": result.features and _features(result.features),
         "views": [
-            {"role": role, "position": position, "name": name, **_rounded(score), **_certainty(result, shown, index)}
-            for role, shown in zip(("context", "target"), result.shown, strict=False)
-            for index, (position, name, score) in enumerate(
-                zip(shown.positions, shown.names, shown.scores, strict=True)
-            )
+            {"role": part.role, "position": position, "name": name, **_rounded(score), **_certainty(part, index)}
+            for part in result.rendered_views
+            for index, (position, name, score) in enumerate(zip(part.positions, part.names, part.scores, strict=True))
         ],
         "means": {
             "context": _rounded(mean_scores(result.context.scores)),
@@ -157,17 +155,15 @@ def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, fl
     }
 
 
-def _certainty(result: Reconstruction, shown: Shown, index: int) -> dict[str, float | None]:
+def _certainty(part: RenderedViews, index: int) -> dict[str, float | None]:
     """How sure the classes and the depth of one view are, at its seen pixels."""
-    spread = shown.depth_spread[index]
-    found = {"median_depth_spread": rounded(spread.nanmedian().item()), "mean_confidence": None, "unknown": None}
-    labels = result.label_maps(shown)
-    if labels is not None:
-        confidence = confidence_maps(shown.rendering)[index]
-        if (confidence > 0).any():
-            found["mean_confidence"] = rounded(float(confidence[confidence > 0].mean()))
-        found["unknown"] = rounded(float((labels[index] == UNKNOWN).mean()))
-    return found
+    numbers = {"median_depth_spread": rounded(part.depth_spread[index].nanmedian().item()), "mean_confidence": None}
+    if part.labels is None or part.confidences is None:
+        return numbers | {"unknown": None}
+    confidence = part.confidences[index]
+    if (confidence > 0).any():
+        numbers["mean_confidence"] = rounded(float(confidence[confidence > 0].mean()))
+    return numbers | {"unknown": rounded(float((part.labels[index] == UNKNOWN).mean()))}
 
 
 def _features(features: SceneFeatures) -> dict:

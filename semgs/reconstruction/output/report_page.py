@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from semgs.figures import html_page as page
@@ -15,9 +13,9 @@ from semgs.files.images.colours import depth_limits
 from semgs.objectives.measures import MOSTLY_SEEN, TITLES, shown_number
 from semgs.reconstruction.output.report import Origin, outputs
 from semgs.reconstruction.output.score_table import score_table, scores_lead
-from semgs.reconstruction.pipeline import Reconstruction
+from semgs.reconstruction.result import Reconstruction, RenderedViews
 from semgs.reconstruction.scores import by_measure, mean_scores
-from semgs.rendering.rendering import UNKNOWN, UNSEEN, confidence_maps
+from semgs.rendering.rendering import UNKNOWN, UNSEEN
 
 _TICKS = 5
 
@@ -30,18 +28,23 @@ HELD_OUT = "The model did not get these frames: they test the reconstruction. Wh
 def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float], page_in_3d: bool = False) -> str:
     """The report as one self-contained HTML page; `page_in_3d` says whether to link the page that shows the scene in 3D."""
     scene = result.scene
-    maps = [labels for shown in result.shown if (labels := result.label_maps(shown)) is not None]
     limits = depth_limits(_depth_maps(result))
     held_out = len(result.target.positions) if result.target else 0
     sections = [
         *please_note(result.notes),
         page.Section(
-            "Input views", _own_lead(result), (*_galleries(result, True, limits), *_keys(result, maps, limits))
+            "Input views", _own_lead(result), (*_galleries(result, result.context, limits), *_keys(result, limits))
         ),
-        *([page.Section("Held-out views", HELD_OUT, _galleries(result, False, limits))] if result.target else []),
+        *(
+            [page.Section("Held-out views", HELD_OUT, _galleries(result, result.target, limits))]
+            if result.target
+            else []
+        ),
         page.Section("Scores", scores_lead(result), (score_table(result),)),
         page.Section(
-            "Files", "", (page.Links(tuple(one for one in outputs(result, page_in_3d) if one.name != "report.html")),)
+            "Files",
+            "",
+            (page.Links(tuple(link for link in outputs(result, page_in_3d) if link.name != "report.html")),),
         ),
         page.Section("Details", "", (_facts(result, origin),), folded=True),
         page.Section("Time", "", (_timings(seconds),), folded=True),
@@ -50,7 +53,7 @@ def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float
         title=scene.name,
         lead=f"Reconstructed from {len(result.context.positions)} photos"
         + (f" and compared with {held_out} that {'was' if held_out == 1 else 'were'} held out." if held_out else "."),
-        headlines=_headlines(result, maps, seconds),
+        headlines=_headlines(result, seconds),
         sections=sections,
         foot=f"Made by {origin.software}. The numbers of this page are in report.json.",
     )
@@ -58,12 +61,12 @@ def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float
 
 def _depth_maps(result: Reconstruction) -> list[np.ndarray]:
     """All depth maps of the page; they share one scale."""
-    shown = [part.rendering.depths for part in result.shown]
-    shown += [part.views.depths for part in result.shown if part.views.depths is not None]
-    return [depths.numpy() for depths in shown]
+    maps = [part.rendering.depths for part in result.rendered_views]
+    maps += [part.views.depths for part in result.rendered_views if part.views.depths is not None]
+    return [depths.numpy() for depths in maps]
 
 
-def _headlines(result: Reconstruction, maps: Sequence[np.ndarray], seconds: dict[str, float]) -> list[page.Headline]:
+def _headlines(result: Reconstruction, seconds: dict[str, float]) -> list[page.Headline]:
     """The most important numbers."""
     found = []
     if result.target is not None:
@@ -77,7 +80,7 @@ def _headlines(result: Reconstruction, maps: Sequence[np.ndarray], seconds: dict
     found.append(page.Headline(decibels(mean_scores(result.context.scores).psnr), "PSNR of the input views"))
     found.append(page.Headline(f"{len(result.encoding.gaussians):,}", "Gaussians"))
     if result.classes is not None:
-        found.append(page.Headline(str(len(legend(maps, result.classes))), "classes present"))
+        found.append(page.Headline(str(len(legend(result.label_maps, result.classes))), "classes present"))
     if "encode" in seconds:
         found.append(page.Headline(duration(seconds["encode"]), "from photos to Gaussians"))
     return found
@@ -95,9 +98,7 @@ def _own_lead(result: Reconstruction) -> str:
     return lead
 
 
-def _keys(
-    result: Reconstruction, maps: Sequence[np.ndarray], limits: tuple[float, float]
-) -> tuple[page.Legend | page.Scale, ...]:
+def _keys(result: Reconstruction, limits: tuple[float, float]) -> tuple[page.Legend | page.Scale, ...]:
     """The legend of classes and the scale of depth."""
     scale = page.Scale(
         page.Picture(depth_bar(), "colours of depth, near to far"),
@@ -106,40 +107,35 @@ def _keys(
     )
     if result.classes is None:
         return (scale,)
-    pixels = np.concatenate([one.ravel() for one in maps])
+    pixels = np.concatenate([labels.ravel() for labels in result.label_maps])
     unseen, unknown = (float(np.mean(pixels == value)) for value in (UNSEEN, UNKNOWN))
-    return page.Legend(legend(maps, result.classes), unseen, unknown), scale
+    return page.Legend(legend(result.label_maps, result.classes), unseen, unknown), scale
 
 
-def _galleries(result: Reconstruction, own: bool, limits: tuple[float, float]) -> tuple[page.Block, ...]:
+def _galleries(result: Reconstruction, part: RenderedViews, limits: tuple[float, float]) -> tuple[page.Block, ...]:
     """Photo, render, classes and depth of each view, with the truth folded below."""
-    shown = result.context if own else result.target
-    if shown is None:
-        return ()
-    labels = result.label_maps(shown)
-    confidence = None if labels is None else confidence_maps(shown.rendering)
+    labels, classes, truth = part.labels, result.classes, part.views
     rows = []
-    for index, (position, name) in enumerate(zip(shown.positions, shown.names, strict=True)):
+    for index, (position, name, score) in enumerate(zip(part.positions, part.names, part.scores, strict=True)):
         pictures = [
-            photo(shown.views.images[index], "photo (input)" if own else "photo (held out)"),
-            photo(shown.rendering.images[index], "render"),
+            photo(truth.images[index], "photo (input)" if part.role == "context" else "photo (held out)"),
+            photo(part.rendering.images[index], "render"),
         ]
         more = []
-        if labels is not None and result.classes is not None:
-            pictures.append(class_map(labels[index], result.classes))
-            if shown.views.labels is not None and shown.views.classes == result.classes:
-                more.append(true_class_map(shown.views.labels[index], result.classes))
-        pictures.append(depth_map(shown.rendering.depths[index], limits))
-        if shown.views.depths is not None:
-            more.append(depth_map(shown.views.depths[index], limits, "measured depth"))
-        if labels is not None and result.classes is not None:
-            tinted = overlay(as_bytes(shown.views.images[index]), labels[index], result.classes)
+        if labels is not None and classes is not None:
+            pictures.append(class_map(labels[index], classes))
+            if truth.labels is not None and truth.classes == classes:
+                more.append(true_class_map(truth.labels[index], classes))
+        pictures.append(depth_map(part.rendering.depths[index], limits))
+        if truth.depths is not None:
+            more.append(depth_map(truth.depths[index], limits, "measured depth"))
+        if labels is not None and classes is not None and part.confidences is not None:
+            tinted = overlay(as_bytes(truth.images[index]), labels[index], classes)
             more.append(page.Picture(tinted, "classes over the photo", lossy=True))
-        if confidence is not None:
-            more.append(heat_map(np.where(confidence[index] > 0, confidence[index], np.nan), 1.0, "confidence"))
-        more.append(heat_map(shown.depth_spread[index].numpy(), MOST_SPREAD, "uncertainty of depth"))
-        one = shown.scores[index]
-        detail = f"frame {position}, PSNR {decibels(one.psnr)}, {percent(one.coverage)} seen"
+            confidence = part.confidences[index]
+            more.append(heat_map(np.where(confidence > 0, confidence, np.nan), 1.0, "confidence"))
+        more.append(heat_map(part.depth_spread[index].numpy(), MOST_SPREAD, "uncertainty of depth"))
+        detail = f"frame {position}, PSNR {decibels(score.psnr)}, {percent(score.coverage)} seen"
         if labels is not None and result.min_confidence > 0:
             detail += f", {percent(float(np.mean(labels[index] == UNKNOWN)))} unknown"
         rows.append(page.Gallery(name, detail, tuple(pictures), tuple(more)))
@@ -168,7 +164,7 @@ def _facts(result: Reconstruction, origin: Origin) -> page.Facts:
         ("Model", f"{result.model}, {origin.parameters:,} parameters, on {origin.device}"),
         ("Weights", origin.weights),
     ]
-    if result.placed is not None:
+    if result.placement is not None:
         rows.append(("Depth from", "the sensor" if result.depth_source == "sensor" else "the sensor and the model"))
         rows += [("Fit of the model's depth", line) for line in result.depth_fits]
     if result.segmenter is not None:

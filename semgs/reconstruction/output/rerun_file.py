@@ -20,19 +20,19 @@ import numpy as np
 import torch
 
 from semgs.data.tables.classes import ClassTable
-from semgs.export.scene_objects import occupancy_of, placed, things_of
+from semgs.export.scene_objects import occupancy_of, place_things, things_of
 from semgs.figures.class_images import UNKNOWN_GREY
 from semgs.figures.view_images import as_bytes
 from semgs.files.atomic import partial_name
 from semgs.geometry.rotations import quaternion_from_matrix
 from semgs.reconstruction.output.rerun_library import rerun_library
-from semgs.reconstruction.pipeline import Reconstruction, Shown
+from semgs.reconstruction.result import Reconstruction, RenderedViews
 from semgs.rendering.rendering import UNKNOWN, UNSEEN
 from semgs.robotics.objects import Objects
 from semgs.robotics.occupancy import Occupancy
 from semgs.scene.own_views import own_colours
 from semgs.scene.scene_file import SavedScene
-from semgs.scene.upright import UpDirection, up_of
+from semgs.scene.upright import UpDirection
 
 TIMELINE = "frame"
 """Positions of frames in the source."""
@@ -43,13 +43,12 @@ UNSEEN_GREY = (60, 60, 60)
 """Colour of pixels that no Gaussian covers."""
 
 
-def save_rerun(path: Path, result: Reconstruction, scene: SavedScene) -> list[str]:
+def save_rerun(path: Path, result: Reconstruction) -> list[str]:
     """Write a recording of Rerun, without a window or a server.
 
     Args:
         path: the file, ending in .rrd.
         result: the reconstruction.
-        scene: the same as it is saved.
 
     Returns:
         Notes about what could not be found, a sentence each.
@@ -64,8 +63,8 @@ def save_rerun(path: Path, result: Reconstruction, scene: SavedScene) -> list[st
         with rr.RecordingStream("semgs", send_properties=False) as recording:
             recording.set_log_time_enabled(False)
             recording.set_log_tick_enabled(False)
-            recording.save(partial, default_blueprint=_blueprint(rr.blueprint, scene))
-            notes = _write(rr, recording, result, scene)
+            recording.save(partial, default_blueprint=_blueprint(rr.blueprint, result.saved))
+            notes = _write(rr, recording, result)
             recording.flush()
             recording.disconnect()
         partial.replace(path)
@@ -74,24 +73,24 @@ def save_rerun(path: Path, result: Reconstruction, scene: SavedScene) -> list[st
     return notes
 
 
-def _write(rr: Any, recording: Any, result: Reconstruction, scene: SavedScene) -> list[str]:
+def _write(rr: Any, recording: Any, result: Reconstruction) -> list[str]:
     """Log everything."""
-    up = up_of(scene)
+    scene, up = result.saved, result.up
     recording.log("world", _up_axis(rr, up), static=True)
     if scene.classes is not None:
         recording.log("world", rr.AnnotationContext(_legend(rr, scene.classes)), static=True)
-    for shown in result.shown:
-        _write_views(rr, recording, result, shown)
+    for part in result.rendered_views:
+        _write_views(rr, recording, part)
     _write_splats(rr, recording, result.context.positions, scene)
     recording.log("world/path", rr.LineStrips3D([result.context.views.cameras.centres.numpy()]), static=True)
     return _write_found(rr, recording, scene, up)
 
 
-def _write_views(rr: Any, recording: Any, result: Reconstruction, shown: Shown) -> None:
+def _write_views(rr: Any, recording: Any, part: RenderedViews) -> None:
     """Log cameras, photos and class maps."""
-    labels, cameras = result.label_maps(shown), shown.views.cameras
+    cameras = part.views.cameras
     height, width = cameras.size
-    for view, position in enumerate(shown.positions):
+    for view, position in enumerate(part.positions):
         recording.set_time(TIMELINE, sequence=position)
         pose = cameras.world_from_camera[view].numpy()
         recording.log("world/camera", rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
@@ -99,10 +98,10 @@ def _write_views(rr: Any, recording: Any, result: Reconstruction, shown: Shown) 
             image_from_camera=cameras.intrinsics[view].numpy(), resolution=[width, height], camera_xyz=rr.ViewCoordinates.RDF
         )  # fmt: skip
         recording.log("world/camera", lens)
-        photo = rr.Image(as_bytes(shown.views.images[view])).compress(jpeg_quality=JPEG_QUALITY)
+        photo = rr.Image(as_bytes(part.views.images[view])).compress(jpeg_quality=JPEG_QUALITY)
         recording.log("world/camera/photo", photo)
-        if labels is not None:
-            recording.log("world/camera/classes", rr.SegmentationImage(labels[view]))
+        if part.labels is not None:
+            recording.log("world/camera/classes", rr.SegmentationImage(part.labels[view]))
 
 
 def _write_splats(rr: Any, recording: Any, positions: tuple[int, ...], scene: SavedScene) -> None:
@@ -140,7 +139,7 @@ def _write_found(rr: Any, recording: Any, scene: SavedScene, up: UpDirection) ->
 
 def _boxes(rr: Any, found: Objects) -> Any:
     """Boxes with class, number and confidence."""
-    things = placed(found)
+    things = place_things(found)
     return rr.Boxes3D(
         centers=[one.centre for one in things],
         half_sizes=[np.array(one.thing.box.size) / 2 for one in things],

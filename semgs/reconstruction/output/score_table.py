@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from semgs.figures.html_page import Table
 from semgs.objectives.measures import MEANINGS, MOSTLY_SEEN, TITLES, shown_number
-from semgs.reconstruction.pipeline import Reconstruction, Shown
+from semgs.reconstruction.result import Reconstruction
 from semgs.reconstruction.scores import ViewScores, by_measure, mean_scores
 
 DIGITS = 2
 """Digits after the point; more would mean little for a few views."""
+
+ROLES = {"context": "input", "target": "held-out"}
+"""What views of each role are called."""
 
 SEEN = "_seen"
 """Suffix of measures over the seen pixels."""
@@ -28,19 +31,20 @@ def score_table(result: Reconstruction) -> Table:
         return tuple(shown_number(name, values.get(name), DIGITS) for name in names)
 
     rows = []
-    for role, shown in _parts(result):
-        for position, name, score in zip(shown.positions, shown.names, shown.scores, strict=True):
+    for part in reversed(result.rendered_views):
+        role = ROLES[part.role]
+        for position, name, score in zip(part.positions, part.names, part.scores, strict=True):
             rows.append((f"{name} (frame {position}, {role})", *cells(score)))
-        if len(shown.scores) > 1:
-            rows.append((f"mean, {role}", *cells(mean_scores(shown.scores))))
+        if len(part.scores) > 1:
+            rows.append((f"mean, {role}", *cells(mean_scores(part.scores))))
     return Table(("view", *[TITLES[name] for name in names]), tuple(rows))
 
 
 def score_lines(result: Reconstruction) -> list[str]:
     """A line with mean scores for held-out views and for input views; another for the seen pixels if many were not seen."""
     lines = []
-    for role, shown in _parts(result):
-        means = mean_scores(shown.scores)
+    for part in reversed(result.rendered_views):
+        role, means = ROLES[part.role], mean_scores(part.scores)
         values = by_measure(means)
         overall = [name for name in values if not name.endswith(SEEN) and name != "unseen"]
         lines.append(f"{role} views: {_listed(overall, values)}")
@@ -50,14 +54,9 @@ def score_lines(result: Reconstruction) -> list[str]:
     return lines
 
 
-def _parts(result: Reconstruction) -> list[tuple[str, Shown]]:
-    """The views by role, held-out views first."""
-    return list(zip(("input", "held-out"), result.shown, strict=False))[::-1]
-
-
 def _measures(result: Reconstruction) -> list[str]:
     """The measures that some view has, in the order of tables."""
-    known = {name for _, shown in _parts(result) for score in shown.scores for name in by_measure(score)}
+    known = {name for part in result.rendered_views for score in part.scores for name in by_measure(score)}
     return [name for name in TITLES if name in known]
 
 

@@ -22,6 +22,8 @@ from semgs.rooms.assets.splits import Split, split_images, split_meshes
 from semgs.rooms.pieces.shells import Shell, corner_normals
 
 T = TypeVar("T")
+Folders = str | Path | Sequence[str | Path]
+"""One folder of assets, or several."""
 
 MEMORY = 256 << 20
 """Size limit of the cache [bytes]."""
@@ -74,19 +76,14 @@ class Library:
     """
 
     def __init__(
-        self,
-        folders: str | Path | Sequence[str | Path],
-        split: Split = "training",
-        *,
-        check: bool = True,
-        memory: int = MEMORY,
+        self, folders: Folders, split: Split = "training", *, check: bool = True, memory: int = MEMORY
     ) -> None:
-        given = [folders] if isinstance(folders, str | Path) else folders
-        self.folders, self.split, self.memory = tuple(typed_path(folder) for folder in given), split, memory
+        paths = [folders] if isinstance(folders, str | Path) else folders
+        self.folders, self.split, self.memory = tuple(typed_path(folder) for folder in paths), split, memory
         self.meshes: tuple[MeshEntry, ...] = ()
         self.images: tuple[ImageEntry, ...] = ()
         self._folder_of: dict[str, Path] = {}
-        self._kept: OrderedDict[str, tuple[Any, int]] = OrderedDict()
+        self._cache: OrderedDict[str, tuple[Any, int]] = OrderedDict()
         self._size = 0
         for folder in self.folders:
             if check:
@@ -117,7 +114,7 @@ class Library:
         return tuple(lock_digest(folder) for folder in self.folders)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_kept": OrderedDict(), "_size": 0}
+        return {**self.__dict__, "_cache": OrderedDict(), "_size": 0}
 
     def of_kind(self, *kinds: str) -> list[ImageEntry]:
         """The images of some kinds."""
@@ -129,7 +126,7 @@ class Library:
         Raises:
             InputError: the file cannot be read.
         """
-        return self._remembered(entry.name, lambda: _panels(self._path(entry), entry), _weight)
+        return self._cached(entry.name, lambda: _panels(self._path(entry), entry), _weight)
 
     def pyramid(self, entry: ImageEntry, upright: bool = True) -> Pyramid:
         """The contents of an image. If not `upright`, it is transposed if its grain runs along columns.
@@ -139,27 +136,28 @@ class Library:
         """
 
         def read() -> Pyramid:
-            return _lying(decode(self._path(entry).read_bytes(), self._path(entry)), upright)
+            pyramid = decode(self._path(entry).read_bytes(), self._path(entry))
+            return pyramid if upright else _lay_down(pyramid)
 
-        return self._remembered(f"{entry.kind}/{entry.name}/{upright}", read, lambda p: p.pixels.nbytes)
+        return self._cached(f"{entry.kind}/{entry.name}/{upright}", read, lambda p: p.pixels.nbytes)
 
     def _path(self, entry: MeshEntry | ImageEntry) -> Path:
         return self._folder_of[entry.file] / entry.file
 
-    def _remembered(self, key: str, make: Callable[[], T], weigh: Callable[[T], int]) -> T:
-        if key in self._kept:
-            self._kept.move_to_end(key)
-            return self._kept[key][0]
+    def _cached(self, key: str, make: Callable[[], T], weigh: Callable[[T], int]) -> T:
+        if key in self._cache:
+            self._cache.move_to_end(key)
+            return self._cache[key][0]
         value = make()
         weight = weigh(value)
-        self._kept[key] = value, weight
+        self._cache[key] = value, weight
         self._size += weight
-        while self._size > self.memory and len(self._kept) > 1:
-            self._size -= self._kept.popitem(last=False)[1][1]
+        while self._size > self.memory and len(self._cache) > 1:
+            self._size -= self._cache.popitem(last=False)[1][1]
         return value
 
 
-def open_library(folders: str | Path | Sequence[str | Path], style: str = "home", *, check: bool = True) -> Library:
+def open_library(folders: Folders, style: str = "home", *, check: bool = True) -> Library:
     """The assets that rooms of a style may use: the split `training` for `home`, the held-out split for `other`.
 
     Raises:
@@ -170,10 +168,9 @@ def open_library(folders: str | Path | Sequence[str | Path], style: str = "home"
         raise ValueError(f"style {style!r}; expected one of {', '.join(SPLIT_OF_STYLE)}")
     library = Library(folders, SPLIT_OF_STYLE[style], check=check)
     if not library.meshes and not library.images:
-        raise InputError(
-            ", ".join(map(str, library.folders)), f"meshes or images of the split {library.split}", "none",
-            advice="what tools.furniture makes is for training and validation rooms" if style == "other" else None,
-        )  # fmt: skip
+        advice = "what tools.furniture makes is for training and validation rooms" if style == "other" else None
+        expected = f"meshes or images of the split {library.split}"
+        raise InputError(", ".join(map(str, library.folders)), expected, "none", advice=advice)
     return library
 
 
@@ -181,24 +178,24 @@ def _panels(path: Path, entry: MeshEntry) -> tuple[Panel, ...]:
     labels = dict(entry.parts)
     panels = []
     primitives = read_glb(path)
-    turned = [p.vertices[p.faces] * np.array([-1, -1, 1], np.float32) for p in primitives]
-    side = _fuller_side(primitives, turned)
-    for primitive, corners in zip(primitives, turned, strict=True):
+    triangles = [p.vertices[p.faces] * np.array([-1, -1, 1], np.float32) for p in primitives]
+    side = _fuller_side(primitives, triangles)
+    for primitive, corners in zip(primitives, triangles, strict=True):
         area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1)
-        whole = (area > 1e-10) & _wanted(entry, primitive, corners, side)
+        whole = (area > 1e-10) & _used_triangles(entry, primitive, corners, side)
         if not whole.any():
             continue
         corners = corners[whole]
         uv = primitive.uv[primitive.faces]
         picture = None if primitive.texture is None else decode(primitive.texture, path, uv)
         uv, normals = uv[whole], corner_normals(corners)
-        for label, part in _labelled(entry, corners, labels.get(primitive.name)):
+        for label, part in _label_triangles(entry, corners, labels.get(primitive.name)):
             shell = Shell(corners[part], normals[part], uv[part])
             panels.append(Panel(label, primitive.material, primitive.colour, picture, primitive.clear, shell))
     return tuple(panels)
 
 
-def _labelled(
+def _label_triangles(
     entry: MeshEntry, corners: Float32[np.ndarray, "t 3 3"], label: str | None
 ) -> list[tuple[str | None, Bool[np.ndarray, " t"]]]:
     """The classes of a primitive's triangles, from the catalogue. Kitchen cabinets that it labels entirely as counter are split:
@@ -206,12 +203,12 @@ def _labelled(
     if entry.label != "counter" or entry.subtype != "kitchen_base_cabinet" or entry.parts:
         return [(label, np.ones(len(corners), bool))]
     top = corners[..., 2].min(axis=1) > entry.extents[2] - WORKTOP
-    return [(found, part) for found, part in ((None, top), ("cabinet", ~top)) if part.any()]
+    return [(own, part) for own, part in ((None, top), ("cabinet", ~top)) if part.any()]
 
 
-def _fuller_side(primitives: list[Primitive], turned: list[Float32[np.ndarray, "_ 3 3"]]) -> int:
+def _fuller_side(primitives: list[Primitive], triangles: list[Float32[np.ndarray, "_ 3 3"]]) -> int:
     """The side on which a pair of drapes has more cloth: 1 for positive x, else -1."""
-    cloth = [c[..., 0].mean(axis=1) for p, c in zip(primitives, turned, strict=True) if _is_cloth(p)]
+    cloth = [c[..., 0].mean(axis=1) for p, c in zip(primitives, triangles, strict=True) if _is_cloth(p)]
     return 1 if cloth and (np.concatenate(cloth) > 0).mean() >= 0.5 else -1
 
 
@@ -219,7 +216,7 @@ def _is_cloth(primitive: Primitive) -> bool:
     return any(word in primitive.material.lower() for word in DRAPES)
 
 
-def _wanted(
+def _used_triangles(
     entry: MeshEntry, primitive: Primitive, corners: Float32[np.ndarray, "t 3 3"], side: int
 ) -> Bool[np.ndarray, " t"]:
     """Which triangles rooms use: one drape of a curtain without its rod, a window without its panes."""
@@ -236,15 +233,12 @@ def _wanted(
 
 
 def _weight(panels: tuple[Panel, ...]) -> int:
-    return sum(
-        p.shell.corners.nbytes * 2 + p.shell.uv.nbytes + (p.picture.pixels.nbytes if p.picture else 0) for p in panels
-    )
+    shells = sum(panel.shell.corners.nbytes * 2 + panel.shell.uv.nbytes for panel in panels)
+    return shells + sum(panel.picture.pixels.nbytes for panel in panels if panel.picture)
 
 
-def _lying(upright: Pyramid, keep: bool) -> Pyramid:
-    """The image, unless `keep` transposed if its grain runs along columns."""
-    if keep:
-        return upright
+def _lay_down(upright: Pyramid) -> Pyramid:
+    """The image, transposed if its grain runs along columns."""
     width, height = upright.size
     grey = upright.pixels[: width * height].mean(axis=1).reshape(height, width)
     if np.abs(np.diff(grey, axis=1)).mean() <= np.abs(np.diff(grey, axis=0)).mean():

@@ -10,30 +10,22 @@ from typing import TypeVar
 from semgs.files.errors import InputError
 from semgs.files.strict_json import read_json
 
-EXCLUDED = {
-    "kenney_bookcaseopen": "a ladder rather than a bookshelf",
-    "kenney_bookcaseopenlow": "a trestle rather than a bookshelf",
-    "ph_painted_wooden_shelves": "a holder for a wall, not a bookshelf",
-    "qt_shelf_small1": "a box for a wall, not a bookshelf",
-    "qt_shelf_small2": "a box for a wall, not a bookshelf",
-    "qt_shelf_small3": "a box for a wall, not a bookshelf",
-    "ph_wooden_display_shelves_01": "its front is on its side",
-    "bp_dwr_matera_dresser2": "its front is on its side",
-    "bp_cb_tecs_baked": "its front is on its side",
-    "bp_cb_clapboard_baked": "a television is part of the mesh",
-    "bp_cb_moore_baked": "a television is part of the mesh",
-    "bp_open_door": "a frame without a leaf",
-    "bp_whitewindow": "its panes cannot be separated from its frame",
-    "kenney_wallwindow": "edges of a wall are part of the mesh",
-    "kenney_wallwindowslide": "edges of a wall are part of the mesh",
-    "kenney_kitchencabinetcornerinner": "a corner, which plans do not use",
-    "kenney_kitchencabinetcornerround": "a corner, which plans do not use",
-    "qt_window_round1": "the wall would be missing beside its arch",
-    "qt_window_round2": "the wall would be missing beside its arch",
-    "qt_window_round3": "the wall would be missing beside its arch",
-    "khronos_avocado": "30 cm long",
+WHY_EXCLUDED = {
+    "a ladder rather than a bookshelf": ("kenney_bookcaseopen",),
+    "a trestle rather than a bookshelf": ("kenney_bookcaseopenlow",),
+    "a holder for a wall, not a bookshelf": ("ph_painted_wooden_shelves",),
+    "a box for a wall, not a bookshelf": ("qt_shelf_small1", "qt_shelf_small2", "qt_shelf_small3"),
+    "its front is on its side": ("ph_wooden_display_shelves_01", "bp_dwr_matera_dresser2", "bp_cb_tecs_baked"),
+    "a television is part of the mesh": ("bp_cb_clapboard_baked", "bp_cb_moore_baked"),
+    "a frame without a leaf": ("bp_open_door",),
+    "its panes cannot be separated from its frame": ("bp_whitewindow",),
+    "edges of a wall are part of the mesh": ("kenney_wallwindow", "kenney_wallwindowslide"),
+    "a corner, which plans do not use": ("kenney_kitchencabinetcornerinner", "kenney_kitchencabinetcornerround"),
+    "the wall would be missing beside its arch": ("qt_window_round1", "qt_window_round2", "qt_window_round3"),
+    "30 cm long": ("khronos_avocado",),
 }
-"""Meshes that do not fit their class or cannot be placed in rooms, and why."""
+"""Meshes that do not fit their class or cannot be placed in rooms, by the reason."""
+EXCLUDED = frozenset(name for names in WHY_EXCLUDED.values() for name in names)
 
 TOYS = ("kkf_", "kkr_")
 """Makers whose furniture has the proportions of toys; only their clutter is used."""
@@ -141,53 +133,41 @@ def usable(row: MeshEntry) -> bool:
     return row.name not in EXCLUDED and row.subtype != STOOL and not footrest and not toy
 
 
-def _read(path: Path, entry: Callable[[dict], Entry]) -> list[Entry]:
+def _read(path: Path, decode: Callable[[dict], Entry]) -> list[Entry]:
     """The entries of a list; their names are unique."""
     rows = read_json(path, "the list of a folder of assets", advice="give the folder that contains it")
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise InputError(path, "a list of objects", type(rows).__name__)
-    found: dict[str, Entry] = {}
+    entries: dict[str, Entry] = {}
     for row in rows:
         try:
-            one = entry(row)
+            entry = decode(row)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise InputError(
-                path, "rows with name, file, licence and the like", f"{type(error).__name__}: {error}",
-                key=str(row.get("name")),
-            ) from None  # fmt: skip
-        if one.name in found:
-            raise InputError(path, "names that occur once", f"{one.name} twice", key="name")
-        found[one.name] = one
-    return list(found.values())
+            expected, reason = "rows with name, file, licence and the like", f"{type(error).__name__}: {error}"
+            raise InputError(path, expected, reason, key=str(row.get("name"))) from None
+        if entry.name in entries:
+            raise InputError(path, "names that occur once", f"{entry.name} twice", key="name")
+        entries[entry.name] = entry
+    return list(entries.values())
 
 
 def _mesh(row: dict) -> MeshEntry:
     x, y, z = (float(side) for side in row["extents_m"])
     parts = tuple((str(node), str(label)) for node, label in row.get("part_classes", {}).items())
-    return MeshEntry(
-        str(row["name"]), str(row["class"]), str(row["subtype"]), inside(row["file"]), (x, y, z), str(row["mount"]), parts,
-        _origin(row),
-    )  # fmt: skip
+    name, label, subtype, mount = (str(row[key]) for key in ("name", "class", "subtype", "mount"))
+    return MeshEntry(name, label, subtype, inside(row["file"]), (x, y, z), mount, parts, _origin(row))
 
 
 def _image(row: dict) -> ImageEntry:
     width, height = (int(side) for side in row["size"])
     tile = float(row["tile_cm"]) / 100 if row.get("tile_cm") else None
-    return ImageEntry(
-        str(row["name"]),
-        str(row["kind"]),
-        inside(row["file"]),
-        (width, height),
-        bool(row["tileable"]),
-        tile,
-        _origin(row),
-    )
+    name, kind, file = str(row["name"]), str(row["kind"]), inside(row["file"])
+    return ImageEntry(name, kind, file, (width, height), bool(row["tileable"]), tile, _origin(row))
 
 
 def _origin(row: dict) -> Origin:
-    return Origin(
-        str(row["source_repo"]), str(row["commit"]), str(row["path"]), str(row["licence"]), str(row.get("author") or "")
-    )
+    source, commit, path, licence = (str(row[key]) for key in ("source_repo", "commit", "path", "licence"))
+    return Origin(source, commit, path, licence, str(row.get("author") or ""))
 
 
 def inside(file: str) -> str:

@@ -29,12 +29,9 @@ FINE = 256
 COARSE_SHARE = 0.4
 """Tile width of such an image, as a share of the default."""
 FLOORS = {
-    t.PLANKS: ("wood_floor",),
-    t.TILES: ("tile", "stone"),
-    t.CHECKER: ("tile",),
-    t.MARBLE: ("stone", "concrete"),
+    t.PLANKS: ("wood_floor",), t.TILES: ("tile", "stone"), t.CHECKER: ("tile",), t.MARBLE: ("stone", "concrete"),
     t.PLAIN: ("carpet",),
-}
+}  # fmt: skip
 WALLS = {t.STRIPES: ("wallpaper",), t.DOTS: ("wallpaper",), t.PLANKS: ("brick", "wood"), t.TILES: ("tile",)}
 CLOTH = tuple(LABEL[name] for name in ("bed", "chair", "sofa", "curtain", "shower curtain", "otherfurniture"))
 VIEW_LIGHT = (0.5, 2.2)

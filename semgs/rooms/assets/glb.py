@@ -58,12 +58,8 @@ def read_glb(path: Path) -> list[Primitive]:
     try:
         return _primitives(*_chunks(raw))
     except (KeyError, IndexError, ValueError, TypeError, struct.error) as error:
-        raise InputError(
-            path,
-            "a binary glTF 2.0 file of plain triangles",
-            f"{type(error).__name__}: {error}",
-            advice="fetch it again",
-        ) from error
+        expected, reason = "a binary glTF 2.0 file of plain triangles", f"{type(error).__name__}: {error}"
+        raise InputError(path, expected, reason, advice="fetch it again") from error
 
 
 def _chunks(raw: bytes) -> tuple[dict, bytes]:
@@ -113,16 +109,8 @@ def _primitive(description: dict, data: bytes, name: str, primitive: dict) -> Pr
         image = description["images"][description["textures"][surface["baseColorTexture"]["index"]]["source"]]
         texture = _view(description, data, image["bufferView"])
         uv = _accessor(description, data, attributes["TEXCOORD_0"])
-    return Primitive(
-        name,
-        str(material.get("name", "")),
-        vertices,
-        faces,
-        uv,
-        (red, green, blue),
-        texture,
-        material.get("alphaMode", "OPAQUE") == "BLEND",
-    )
+    clear = material.get("alphaMode", "OPAQUE") == "BLEND"
+    return Primitive(name, str(material.get("name", "")), vertices, faces, uv, (red, green, blue), texture, clear)
 
 
 def _view(description: dict, data: bytes, number: int) -> bytes:
@@ -163,24 +151,23 @@ def write_glb(path: Path, primitives: Sequence[Primitive]) -> None:
 
     def accessor(values: np.ndarray, component: int, kind: str, **bounds: list[float]) -> int:
         raw = np.ascontiguousarray(values, dtype=COMPONENTS[component]).tobytes()
-        accessors.append(
-            {"bufferView": view(raw), "componentType": component, "count": len(values), "type": kind, **bounds}
-        )
+        place = {"bufferView": view(raw), "componentType": component}
+        accessors.append({**place, "count": len(values), "type": kind, **bounds})
         return len(accessors) - 1
 
-    for number, one in enumerate(primitives):
-        bounds = {"min": one.vertices.min(axis=0).tolist(), "max": one.vertices.max(axis=0).tolist()}
-        attributes = {"POSITION": accessor(one.vertices, FLOAT, "VEC3", **bounds)}
-        surface: dict = {"baseColorFactor": [*one.colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8}
-        if one.texture is not None:
-            attributes["TEXCOORD_0"] = accessor(one.uv, FLOAT, "VEC2")
-            surface["baseColorTexture"] = {"index": images.setdefault(one.texture, len(images))}
-        component = SHORT if len(one.vertices) < 65536 else LONG
-        indices = accessor(one.faces.ravel(), component, "SCALAR")
+    for number, primitive in enumerate(primitives):
+        bounds = {"min": primitive.vertices.min(axis=0).tolist(), "max": primitive.vertices.max(axis=0).tolist()}
+        attributes = {"POSITION": accessor(primitive.vertices, FLOAT, "VEC3", **bounds)}
+        surface: dict = {"baseColorFactor": [*primitive.colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8}
+        if primitive.texture is not None:
+            attributes["TEXCOORD_0"] = accessor(primitive.uv, FLOAT, "VEC2")
+            surface["baseColorTexture"] = {"index": images.setdefault(primitive.texture, len(images))}
+        component = SHORT if len(primitive.vertices) < 65536 else LONG
+        indices = accessor(primitive.faces.ravel(), component, "SCALAR")
         meshes.append({"primitives": [{"attributes": attributes, "indices": indices, "material": number}]})
-        material = {"name": one.material, "pbrMetallicRoughness": surface, "doubleSided": True}
-        materials.append(material | ({"alphaMode": "BLEND"} if one.clear else {}))
-        nodes.append({"name": one.name, "mesh": number})
+        material = {"name": primitive.material, "pbrMetallicRoughness": surface, "doubleSided": True}
+        materials.append(material | ({"alphaMode": "BLEND"} if primitive.clear else {}))
+        nodes.append({"name": primitive.name, "mesh": number})
     pictures = [{"bufferView": view(raw), "mimeType": _mime(raw)} for raw in images]
     description = {
         "asset": {"version": "2.0", "generator": "semgs"}, "scene": 0, "scenes": [{"nodes": list(range(len(nodes)))}],
@@ -191,9 +178,8 @@ def write_glb(path: Path, primitives: Sequence[Primitive]) -> None:
         description |= {"images": pictures, "textures": [{"source": number} for number in range(len(pictures))]}
     head = json.dumps(description, separators=(",", ":")).encode()
     head += b" " * (-len(head) % 4)
-    body = b"".join(
-        (struct.pack("<II", len(head), JSON_CHUNK), head, struct.pack("<II", len(data), BINARY_CHUNK), data)
-    )
+    chunks = ((JSON_CHUNK, head), (BINARY_CHUNK, data))
+    body = b"".join(struct.pack("<II", len(chunk), kind) + chunk for kind, chunk in chunks)
     write_bytes(path, struct.pack("<4sII", HEADER, 2, 12 + len(body)) + body)
 
 

@@ -54,10 +54,10 @@ def write_lock(path: str | Path, rows: Sequence[LockEntry]) -> None:
     origins: dict[tuple[str, str, str, str], int] = {}
     lines = []
     for row in rows:
-        one = row.origin
-        number = origins.setdefault((one.source, one.commit, one.licence, one.author), len(origins))
-        lines.append(json.dumps([row.file, number, one.path, row.sha256], ensure_ascii=False))
-    head = ",\n".join(json.dumps(list(origin), ensure_ascii=False) for origin in origins)
+        origin = row.origin
+        number = origins.setdefault((origin.source, origin.commit, origin.licence, origin.author), len(origins))
+        lines.append(json.dumps([row.file, number, origin.path, row.sha256], ensure_ascii=False))
+    head = ",\n".join(json.dumps(list(shared), ensure_ascii=False) for shared in origins)
     text = f'{{"origins": [\n{head}\n], "files": [\n' + ",\n".join(lines) + "\n]}\n"
     write_bytes(Path(path), text.encode())
 
@@ -77,12 +77,8 @@ def read_lock(path: str | Path | None = None) -> tuple[LockEntry, ...]:
             rows.append(LockEntry(inside(file), Origin(source, commit, inner, licence, author), sha256))
         return tuple(rows)
     except (OSError, KeyError, IndexError, TypeError, ValueError) as error:
-        raise InputError(
-            path,
-            "a lock of assets",
-            f"{type(error).__name__}: {error}",
-            advice="install semgs, or generate the folder, again",
-        ) from None
+        reason, advice = f"{type(error).__name__}: {error}", "install semgs, or generate the folder, again"
+        raise InputError(path, "a lock of assets", reason, advice=advice) from None
 
 
 def lock_of(folder: str | Path) -> Path:
@@ -116,18 +112,11 @@ def verify(folder: str | Path, lock: Sequence[LockEntry] | None = None) -> None:
                 altered.append(row.file)
         except InputError:
             missing.append(row.file)
-    if missing or altered:
-        found = "; ".join(
-            f"{len(names)} {what}: {listed(names, SHOWN)}"
-            for what, names in (("missing", missing), ("altered", altered))
-            if names
-        )
-        raise InputError(
-            folder,
-            "the files of the lock, byte for byte",
-            found,
-            advice="fetch or generate the assets again, in a folder of their own",
-        )
+    faults = [(what, names) for what, names in (("missing", missing), ("altered", altered)) if names]
+    if faults:
+        reason = "; ".join(f"{len(names)} {what}: {listed(names, SHOWN)}" for what, names in faults)
+        advice = "fetch or generate the assets again, in a folder of their own"
+        raise InputError(folder, "the files of the lock, byte for byte", reason, advice=advice)
 
 
 def attribution(used: Iterable[str], lock: Sequence[LockEntry] | None = None) -> str:
@@ -144,20 +133,15 @@ def attribution(used: Iterable[str], lock: Sequence[LockEntry] | None = None) ->
     unknown = sorted(set(used) - rows.keys())
     if unknown:
         raise ValueError(f"the lock has no {listed(unknown, SHOWN)}; expected files that it names")
-    lines = [
-        "# Attribution",
-        "",
-        "These pictures show models and textures by others, under the licences named here.",
-        "",
-    ]
+    notice = "These pictures show models and textures by others, under the licences named here."
+    lines = ["# Attribution", "", notice, ""]
     groups: dict[tuple[str, str], list[LockEntry]] = {}
     for file in sorted(set(used)):
         groups.setdefault((rows[file].origin.licence, rows[file].origin.author), []).append(rows[file])
     for (licence, author), members in sorted(groups.items()):
         lines += [f"## {licence}" + (f", by {author}" if author else ""), ""]
-        lines += [
-            f"- `{row.file}`: {row.origin.source}@{row.origin.commit[:12]}, `{row.origin.path}`" for row in members
-        ]
+        origins = [(row.file, row.origin) for row in members]
+        lines += [f"- `{file}`: {origin.source}@{origin.commit[:12]}, `{origin.path}`" for file, origin in origins]
         lines.append("")
     return "\n".join(lines)
 
@@ -166,6 +150,5 @@ def _digest(folder: Path, name: str) -> str:
     try:
         return sha256(folder / name)
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
-        raise InputError(
-            folder / name, "a file of the assets", "no such file", advice="fetch the assets again"
-        ) from None
+        advice = "fetch the assets again"
+        raise InputError(folder / name, "a file of the assets", "no such file", advice=advice) from None

@@ -27,15 +27,10 @@ KITS = ("kenney", "qt", "kkf", "kkr", "proc", GENERATED)
 """Makers whose pieces of one class form one family."""
 
 SAME_GENERATOR = {
-    "ig_armchair": "ig_sofa",
-    "ig_blinds": "ig_window",
-    "ig_bookcase": "ig_largeshelf",
-    "ig_cabinet": "ig_wardrobe",
-    "ig_cellshelf": "ig_largeshelf",
-    "ig_island": "ig_kitchenbase",
-    "ig_kitchenwall": "ig_kitchenbase",
+    "ig_armchair": "ig_sofa", "ig_blinds": "ig_window", "ig_bookcase": "ig_largeshelf", "ig_cabinet": "ig_wardrobe",
+    "ig_cellshelf": "ig_largeshelf", "ig_island": "ig_kitchenbase", "ig_kitchenwall": "ig_kitchenbase",
     "ig_sideboard": "ig_dresser",
-}
+}  # fmt: skip
 """Families made by the same generator with other settings."""
 
 
@@ -44,11 +39,9 @@ def family(entry: MeshEntry) -> str:
     maker = entry.name.split("_")[0]
     if maker in KITS:
         return f"{maker} {entry.label}"
-    stem = (
-        re.sub(r"(_[a-z]?\d*)*$", "", re.sub(r"_n?\d+$", "", entry.name))
-        if maker == "ig"
-        else entry.name.rstrip("0123456789_")
-    )
+    if maker != "ig":
+        return entry.name.rstrip("0123456789_")
+    stem = re.sub(r"(_[a-z]?\d*)*$", "", re.sub(r"_n?\d+$", "", entry.name))
     return SAME_GENERATOR.get(stem, stem)
 
 

@@ -47,6 +47,8 @@ class Rule:
     whole: bool = False
 
 
+CABINETS = ("cabinet", "dresser", "sideboard", "wardrobe", "vitrine", "tv_stand")
+OTHER = ("bench", "tv_stand", "trash_can", "washing_machine", "ottoman", "dryer", "storage_trunk")
 RULES = {
     "bed": Rule("bed", ("bed",), low=0.8),
     "sofa": Rule("sofa", low=0.8),
@@ -56,9 +58,7 @@ RULES = {
     "coffee table": Rule("table", ("coffee_table",), low=0.7, stretch=1.2, centred=True),
     "side table": Rule("table", ("side_table",), low=0.75, centred=True),
     "desk": Rule("desk", low=0.75, stretch=1.2),
-    "cabinet": Rule(
-        "cabinet", ("cabinet", "dresser", "sideboard", "wardrobe", "vitrine", "tv_stand"), low=0.75, stretch=1.2
-    ),
+    "cabinet": Rule("cabinet", CABINETS, low=0.75, stretch=1.2),
     "nightstand": Rule("cabinet", ("nightstand",), low=0.75),
     "bookshelf": Rule("bookshelf", low=0.75, stretch=1.2),
     "island": Rule("counter", ("counter", "kitchen_base_cabinet"), low=0.7, stretch=1.2, centred=True, whole=True),
@@ -67,12 +67,7 @@ RULES = {
     "refrigerator": Rule("refrigerator", low=0.8, stretch=1.15),
     "toilet": Rule("toilet", low=0.85),
     "bathtub": Rule("bathtub", low=0.85, stretch=1.15),
-    "other": Rule(
-        "otherfurniture",
-        ("bench", "tv_stand", "trash_can", "washing_machine", "ottoman", "dryer", "storage_trunk"),
-        low=0.75,
-        fill=0.5,
-    ),
+    "other": Rule("otherfurniture", OTHER, low=0.75, fill=0.5),
     "stove": Rule("otherfurniture", ("stove",), low=0.75),
     "door": Rule("door", low=0.8, high=1.25, stretch=1.3, hung=True),
     "window": Rule("window", low=0.5, high=2.0, stretch=1.8, hung=True),
@@ -130,34 +125,35 @@ class Swaps:
             return piece
         key = piece.name, piece.size, piece.parts[0].material.tobytes()
         if key not in self._made:
-            self._made[key] = self._exchanged(piece)
+            self._made[key] = self._exchange(piece)
         made = self._made[key]
         if piece.name != "picture":
             return made
         return replace(made, parts=(*made.parts[:-1], replace(made.parts[-1], material=piece.parts[-1].material)))
 
-    def _exchanged(self, piece: Piece) -> Piece:
+    def _exchange(self, piece: Piece) -> Piece:
         rule = RULES.get(piece.name)
         if rule is None or self.rng.random() >= self.share * rule.share:
             return piece
         low, high = _bounds(piece)
         box = np.array([piece.size[0], piece.size[1], high - low])
-        found = [(entry, scale) for entry in self._candidates(rule) if (scale := fit(entry, box, rule)) is not None]
-        if not found:
+        scales = [(entry, fit_scale(entry, box, rule)) for entry in self._candidates(rule)]
+        fitting = [(entry, scale) for entry, scale in scales if scale is not None]
+        if not fitting:
             return piece
-        entry, scale = found[int(self.rng.integers(len(found)))]
+        entry, scale = fitting[int(self.rng.integers(len(fitting)))]
         depth = entry.extents[1] * scale[1]
         y = box[1] / 2 if rule.centred else depth / 2
         y = {"door": depth / 2 - SUNK, "window": 0.0}.get(piece.name, y)
         foot = np.array([box[0] / 2, y, low])
         panels = self.library.panels(entry)
         if rule.label == "curtain":
-            scale, foot = _draped(panels, box, foot)
+            scale, foot = _drape(panels, box, foot)
         self.coverings.used.add_file(entry.file)
         if rule.whole:
             panels = tuple(replace(panel, label=None) for panel in panels)
         parts = self._parts(panels, entry, scale, foot)
-        parts = _framed(parts, piece) if rule.label == "picture" else parts + _kept(piece)
+        parts = _frame_art(parts, piece) if rule.label == "picture" else parts + _kept_parts(piece)
         surface = _surface(panels, entry, scale) if piece.name in SURFACED else None
         return Piece(piece.name, piece.size, tuple(parts), surface)
 
@@ -200,9 +196,8 @@ class Swaps:
             red, green, blue = (float(c * f) for c, f in zip(panel.colour, tint, strict=True))
             return self.coverings.unwrapped(panel.picture, (red, green, blue), rng.uniform(0, 0.2))
         if panel.clear:
-            return m.plain(
-                rng, m.colour(rng, (0.4, 0.6), (0, 0.1), (0.35, 0.7)), m.Noise(fine=0.0, blotch=0.05), gloss=0.7
-            )
+            tint = m.colour(rng, (0.4, 0.6), (0, 0.1), (0.35, 0.7))
+            return m.plain(rng, tint, m.Noise(fine=0.0, blotch=0.05), gloss=0.7)
         return self.flat(panel.material.lower(), panel.colour, label)
 
     def flat(self, name: str, colour: tuple[float, float, float], label: int) -> Material:
@@ -244,7 +239,7 @@ class Swaps:
         return m.plain(rng, (red, green, blue), m.Noise(fine=0.02, blotch=0.04), gloss=rng.uniform(0, 0.3))
 
 
-def fit(entry: MeshEntry, box: Float64[np.ndarray, " 3"], rule: Rule) -> Float64[np.ndarray, " 3"] | None:
+def fit_scale(entry: MeshEntry, box: Float64[np.ndarray, " 3"], rule: Rule) -> Float64[np.ndarray, " 3"] | None:
     """Scales along x, y and z that fit a mesh into a box, None if it would look wrong.
 
     Width and depth stay within the box; the height may exceed it by an eighth.
@@ -266,7 +261,7 @@ def fit(entry: MeshEntry, box: Float64[np.ndarray, " 3"], rule: Rule) -> Float64
     return scale if filled[0] >= rule.fill and filled[2] <= HIGHEST else None
 
 
-def _draped(
+def _drape(
     panels: tuple[Panel, ...], box: Float64[np.ndarray, " 3"], foot: Float64[np.ndarray, " 3"]
 ) -> tuple[Float64[np.ndarray, " 3"], Float64[np.ndarray, " 3"]]:
     """Scale and origin of one drape that fills the width and height of a box."""
@@ -279,7 +274,7 @@ def _draped(
     return scale, np.array([foot[0] - middle[0], off - middle[1], foot[2] - scale[2] * lowest[2]])
 
 
-def _kept(piece: Piece) -> list[Part]:
+def _kept_parts(piece: Piece) -> list[Part]:
     """Parts of the piece that stay, because they close a hole in the wall: the leaf of a door; the pane of a window, enlarged to the
     hole, and its blind."""
     if piece.name == "door":
@@ -288,14 +283,12 @@ def _kept(piece: Piece) -> list[Part]:
         return []
     width, _, height = piece.size
     pane = [part for part in piece.parts if part.material[t.KIND] == t.OUTDOOR]
-    wide = [
-        replace(part, centre=(width / 2, part.centre[1], height / 2), size=(width, part.size[1], height))
-        for part in pane
-    ]
-    return wide + [part for part in piece.parts if part.material[t.KIND] == t.TILES]
+    blind = [part for part in piece.parts if part.material[t.KIND] == t.TILES]
+    wide = [replace(p, centre=(width / 2, p.centre[1], height / 2), size=(width, p.size[1], height)) for p in pane]
+    return wide + blind
 
 
-def _framed(parts: list[Part], piece: Piece) -> list[Part]:
+def _frame_art(parts: list[Part], piece: Piece) -> list[Part]:
     """A frame with the piece's art on its canvas, the part with the fewest triangles."""
     canvas = min(parts, key=lambda part: 0 if part.shell is None else len(part.shell.corners))
     art = replace(piece.parts[-1], centre=canvas.centre, size=canvas.size)
@@ -309,19 +302,16 @@ def _is(name: str, words: tuple[str, ...]) -> bool:
 def _bounds(piece: Piece) -> tuple[float, float]:
     """Lowest and highest point of a piece, without ignored parts unless all are ignored."""
     own = [part for part in piece.parts if part.label != IGNORE] or list(piece.parts)
-    return (
-        max(0.0, min(part.centre[2] - part.size[2] / 2 for part in own)),
-        max(part.centre[2] + part.size[2] / 2 for part in own),
-    )
+    lowest, highest = min(p.centre[2] - p.size[2] / 2 for p in own), max(p.centre[2] + p.size[2] / 2 for p in own)
+    return max(0.0, lowest), highest
 
 
 def _surface(panels: tuple[Panel, ...], entry: MeshEntry, scale: np.ndarray) -> float | None:
     """Height of a flat top, None if there is none."""
     corners = np.concatenate([panel.shell.corners for panel in panels])
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    top = (np.abs(normals[:, 2]) > 0.9 * np.linalg.norm(normals, axis=-1)) & (
-        corners[..., 2].min(axis=1) > entry.extents[2] - TOP_BAND
-    )
+    level = np.abs(normals[:, 2]) > 0.9 * np.linalg.norm(normals, axis=-1)
+    top = level & (corners[..., 2].min(axis=1) > entry.extents[2] - TOP_BAND)
     covered = np.abs(normals[top, 2]).sum() / 2
     footprint = entry.extents[0] * entry.extents[1]
     return float(entry.extents[2] * scale[2]) if covered >= TOP_SHARE * footprint else None

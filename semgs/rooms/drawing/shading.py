@@ -17,6 +17,14 @@ EDGE_RAYS = ((-0.27, 0.11), (0.19, 0.31), (0.12, -0.29))
 
 
 @dataclass(frozen=True)
+class RoomCamera:
+    """A pinhole camera: its intrinsics [px] and the (height, width) of its images [px]."""
+
+    intrinsics: Float64[np.ndarray, "3 3"]
+    size: tuple[int, int]
+
+
+@dataclass(frozen=True)
 class RenderedFrame:
     """What a camera sees.
 
@@ -62,9 +70,7 @@ def centres(size: tuple[int, int]) -> Float64[np.ndarray, "n 2"]:
 
 
 def look(
-    room: Room,
-    world_from_camera: Float64[np.ndarray, "4 4"],
-    directions: Float64[np.ndarray, "n 3"],
+    room: Room, world_from_camera: Float64[np.ndarray, "4 4"], directions: Float64[np.ndarray, "n 3"]
 ) -> tuple[Int[np.ndarray, " n"], Float64[np.ndarray, " n"]]:
     """Labels and z-depths along directions with camera z = 1; 255 and 0 where nothing is hit."""
     origin = np.broadcast_to(world_from_camera[:3, 3], directions.shape)
@@ -75,13 +81,9 @@ def look(
     return np.where(triangles < 0, IGNORE, labels), np.where(triangles < 0, 0.0, depths)
 
 
-def photograph(
-    room: Room,
-    world_from_camera: Float64[np.ndarray, "4 4"],
-    intrinsics: Float64[np.ndarray, "3 3"],
-    size: tuple[int, int],
-) -> RenderedFrame:
+def photograph(room: Room, world_from_camera: Float64[np.ndarray, "4 4"], camera: RoomCamera) -> RenderedFrame:
     """Render one frame. Labels and depths are those at pixel centres; colours of edge pixels are the mean of four rays."""
+    intrinsics, size = camera.intrinsics, camera.size
     pixels, width = centres(size), size[1]
     spread = 1 / np.sqrt(intrinsics[0, 0] * intrinsics[1, 1])
     seen = _meet(room, world_from_camera[:3, 3], pixel_directions(world_from_camera, intrinsics, pixels), spread)

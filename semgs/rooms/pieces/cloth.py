@@ -6,7 +6,7 @@ import numpy as np
 
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces import texture_kernels as t
-from semgs.rooms.pieces.furniture import LABEL, legs
+from semgs.rooms.pieces.furniture import LABEL, legs, scatter_cushions, seat_cushions
 from semgs.rooms.pieces.materials import Material
 from semgs.rooms.pieces.solids import BOX, CUSHION, Part, Piece, block, post
 
@@ -22,11 +22,8 @@ def canvas_wardrobe(rng: np.random.Generator) -> Piece:
     canvas, steel = _canvas(rng), m.metal(rng)
     seam = m.plain(rng, m.shade(rng, _tone(canvas), 0.35, 0.8)) if rng.random() < 0.7 else m.fabric(rng)
     front = depth - 0.02
-    parts = [
-        post(label, steel, (x, y), 0.009, 0.0, height - 0.03)
-        for x in (0.015, width - 0.015)
-        for y in (0.015, depth - 0.035)
-    ]
+    poles = [(x, y) for x in (0.015, width - 0.015) for y in (0.015, depth - 0.035)]
+    parts = [post(label, steel, place, 0.009, 0.0, height - 0.03) for place in poles]
     parts += [
         block(label, canvas, (0, 0, foot), (width, 0.008, height - 0.02)),
         block(label, canvas, (0, 0.008, foot), (0.006, front, height - 0.02)),
@@ -43,9 +40,8 @@ def canvas_wardrobe(rng: np.random.Generator) -> Piece:
             parts.append(block(label, canvas, (left - 0.003, 0.008, foot), (left + 0.003, front, height - 0.05)))
         if column == open_one:
             parts += _clothes(rng, (left + 0.02, right - 0.02), front, (foot, height))
-            parts.append(
-                block(label, canvas, (left, front - 0.02, height - 0.2), (right, front + 0.06, height - 0.1), CUSHION)
-            )
+            low, high = (left, front - 0.02, height - 0.2), (right, front + 0.06, height - 0.1)
+            parts.append(block(label, canvas, low, high, CUSHION))
         else:
             parts += _flap(rng, canvas, (left, right), front, (foot, height - 0.04))
         for x in (left + 0.012, right - 0.012):
@@ -102,11 +98,8 @@ def _clothes(
         top = z
         for _ in range(int(rng.integers(0, 5))):
             thick = rng.uniform(0.03, 0.06)
-            parts.append(
-                block(
-                    label, m.fabric(rng), (left + 0.03, 0.05, top), (right - 0.03, front - 0.05, top + thick), CUSHION
-                )
-            )
+            folded = (left + 0.03, 0.05, top), (right - 0.03, front - 0.05, top + thick)
+            parts.append(block(label, m.fabric(rng), *folded, CUSHION))
             top += 0.8 * thick
     return parts
 
@@ -116,12 +109,8 @@ def corner_sofa(rng: np.random.Generator) -> Piece:
     label, cloth = LABEL["sofa"], upholstery(rng)
     arm, seat, depth = rng.uniform(0.1, 0.25), rng.uniform(0.6, 0.75), rng.uniform(0.85, 1.0)
     width, long = 2 * arm + 3 * seat, rng.uniform(1.4, 1.7)
-    foot, base, top, rest = (
-        rng.uniform(0.02, 0.12),
-        rng.uniform(0.26, 0.32),
-        rng.uniform(0.66, 0.9),
-        rng.uniform(0.5, 0.64),
-    )
+    foot, base = rng.uniform(0.02, 0.12), rng.uniform(0.26, 0.32)
+    top, rest = rng.uniform(0.66, 0.9), rng.uniform(0.5, 0.64)
     back, thick = rng.uniform(0.16, 0.26), rng.uniform(0.12, 0.2)
     flipped = bool(rng.random() < 0.5)
     sides = (0.0, width - arm - seat) if flipped else (width - arm - seat, 0.0)
@@ -139,15 +128,10 @@ def corner_sofa(rng: np.random.Generator) -> Piece:
     for i in range(3):
         x = arm + i * seat
         reach = long if abs(x + seat / 2 - (chaise[0] + chaise[1]) / 2) < 0.4 * seat else depth
-        parts.append(
-            block(label, cloth, (x + 0.006, back, base - 0.02), (x + seat - 0.006, reach + 0.01, base + thick), shape)
-        )
-        parts.append(block(label, cloth, (x + 0.006, back - 0.03, base + thick - 0.03), (x + seat - 0.006, back + 0.17, top + 0.05), shape,
-                           tilt=0.12))  # fmt: skip
-    for _ in range(int(rng.integers(0, 4))):
-        x, half = rng.uniform(arm + 0.25, width - arm - 0.25), rng.uniform(0.18, 0.25)
-        parts.append(block(label, m.fabric(rng), (x - half, back + 0.17, base + thick - 0.02), (x + half, back + 0.31, base + thick + 2 * half - 0.03),
-                           CUSHION, yaw=rng.uniform(-0.25, 0.25), tilt=0.3))  # fmt: skip
+        upwards = (base - 0.02, base + thick, top + 0.05)
+        parts += seat_cushions(label, cloth, shape, (x, x + seat), (back, reach), upwards)
+    among = (arm + 0.25, width - arm - 0.25)
+    parts += scatter_cushions(rng, label, int(rng.integers(0, 4)), among, back, base + thick)
     return Piece("corner sofa", (width, long + 0.01, top + 0.05), tuple(parts))
 
 

@@ -7,8 +7,8 @@ import numpy as np
 from semgs.data.tables.classes import IGNORE
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces.furniture import LABEL, Front, fronts, legs
-from semgs.rooms.pieces.materials import Material
-from semgs.rooms.pieces.solids import BALL, BOX, CUSHION, CYLINDER, Part, Piece, Triple, block, post
+from semgs.rooms.pieces.materials import Material, Range
+from semgs.rooms.pieces.solids import BALL, BOX, CUSHION, CYLINDER, Part, Piece, Triple, block, post, ring
 from semgs.rooms.pieces.texture_kernels import STRIPES
 
 
@@ -65,10 +65,8 @@ def bookshelf(rng: np.random.Generator) -> Piece:
     columns = max(1, round(width / rng.uniform(0.55, 0.9)))
     rows = max(2, round(height / rng.uniform(0.3, 0.42)))
     upright = m.along(wood, 2)
-    parts = [
-        block(label, upright, (x - 0.011, 0, 0), (x + 0.011, depth, height))
-        for x in np.linspace(0.011, width - 0.011, columns + 1)
-    ]
+    places = np.linspace(0.011, width - 0.011, columns + 1)
+    parts = [block(label, upright, (x - 0.011, 0, 0), (x + 0.011, depth, height)) for x in places]
     levels = np.linspace(0.06, height - 0.012, rows + 1)
     parts += [block(label, wood, (0.0, 0.004, z - 0.012), (width, depth - 0.006, z + 0.012)) for z in levels]
     if rng.random() < 0.8:
@@ -82,10 +80,8 @@ def bookshelf(rng: np.random.Generator) -> Piece:
                 continue
             x = left
             while x < right - 0.08:
-                span = min(rng.uniform(0.1, 0.5), right - x)
-                tall = min(room, rng.uniform(0.17, 0.3))
-                inset = rng.uniform(0.02, 0.06)
-                look = rng.random()
+                span, tall = min(rng.uniform(0.1, 0.5), right - x), min(room, rng.uniform(0.17, 0.3))
+                inset, look = rng.uniform(0.02, 0.06), rng.random()
                 if look < 0.72:
                     parts.append(block(label, m.books(rng), (x, 0.03, low), (x + span, depth - inset, low + tall)))
                 elif look < 0.88:
@@ -99,23 +95,19 @@ def bookshelf(rng: np.random.Generator) -> Piece:
 
 def basin(label: int, material: Material, low: Triple, high: Triple) -> list[Part]:
     """The bowl of a sink (walls of 2 cm) or the tub of a bath (5 cm): an open box of these outer corners."""
-    thick = 0.02 if high[0] - low[0] < 1 else 0.05
-    return [
-        block(label, material, low, (high[0], high[1], low[2] + thick)),
-        block(label, material, (low[0], low[1], low[2] + thick), (low[0] + thick, high[1], high[2])),
-        block(label, material, (high[0] - thick, low[1], low[2] + thick), (high[0], high[1], high[2])),
-        block(label, material, (low[0] + thick, low[1], low[2] + thick), (high[0] - thick, low[1] + thick, high[2])),
-        block(label, material, (low[0] + thick, high[1] - thick, low[2] + thick), (high[0] - thick, high[1], high[2])),
-    ]
+    (left, near, bottom), (right, far, top) = low, high
+    thick = 0.02 if right - left < 1 else 0.05
+    floor = bottom + thick
+    inner = ((left + thick, right - thick), (near + thick, far - thick))
+    walls = ring(label, material, ((left, right), (near, far)), inner, (floor, top))
+    return [block(label, material, low, (right, far, floor)), *walls]
 
 
 def tap(rng: np.random.Generator, label: int, x: float, y: float, z: float) -> list[Part]:
     """A post and a spout towards +y."""
     steel, tall, long = m.metal(rng), rng.uniform(0.1, 0.3), rng.uniform(0.12, 0.2)
-    return [
-        post(label, steel, (x, y), 0.015, z, z + tall),
-        block(label, steel, (x - 0.012, y, z + tall - 0.02), (x + 0.012, y + long, z + tall + 0.004)),
-    ]
+    spout = block(label, steel, (x - 0.012, y, z + tall - 0.02), (x + 0.012, y + long, z + tall + 0.004))
+    return [post(label, steel, (x, y), 0.015, z, z + tall), spout]
 
 
 def counter(rng: np.random.Generator) -> Piece:
@@ -126,10 +118,8 @@ def counter(rng: np.random.Generator) -> Piece:
     top = m.stone(rng) if rng.random() < 0.6 else m.wood(rng)
     slab = rng.uniform(0.03, 0.06)
     own = LABEL["counter"]
-    parts = [
-        block(label, body, (0, 0, 0.1), (width, front, height - 0.2)),
-        block(label, body, (0, 0, 0), (width, front - 0.05, 0.1)),
-    ]
+    parts = [block(label, body, (0, 0, 0.1), (width, front, height - 0.2))]
+    parts.append(block(label, body, (0, 0, 0), (width, front - 0.05, 0.1)))
     parts += [block(label, body, (x, 0, height - 0.2), (x + 0.02, front, height - slab)) for x in (0, width - 0.02)]
     parts.append(block(label, body, (0.02, front - 0.02, height - 0.2), (width - 0.02, front, height - slab)))
     columns = max(2, round(width / rng.uniform(0.45, 0.62)))
@@ -138,12 +128,7 @@ def counter(rng: np.random.Generator) -> Piece:
     if rng.random() < 0.72:
         half, middle = rng.uniform(0.22, 0.38), rng.uniform(0.45, width - 0.45)
         left, right, near, far = middle - half, middle + half, 0.12, depth - 0.12
-        parts += [
-            block(own, top, (0, 0, height - slab), (left, depth, height)),
-            block(own, top, (right, 0, height - slab), (width, depth, height)),
-            block(own, top, (left, 0, height - slab), (right, near, height)),
-            block(own, top, (left, far, height - slab), (right, depth, height)),
-        ]
+        parts += ring(own, top, ((0, width), (0, depth)), ((left, right), (near, far)), (height - slab, height))
         ware = m.metal(rng) if rng.random() < 0.6 else m.ceramic(rng)
         parts += basin(LABEL["sink"], ware, (left, near, height - 0.18), (right, far, height + 0.008))
         parts += tap(rng, LABEL["sink"], middle, 0.06, height)
@@ -164,10 +149,8 @@ def island(rng: np.random.Generator) -> Piece:
     own = LABEL["counter"]
     width, depth, height = rng.uniform(0.9, 1.8), rng.uniform(0.5, 0.8), rng.uniform(0.88, 1.08)
     top = m.stone(rng) if rng.random() < 0.6 else m.wood(rng)
-    parts = [
-        block(own, m.carpentry(rng), (0.03, 0.03, 0), (width - 0.03, depth - 0.06, height - 0.05)),
-        block(own, top, (0, 0, height - 0.05), (width, depth, height)),
-    ]
+    parts = [block(own, m.carpentry(rng), (0.03, 0.03, 0), (width - 0.03, depth - 0.06, height - 0.05))]
+    parts.append(block(own, top, (0, 0, height - 0.05), (width, depth, height)))
     return Piece("island", (width, depth, height), tuple(parts), surface=height)
 
 
@@ -202,10 +185,8 @@ def refrigerator(rng: np.random.Generator) -> Piece:
     width, depth, height = rng.uniform(0.55, 0.92), rng.uniform(0.58, 0.72), rng.uniform(1.4, 1.95)
     grip, dark = m.metal(rng), m.plain(rng, (0.02, 0.02, 0.02))
     split = height * rng.uniform(0.3, 0.72)
-    parts = [
-        block(own, dark, (0.02, 0.02, 0), (width - 0.02, depth - 0.1, 0.06)),
-        block(own, skin, (0, 0, 0.05), (width, depth - 0.06, height)),
-    ]
+    parts = [block(own, dark, (0.02, 0.02, 0), (width - 0.02, depth - 0.1, 0.06))]
+    parts.append(block(own, skin, (0, 0, 0.05), (width, depth - 0.06, height)))
     side = 0.06 if rng.random() < 0.5 else width - 0.06
     for low, high in ((0.06, split - 0.006), (split + 0.006, height)):
         parts.append(block(own, skin, (0.0, depth - 0.05, low), (width, depth, high)))
@@ -213,11 +194,20 @@ def refrigerator(rng: np.random.Generator) -> Piece:
         start = high - 0.08 - reach if high < height else low + 0.08
         parts.append(block(own, grip, (side - 0.012, depth, start), (side + 0.012, depth + 0.035, start + reach)))
     if rng.random() < 0.4:
-        for _ in range(int(rng.integers(1, 6))):
-            x, z = rng.uniform(0.12, width - 0.2), rng.uniform(split + 0.1, height - 0.2)
-            note, wide, tall = m.artwork(rng), rng.uniform(0.04, 0.12), rng.uniform(0.05, 0.15)
-            parts.append(block(own, note, (x, depth, z), (x + wide, depth + 0.004, z + tall)))
+        parts += notes(rng, own, (0.12, width - 0.2), (split + 0.1, height - 0.2), depth, smallest=0.04, most=5)
     return Piece("refrigerator", (width, depth + 0.035, height), tuple(parts))
+
+
+def notes(
+    rng: np.random.Generator, label: int, across: Range, upwards: Range, y: float, smallest: float, most: int
+) -> list[Part]:
+    """One to `most` pictures on a door at depth y, with their lower left corners in two ranges [m]."""
+    parts = []
+    for _ in range(int(rng.integers(1, most + 1))):
+        x, z = rng.uniform(*across), rng.uniform(*upwards)
+        note, wide, tall = m.artwork(rng), rng.uniform(smallest, 0.12), rng.uniform(smallest + 0.01, 0.15)
+        parts.append(block(label, note, (x, y, z), (x + wide, y + 0.004, z + tall)))
+    return parts
 
 
 def toilet(rng: np.random.Generator) -> Piece:
@@ -248,9 +238,14 @@ def bathtub(rng: np.random.Generator) -> Piece:
     width, depth, height = rng.uniform(1.45, 1.75), rng.uniform(0.7, 0.82), rng.uniform(0.48, 0.62)
     parts = basin(own, ware, (0, 0, 0.1), (width, depth, height))
     parts.append(block(own, ware, (0.02, 0.02, 0), (width - 0.02, depth - 0.02, 0.1)))
-    for low, high in (((-0.015, -0.0, 0), (width + 0.015, 0.07, 0)), ((-0.015, depth - 0.07, 0), (width + 0.015, depth + 0.015, 0)),
-                      ((-0.015, 0.07, 0), (0.07, depth - 0.07, 0)), ((width - 0.07, 0.07, 0), (width + 0.015, depth - 0.07, 0))):  # fmt: skip
-        parts.append(block(own, ware, (low[0], low[1], height), (high[0], high[1], height + 0.03)))
+    left, right, end = -0.015, width + 0.015, depth - 0.07
+    rim = (
+        (left, 0.0, right, 0.07),
+        (left, end, right, depth + 0.015),
+        (left, 0.07, 0.07, end),
+        (width - 0.07, 0.07, right, end),
+    )
+    parts += [block(own, ware, (a, b, height), (c, d, height + 0.03)) for a, b, c, d in rim]
     if rng.random() < 0.3:
         parts.append(block(own, m.tiles(rng, small=True), (0, depth, 0), (width, depth + 0.012, height)))
     parts += tap(rng, own, width * 0.15, 0.05, height + 0.03)
@@ -263,10 +258,8 @@ def other(rng: np.random.Generator) -> Piece:
     if look == 0:
         side, height = rng.uniform(0.45, 0.9), rng.uniform(0.36, 0.48)
         cloth, depth = m.fabric(rng), rng.uniform(0.45, 0.65)
-        parts = [
-            block(own, cloth, (0, 0, 0.06), (side, depth, height - 0.08)),
-            block(own, cloth, (0, 0, height - 0.12), (side, depth, height), CUSHION),
-        ]
+        parts = [block(own, cloth, (0, 0, 0.06), (side, depth, height - 0.08))]
+        parts.append(block(own, cloth, (0, 0, height - 0.12), (side, depth, height), CUSHION))
         parts += legs(own, m.wood(rng, 2), side, depth, 0.06, 0.05)
         return Piece("other", (side, depth, height), tuple(parts))
     if look == 1:
@@ -274,15 +267,12 @@ def other(rng: np.random.Generator) -> Piece:
         steel = m.metal(rng)
         parts = legs(own, steel, width, depth, height, 0.03)
         for z in np.linspace(0.12, height - 0.02, int(rng.integers(3, 6))):
-            parts.append(block(own, steel, (0, 0, z), (width, depth, z + 0.015)))
-            x = 0.04
+            x, top = 0.04, z + 0.015
+            parts.append(block(own, steel, (0, 0, z), (width, depth, top)))
             while x < width - 0.3:
-                span = rng.uniform(0.15, 0.3)
-                tall = rng.uniform(0.08, 0.25)
+                span, tall = rng.uniform(0.15, 0.3), rng.uniform(0.08, 0.25)
                 if rng.random() < 0.7 and z + tall < height:
-                    parts.append(
-                        block(IGNORE, m.thing(rng), (x, 0.05, z + 0.015), (x + span, depth - 0.06, z + 0.015 + tall))
-                    )
+                    parts.append(block(IGNORE, m.thing(rng), (x, 0.05, top), (x + span, depth - 0.06, top + tall)))
                 x += span + rng.uniform(0.03, 0.15)
         return Piece("other", (width, depth, height), tuple(parts))
     if look == 2:
@@ -296,27 +286,23 @@ def other(rng: np.random.Generator) -> Piece:
             block(own, ivory, (0.09, 0.4, keys), (width - 0.09, depth - 0.02, keys + 0.015)),
             block(own, wood, (0, 0, 0), (width, 0.3, 0.08)),
         ]
-        parts += [
-            block(own, wood, (x, depth - 0.1, 0), (x + 0.06, depth - 0.03, keys - 0.1)) for x in (0.03, width - 0.09)
-        ]
+        feet = (0.03, width - 0.09)
+        parts += [block(own, wood, (x, depth - 0.1, 0), (x + 0.06, depth - 0.03, keys - 0.1)) for x in feet]
         return Piece("other", (width, depth, height + 0.02), tuple(parts))
     if look == 3:
         width, depth, height = rng.uniform(0.5, 0.8), rng.uniform(0.35, 0.5), rng.uniform(0.7, 0.9)
         steel = m.metal(rng)
         parts = legs(own, steel, width, depth, height, 0.025)
-        parts += [
-            block(own, m.carpentry(rng), (0, 0, z), (width, depth, z + 0.02)) for z in (0.15, height * 0.55, height)
-        ]
+        levels = (0.15, height * 0.55, height)
+        parts += [block(own, m.carpentry(rng), (0, 0, z), (width, depth, z + 0.02)) for z in levels]
         parts.append(block(own, steel, (width, 0.02, height - 0.02), (width + 0.1, depth - 0.02, height)))
         return Piece("other", (width + 0.1, depth, height + 0.02), tuple(parts), surface=height + 0.02)
     if look == 4:
         side, height = rng.uniform(0.7, 0.95), rng.uniform(0.5, 0.75)
         cloth = m.fabric(rng)
-        parts = [
-            block(own, cloth, (0, 0, -0.1), (side, side, height * 0.75), BALL),
-            block(own, cloth, (0.06, 0.0, 0.05), (side - 0.06, side * 0.7, height), BALL),
-        ]
-        return Piece("other", (side, side, height), tuple(parts))
+        seat = block(own, cloth, (0, 0, -0.1), (side, side, height * 0.75), BALL)
+        back = block(own, cloth, (0.06, 0.0, 0.05), (side - 0.06, side * 0.7, height), BALL)
+        return Piece("other", (side, side, height), (seat, back))
     return stove(rng)
 
 
@@ -332,8 +318,6 @@ def stove(rng: np.random.Generator) -> Piece:
         block(own, dark, (0.07, depth, 0.3), (width - 0.07, depth + 0.012, 0.66)),
         block(own, grip, (0.06, depth + 0.012, 0.69), (width - 0.06, depth + 0.05, 0.71)),
     ]
-    parts += [
-        block(own, grip, (x, depth, height - 0.1), (x + 0.035, depth + 0.025, height - 0.065))
-        for x in np.linspace(0.08, width - 0.12, 5)
-    ]
+    for x in np.linspace(0.08, width - 0.12, 5):
+        parts.append(block(own, grip, (x, depth, height - 0.1), (x + 0.035, depth + 0.025, height - 0.065)))
     return Piece("stove", (width, depth + 0.05, height), tuple(parts))

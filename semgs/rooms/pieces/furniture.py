@@ -49,12 +49,11 @@ def bed(rng: np.random.Generator) -> Piece:
         height = board
     cover, drop = m.bedding(rng), rng.uniform(0.05, 0.3)
     start = rng.uniform(0.35, 0.9)
-    parts.append(
-        block(label, cover, (-0.025, start, top - drop), (width + 0.025, depth + 0.02, top + rng.uniform(0.025, 0.07)))
-    )
+    under, over = top - drop, top + rng.uniform(0.025, 0.07)
+    parts.append(block(label, cover, (-0.025, start, under), (width + 0.025, depth + 0.02, over)))
     if rng.random() < 0.4:
         fold = depth - rng.uniform(0.3, 0.7)
-        parts.append(block(label, m.fabric(rng), (-0.04, fold, top - drop), (width + 0.04, depth + 0.03, top + 0.085)))
+        parts.append(block(label, m.fabric(rng), (-0.04, fold, under), (width + 0.04, depth + 0.03, top + 0.085)))
     pillow, count = m.bedding(rng), 1 if width < 1.3 else 2
     span = width / count
     for layer in range(int(rng.integers(1, 3))):
@@ -77,27 +76,43 @@ def sofa(rng: np.random.Generator, seats: int | None = None, label: int = LABEL[
     base, height, rest = rng.uniform(0.24, 0.32), rng.uniform(0.7, 0.95), rng.uniform(0.5, 0.66)
     feet = rng.choice([0.0, 0.08, 0.13])
     back, thick = rng.uniform(0.14, 0.24), rng.uniform(0.12, 0.2)
-    parts = [
-        block(label, cloth, (0, 0, feet), (width, depth - 0.02, base)),
-        block(label, cloth, (0, 0, base), (width, back, height)),
-        block(label, cloth, (0, 0, base), (arm, depth, rest)),
-        block(label, cloth, (width - arm, 0, base), (width, depth, rest)),
-    ]
+    parts = [block(label, cloth, (0, 0, feet), (width, depth - 0.02, base))]
+    parts.append(block(label, cloth, (0, 0, base), (width, back, height)))
+    parts += [block(label, cloth, (x, 0, base), (end, depth, rest)) for x, end in ((0, arm), (width - arm, width))]
     if feet:
         parts += legs(label, m.wood(rng, 2), width, depth - 0.05, feet, 0.05, 0.03)
-    shape = CUSHION if rng.random() < 0.6 else BOX
+    shape, top = CUSHION if rng.random() < 0.6 else BOX, base + thick
     for i in range(seats):
-        x = arm + i * seat
-        parts.append(
-            block(label, cloth, (x + 0.006, back, base - 0.03), (x + seat - 0.006, depth + 0.01, base + thick), shape)
-        )
-        parts.append(block(label, cloth, (x + 0.006, back - 0.03, base + thick - 0.03), (x + seat - 0.006, back + 0.17, height + 0.04), shape,
-                           tilt=0.12))  # fmt: skip
-    for _ in range(int(rng.integers(0, 3))):
-        x, half = rng.uniform(arm + 0.25, width - arm - 0.25), rng.uniform(0.18, 0.25)
-        parts.append(block(label, m.fabric(rng), (x - half, back + 0.17, base + thick - 0.02), (x + half, back + 0.31, base + thick + 2 * half - 0.03),
-                           CUSHION, yaw=rng.uniform(-0.25, 0.25), tilt=0.3))  # fmt: skip
+        across = (arm + i * seat, arm + i * seat + seat)
+        parts += seat_cushions(label, cloth, shape, across, (back, depth), (base - 0.03, top, height + 0.04))
+    parts += scatter_cushions(rng, label, int(rng.integers(0, 3)), (arm + 0.25, width - arm - 0.25), back, top)
     return Piece("sofa", (width, depth + 0.01, height + 0.04), tuple(parts))
+
+
+def seat_cushions(
+    label: int, cloth: Material, shape: int, across: Range, deep: Range, upwards: tuple[float, float, float]
+) -> list[Part]:
+    """The cushion of a seat, from its back to its front edge (`deep`), and the one behind it; `upwards`: underside and top of the first,
+    top of the second."""
+    (left, right), (back, front), (low, seat, high) = across, deep, upwards
+    left, right = left + 0.006, right - 0.006
+    return [
+        block(label, cloth, (left, back, low), (right, front + 0.01, seat), shape),
+        block(label, cloth, (left, back - 0.03, seat - 0.03), (right, back + 0.17, high), shape, tilt=0.12),
+    ]
+
+
+def scatter_cushions(
+    rng: np.random.Generator, label: int, count: int, across: Range, back: float, seat: float
+) -> list[Part]:
+    """Cushions that lean against the back of a sofa, on its seat, with their middles in a range [m]."""
+    parts = []
+    for _ in range(count):
+        x, half = rng.uniform(*across), rng.uniform(0.18, 0.25)
+        cloth, yaw = m.fabric(rng), rng.uniform(-0.25, 0.25)
+        low, high = (x - half, back + 0.17, seat - 0.02), (x + half, back + 0.31, seat + 2 * half - 0.03)
+        parts.append(block(label, cloth, low, high, CUSHION, yaw=yaw, tilt=0.3))
+    return parts
 
 
 def armchair(rng: np.random.Generator) -> Piece:
@@ -120,10 +135,8 @@ def chair(rng: np.random.Generator) -> Piece:
             block(label, cloth, (0.02, -0.03, seat + 0.12), (width - 0.02, 0.06, top + 0.1), CUSHION, tilt=0.1),
             block(label, frame, (x - 0.025, -0.02, seat), (x + 0.025, 0.0, seat + 0.3)),
         ]
-        parts += [
-            block(label, frame, (x - 0.28, y - 0.025, 0.03), (x + 0.28, y + 0.025, 0.075), yaw=k * np.pi / 3)
-            for k in range(3)
-        ]
+        low, high = (x - 0.28, y - 0.025, 0.03), (x + 0.28, y + 0.025, 0.075)
+        parts += [block(label, frame, low, high, yaw=k * np.pi / 3) for k in range(3)]
         if rng.random() < 0.5:
             for side in (-0.03, width - 0.02):
                 parts.append(block(label, frame, (side, 0.08, seat + 0.17), (side + 0.05, depth - 0.1, seat + 0.2)))
@@ -133,9 +146,8 @@ def chair(rng: np.random.Generator) -> Piece:
     pad = m.fabric(rng) if rng.random() < 0.5 else frame
     thin = rng.uniform(0.025, 0.05)
     parts = legs(label, frame, width, depth, seat - 0.03, thin)
-    parts.append(
-        block(label, pad, (-0.01, 0, seat - 0.03), (width + 0.01, depth + 0.02, seat + rng.uniform(0.0, 0.04)))
-    )
+    high = seat + rng.uniform(0.0, 0.04)
+    parts.append(block(label, pad, (-0.01, 0, seat - 0.03), (width + 0.01, depth + 0.02, high)))
     if look < 0.38:
         return Piece("stool", (width, depth, seat), tuple(parts))
     upright = m.along(frame, 2)
@@ -206,9 +218,8 @@ def coffee_table(rng: np.random.Generator) -> Piece:
     """A low table."""
     round_top = bool(rng.random() < 0.3)
     width = rng.uniform(0.6, 1.2)
-    return _table(
-        rng, "coffee table", width, width if round_top else rng.uniform(0.45, 0.7), rng.uniform(0.35, 0.5), round_top
-    )
+    depth = width if round_top else rng.uniform(0.45, 0.7)
+    return _table(rng, "coffee table", width, depth, rng.uniform(0.35, 0.5), round_top)
 
 
 def side_table(rng: np.random.Generator) -> Piece:
@@ -227,9 +238,8 @@ def desk(rng: np.random.Generator) -> Piece:
         x = 0.06 if rng.random() < 0.5 else width - 0.46
         body = wood if rng.random() < 0.6 else m.lacquer(rng)
         parts.append(block(label, body, (x, 0.04, 0.02), (x + 0.4, depth - 0.06, height - 0.03)))
-        parts += fronts(
-            rng, label, body, Front((x, x + 0.4), depth - 0.06, (0.03, height - 0.04), 1, int(rng.integers(2, 5)))
-        )
+        drawers = Front((x, x + 0.4), depth - 0.06, (0.03, height - 0.04), 1, int(rng.integers(2, 5)))
+        parts += fronts(rng, label, body, drawers)
     if rng.random() < 0.3:
         parts.append(block(label, wood, (0.03, depth * 0.1, 0.1), (width - 0.03, depth * 0.1 + 0.02, height - 0.03)))
     if rng.random() < 0.65:
@@ -238,9 +248,8 @@ def desk(rng: np.random.Generator) -> Piece:
         parts.append(block(IGNORE, dark, (x - half, 0.14, height + 0.1), (x + half, 0.17, height + 0.1 + 1.15 * half)))
         parts.append(block(IGNORE, dark, (x - 0.03, 0.11, height), (x + 0.03, 0.14, height + 0.25)))
         parts.append(block(IGNORE, dark, (x - 0.12, 0.08, height), (x + 0.12, 0.26, height + 0.012)))
-        parts.append(
-            block(IGNORE, m.lacquer(rng), (x - 0.2, depth - 0.24, height), (x + 0.2, depth - 0.1, height + 0.02))
-        )
+        keys, front = m.lacquer(rng), depth - 0.1
+        parts.append(block(IGNORE, keys, (x - 0.2, depth - 0.24, height), (x + 0.2, front, height + 0.02)))
     return Piece("desk", (width, depth, height), tuple(parts), surface=height)
 
 
@@ -269,21 +278,18 @@ def fronts(rng: np.random.Generator, label: int, material: Material, front: Fron
     bars = rng.random() < 0.6
     (left, right), (bottom, top), y = front.across, front.upwards, front.y
     width, height = (right - left) / front.columns, (top - bottom) / front.rows
-    thick = rng.uniform(0.012, 0.022)
+    face = y + rng.uniform(0.012, 0.022)
     for column in range(front.columns):
         for line in range(front.rows):
             x, z = left + column * width, bottom + line * height
-            parts.append(
-                block(label, material, (x + 0.004, y, z + 0.004), (x + width - 0.004, y + thick, z + height - 0.004))
-            )
+            low, high = (x + 0.004, y, z + 0.004), (x + width - 0.004, face, z + height - 0.004)
+            parts.append(block(label, material, low, high))
             if height > width * 1.2:
-                side = x + (0.06 if column % 2 else width - 0.06)
-                middle, reach = z + height * (0.75 if z < 0.5 else 0.3), 0.06 if bars else 0.015
-                low, high = (side - 0.01, y + thick, middle - reach), (side + 0.01, y + thick + 0.025, middle + reach)
+                aside, upwards = 0.01, 0.06 if bars else 0.015
+                middle, level = x + (0.06 if column % 2 else width - 0.06), z + height * (0.75 if z < 0.5 else 0.3)
             else:
-                reach = min(0.1, width / 4) if bars else 0.015
-                middle = z + height * 0.65
-                low = (x + width / 2 - reach, y + thick, middle - 0.01)
-                high = (x + width / 2 + reach, y + thick + 0.025, middle + 0.01)
+                aside, upwards = min(0.1, width / 4) if bars else 0.015, 0.01
+                middle, level = x + width / 2, z + height * 0.65
+            low, high = (middle - aside, face, level - upwards), (middle + aside, face + 0.025, level + upwards)
             parts.append(block(label, handle, low, high))
     return parts

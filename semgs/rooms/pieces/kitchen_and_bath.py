@@ -6,10 +6,10 @@ import numpy as np
 
 from semgs.data.tables.classes import IGNORE
 from semgs.rooms.pieces import materials as m
-from semgs.rooms.pieces.fittings import basin, tap
+from semgs.rooms.pieces.fittings import basin, notes, tap
 from semgs.rooms.pieces.furniture import LABEL, Front, fronts
 from semgs.rooms.pieces.materials import Material, Range
-from semgs.rooms.pieces.solids import CYLINDER, Part, Piece, Triple, block, post
+from semgs.rooms.pieces.solids import CYLINDER, Part, Piece, Triple, block, post, ring
 from semgs.rooms.pieces.texture_kernels import STRIPES
 
 CLEAR = 0.45
@@ -63,13 +63,9 @@ def refrigerator(rng: np.random.Generator) -> Piece:
         x, z = width * rng.uniform(0.12, 0.18), foot + (height - foot) * rng.uniform(0.55, 0.62)
         parts.append(block(own, dark, (x, face, z), (x + 0.18, face + 0.003, z + 0.32)))
         parts.append(block(own, grip, (x + 0.01, face + 0.003, z + 0.23), (x + 0.17, face + 0.006, z + 0.31)))
-    deep = face + 0.05
     if rng.random() < 0.35:
-        for _ in range(int(rng.integers(1, 7))):
-            x, z = rng.uniform(0.1, width - 0.22), rng.uniform(0.6 * height, height - 0.2)
-            note, wide, tall = m.artwork(rng), rng.uniform(0.03, 0.12), rng.uniform(0.04, 0.15)
-            parts.append(block(own, note, (x, face, z), (x + wide, face + 0.004, z + tall)))
-    return Piece("refrigerator", (width, deep, height), tuple(parts), surface=height if height < 1.2 else None)
+        parts += notes(rng, own, (0.1, width - 0.22), (0.6 * height, height - 0.2), face, smallest=0.03, most=6)
+    return Piece("refrigerator", (width, face + 0.05, height), tuple(parts), surface=height if height < 1.2 else None)
 
 
 def _sheet(rng: np.random.Generator) -> Material:
@@ -80,10 +76,8 @@ def _sheet(rng: np.random.Generator) -> Material:
         base = m.colour(rng, (0.08, 0.16), (0.0, 0.06), (value, value))
         brushed = m.Pattern(STRIPES, base, m.shade(rng, base, 0.93, 1.06), scale=rng.uniform(0.002, 0.006))
         return m.patterned(rng, brushed, m.Noise(0.03, 0.003, 0.1, 0.5), gloss=rng.uniform(0.4, 0.7))
-    if look < 0.6:
-        return _enamel(rng, (0.03, 0.14))
     if look < 0.9:
-        return _enamel(rng, (0.82, 0.97))
+        return _enamel(rng, (0.03, 0.14) if look < 0.6 else (0.82, 0.97))
     return m.plain(rng, m.colour(rng, saturation=(0.3, 0.8), value=(0.3, 0.85)), m.Noise(fine=0.01), gloss=0.5)
 
 
@@ -94,15 +88,9 @@ def _enamel(rng: np.random.Generator, value: Range) -> Material:
 
 
 def _grip(
-    rng: np.random.Generator,
-    label: int,
-    materials: tuple[Material, Material],
-    door: tuple[Triple, Triple],
-    kind: float,
-    drawer: bool,
-    opens_right: bool,
-    upper: bool,
-) -> list[Part]:
+    rng: np.random.Generator, label: int, materials: tuple[Material, Material], door: tuple[Triple, Triple],
+    kind: float, drawer: bool, opens_right: bool, upper: bool,
+) -> list[Part]:  # fmt: skip
     """The handle of a door with these outer corners: a bar on two posts (`kind` below 0.55), a dark recess, or nothing."""
     metal, dark = materials
     (left, _, bottom), (right, face, top) = door
@@ -141,21 +129,18 @@ def island(rng: np.random.Generator) -> Piece:
     # The upper 19 cm are hollow, for a sink.
     under, over = height - slab - 0.19, height - slab
     parts += [block(own, body, (ends, y, under), (width - ends, y + 0.02, over)) for y in (back, front - 0.04)]
-    parts += [
-        block(own, body, (x, back + 0.02, under), (x + 0.02, front - 0.04, over)) for x in (ends, width - ends - 0.02)
-    ]
+    sides = (ends, width - ends - 0.02)
+    parts += [block(own, body, (x, back + 0.02, under), (x + 0.02, front - 0.04, over)) for x in sides]
     if ends > 0.03:
         parts += [block(own, top, (x, 0, 0), (x + slab, depth, over)) for x in (0.0, width - slab)]
-    columns = max(1, round((width - 2 * ends) / rng.uniform(0.4, 0.9)))
+    inner = width - 2 * ends
+    columns = max(1, round(inner / rng.uniform(0.4, 0.9)))
     grid = Front((ends, width - ends), front - 0.02, (0.1, over - 0.01), columns, int(rng.choice([1, 1, 2, 3])))
     parts += fronts(rng, own, body, grid)
     if rng.random() < 0.4:
-        parts += [
-            block(
-                own, body, (x + 0.02, back - 0.015, 0.1), (x + (width - 2 * ends) / columns - 0.02, back, over - 0.06)
-            )
-            for x in np.linspace(ends, width - ends, columns + 1)[:-1]
-        ]
+        for x in np.linspace(ends, width - ends, columns + 1)[:-1]:
+            right = x + inner / columns - 0.02
+            parts.append(block(own, body, (x + 0.02, back - 0.015, 0.1), (right, back, over - 0.06)))
     look, middle = rng.random(), width * rng.uniform(0.35, 0.65)
     if look < 0.3:
         parts += _worktop_with_sink(rng, top, (width, depth), (height - slab, height), middle, back + 0.06)
@@ -163,10 +148,8 @@ def island(rng: np.random.Generator) -> Piece:
         parts.append(block(own, top, (0, 0, height - slab), (width, depth, height)))
     if 0.3 <= look < 0.45:
         glass = m.plain(rng, (0.01, 0.01, 0.012), m.Noise(fine=0.0), gloss=0.7)
-        y = front - 0.56
-        parts.append(
-            block(IGNORE, glass, (middle - 0.3, max(y, 0.05), height), (middle + 0.3, front - 0.08, height + 0.006))
-        )
+        low = (middle - 0.3, max(front - 0.56, 0.05), height)
+        parts.append(block(IGNORE, glass, low, (middle + 0.3, front - 0.08, height + 0.006)))
     return Piece("island", (width, depth, height), tuple(parts), surface=height)
 
 
@@ -180,12 +163,7 @@ def _worktop_with_sink(
     half = (0.36 if bowls == 2 else rng.uniform(0.2, 0.32)) + 0.005
     near, far = max(behind, depth - 0.1 - rng.uniform(0.36, 0.42)), depth - 0.1
     left, right = middle - half, middle + half
-    parts = [
-        block(own, top, (0, 0, low), (left, depth, high)),
-        block(own, top, (right, 0, low), (width, depth, high)),
-        block(own, top, (left, 0, low), (right, near, high)),
-        block(own, top, (left, far, low), (right, depth, high)),
-    ]
+    parts = ring(own, top, ((0, width), (0, depth)), ((left, right), (near, far)), (low, high))
     ware = m.metal(rng) if rng.random() < 0.7 else m.ceramic(rng)
     for number in range(bowls):
         start, end = left + 2 * half * number / bowls, left + 2 * half * (number + 1) / bowls
@@ -197,9 +175,8 @@ def wall_cabinet(rng: np.random.Generator, width: float) -> Piece:
     """A cabinet with glazed doors and crockery, to hang on a wall; z = 0 is its lower edge."""
     body = m.carpentry(rng) if rng.random() < 0.6 else m.lacquer(rng)
     depth, height = rng.uniform(0.29, 0.36), rng.uniform(0.55, 0.85)
-    return Piece(
-        "wall cabinet", (width, depth + 0.02, height), tuple(_glazed(rng, body, (0, 0, 0), (width, depth, height)))
-    )
+    parts = _glazed(rng, body, (0, 0, 0), (width, depth, height))
+    return Piece("wall cabinet", (width, depth + 0.02, height), tuple(parts))
 
 
 def vitrine(rng: np.random.Generator) -> Piece:
@@ -208,10 +185,8 @@ def vitrine(rng: np.random.Generator) -> Piece:
     width, depth, height = rng.uniform(0.7, 1.3), rng.uniform(0.34, 0.46), rng.uniform(1.5, 2.05)
     foot = rng.uniform(0.05, 0.12)
     split = rng.uniform(0.45, 0.9) if rng.random() < 0.8 else foot + 0.05
-    parts = [
-        block(label, body, (0.02, 0.02, 0), (width - 0.02, depth - 0.04, foot)),
-        block(label, body, (0, 0, foot), (width, depth, split)),
-    ]
+    parts = [block(label, body, (0.02, 0.02, 0), (width - 0.02, depth - 0.04, foot))]
+    parts.append(block(label, body, (0, 0, foot), (width, depth, split)))
     columns = max(1, round(width / rng.uniform(0.4, 0.6)))
     if split > 0.4:
         doors = Front((0.01, width - 0.01), depth, (foot + 0.01, split - 0.01), columns, int(rng.integers(1, 4)))
@@ -229,23 +204,18 @@ def _glazed(rng: np.random.Generator, body: Material, low: Triple, high: Triple)
     label, (left, _, bottom), (right, depth, top) = LABEL["cabinet"], low, high
     upright, thick = m.along(body, 2), 0.018
     inside = body if rng.random() < 0.6 else m.lacquer(rng)
-    parts = [
-        block(label, inside, (left, 0, bottom), (right, 0.012, top)),
-        *(block(label, upright, (x, 0.012, bottom), (x + thick, depth, top)) for x in (left, right - thick)),
-        *(
-            block(label, body, (left + thick, 0.012, z), (right - thick, depth, z + thick))
-            for z in (bottom, top - thick)
-        ),
-    ]
+    inner_left, inner_right = left + thick, right - thick
+    parts = [block(label, inside, (left, 0, bottom), (right, 0.012, top))]
+    parts += [block(label, upright, (x, 0.012, bottom), (x + thick, depth, top)) for x in (left, inner_right)]
+    for z in (bottom, top - thick):
+        parts.append(block(label, body, (inner_left, 0.012, z), (inner_right, depth, z + thick)))
     columns, rows = max(1, round((right - left) / rng.uniform(0.35, 0.55))), max(1, round((top - bottom) / 0.32))
     step, rise = (right - left) / columns, (top - bottom - thick) / rows
     for row in range(rows):
         floor = bottom + row * rise + thick
         if row:
-            parts.append(
-                block(label, inside, (left + thick, 0.012, floor - thick), (right - thick, depth - 0.02, floor))
-            )
-        parts += crockery(rng, label, (left + thick + 0.02, right - thick - 0.02), floor, min(depth, rise) - 0.05)
+            parts.append(block(label, inside, (inner_left, 0.012, floor - thick), (inner_right, depth - 0.02, floor)))
+        parts += crockery(rng, label, (inner_left + 0.02, inner_right - 0.02), floor, min(depth, rise) - 0.05)
     clear, bar = rng.random() < CLEAR, rng.uniform(0.035, 0.075)
     pale = rng.random() < 0.5
     tint = m.colour(rng, (0.4, 0.62), (0, 0.12), (0.6, 0.9) if pale else (0.12, 0.5))
@@ -253,32 +223,19 @@ def _glazed(rng: np.random.Generator, body: Material, low: Triple, high: Triple)
     mullions, rails = int(rng.choice([0, 0, 1])), int(rng.choice([0, 0, 1, 2, 3]))
     for column in range(columns):
         start, end = left + column * step + 0.002, left + (column + 1) * step - 0.002
-        lower, upper = bottom + 0.002, top - 0.002
-        parts += [block(label, upright, (x, depth, lower), (x + bar, depth + 0.02, upper)) for x in (start, end - bar)]
-        parts += [
-            block(label, body, (start + bar, depth, z), (end - bar, depth + 0.02, z + bar))
-            for z in (lower, upper - bar)
-        ]
+        lower, upper, far = bottom + 0.002, top - 0.002, depth + 0.02
+        a, b, c, d = start + bar, end - bar, lower + bar, upper - bar  # edges of the pane
+        parts += [block(label, upright, (x, depth, lower), (x + bar, far, upper)) for x in (start, b)]
+        parts += [block(label, body, (a, depth, z), (b, far, z + bar)) for z in (lower, d)]
         if not clear:
-            parts.append(
-                block(label, glass, (start + bar, depth + 0.006, lower + bar), (end - bar, depth + 0.01, upper - bar))
-            )
+            parts.append(block(label, glass, (a, depth + 0.006, c), (b, depth + 0.01, d)))
         for x in np.linspace(start, end, mullions + 2)[1:-1]:
-            parts.append(
-                block(label, upright, (x - 0.008, depth + 0.002, lower + bar), (x + 0.008, depth + 0.016, upper - bar))
-            )
+            parts.append(block(label, upright, (x - 0.008, depth + 0.002, c), (x + 0.008, depth + 0.016, d)))
         for z in np.linspace(lower, upper, rails + 2)[1:-1]:
-            parts.append(
-                block(label, body, (start + bar, depth + 0.003, z - 0.008), (end - bar, depth + 0.015, z + 0.008))
-            )
+            parts.append(block(label, body, (a, depth + 0.003, z - 0.008), (b, depth + 0.015, z + 0.008)))
         side = start + bar / 2 if column % 2 else end - bar / 2
         parts.append(
-            block(
-                label,
-                m.metal(rng),
-                (side - 0.008, depth + 0.02, lower + 0.06),
-                (side + 0.008, depth + 0.04, lower + 0.1),
-            )
+            block(label, m.metal(rng), (side - 0.008, far, lower + 0.06), (side + 0.008, depth + 0.04, lower + 0.1))
         )
     return parts
 
@@ -316,14 +273,9 @@ def washstand(rng: np.random.Generator) -> Piece:
     low = rng.uniform(0.2, 0.35) if rng.random() < 0.5 else 0.06
     top = m.stone(rng) if rng.random() < 0.6 else m.wood(rng)
     parts = [block(label, body, (0.01, 0, low), (width - 0.01, depth - 0.04, height - 0.19))]
-    parts += [
-        block(label, body, (0.01, y, height - 0.19), (width - 0.01, y + 0.02, height - 0.03))
-        for y in (0.0, depth - 0.06)
-    ]
-    parts += [
-        block(label, body, (x, 0.02, height - 0.19), (x + 0.02, depth - 0.06, height - 0.03))
-        for x in (0.01, width - 0.03)
-    ]
+    under, over, back = height - 0.19, height - 0.03, depth - 0.06
+    parts += [block(label, body, (0.01, y, under), (width - 0.01, y + 0.02, over)) for y in (0.0, back)]
+    parts += [block(label, body, (x, 0.02, under), (x + 0.02, back, over)) for x in (0.01, width - 0.03)]
     if low < 0.1:
         parts.append(block(label, body, (0.03, 0, 0), (width - 0.03, depth - 0.1, low)))
     columns = max(1, round(width / 0.45))
@@ -336,9 +288,9 @@ def washstand(rng: np.random.Generator) -> Piece:
     parts.append(block(LABEL["counter"], top, (0, 0, height - 0.03), (width, depth, height)))
     ware = m.ceramic(rng)
     wide, tall = rng.uniform(0.36, 0.48), rng.uniform(0.1, 0.15)
-    places = (width * 0.27, width * 0.73) if width > 1.2 else (middle,)
-    for x in places:
-        bowl = (x - wide / 2, depth - 0.04 - 0.36, height), (x + wide / 2, depth - 0.04, height + tall)
-        parts += basin(own, ware, *bowl)
+    for x in (width * 0.27, width * 0.73) if width > 1.2 else (middle,):
+        parts += basin(
+            own, ware, (x - wide / 2, depth - 0.04 - 0.36, height), (x + wide / 2, depth - 0.04, height + tall)
+        )
         parts += tap(rng, own, x, 0.05, height)
     return Piece("washstand", (width, depth, height + tall), tuple(parts), surface=height)

@@ -62,10 +62,7 @@ def linear(colour: Colour) -> Colour:
 
 
 def colour(
-    rng: np.random.Generator,
-    hue: Range = (0.0, 1.0),
-    saturation: Range = (0.0, 0.7),
-    value: Range = (0.15, 0.9),
+    rng: np.random.Generator, hue: Range = (0.0, 1.0), saturation: Range = (0.0, 0.7), value: Range = (0.15, 0.9)
 ) -> Colour:
     """A random linear RGB colour. Hue wraps around at 1; pale tones are more frequent than strong ones."""
     strength = saturation[0] + (saturation[1] - saturation[0]) * rng.random() ** 2.2
@@ -272,10 +269,8 @@ def books(rng: np.random.Generator) -> Material:
 def artwork(rng: np.random.Generator) -> Material:
     """A painting: a landscape or patches of colour."""
     if rng.random() < 0.65:
-        sky, ground = (
-            colour(rng, (0.5, 0.65), (0.05, 0.5), (0.5, 0.95)),
-            colour(rng, (0.08, 0.4), (0.2, 0.7), (0.15, 0.7)),
-        )
+        sky = colour(rng, (0.5, 0.65), (0.05, 0.5), (0.5, 0.95))
+        ground = colour(rng, (0.08, 0.4), (0.2, 0.7), (0.15, 0.7))
         ridge = colour(rng, (0.2, 0.7), (0.1, 0.5), (0.2, 0.7))
         landscape = Pattern(t.LANDSCAPE, sky, ground, ridge, scale=rng.uniform(0.15, 0.4))
         return patterned(rng, landscape, Noise(fine=0.08))

@@ -40,10 +40,8 @@ def door(rng: np.random.Generator, room_height: float) -> Piece:
                 parts.append(block(own, pane, (x + 0.1, back, z + 0.1), (x + wide - 0.1, front, z + tall - 0.08)))
     steel, side = m.metal(rng), bar + (0.07 if rng.random() < 0.5 else width - 0.07)
     parts.append(block(own, steel, (side - 0.02, back + 0.025, 0.98), (side + 0.02, back + 0.035, 1.16)))
-    reach = 0.12 if side < width / 2 else -0.12
-    parts.append(
-        block(own, steel, (min(side, side + reach), back + 0.06, 1.05), (max(side, side + reach), back + 0.08, 1.075))
-    )
+    left, right = sorted((side, side + (0.12 if side < width / 2 else -0.12)))
+    parts.append(block(own, steel, (left, back + 0.06, 1.05), (right, back + 0.08, 1.075)))
     parts.append(block(own, steel, (side - 0.01, back + 0.025, 1.05), (side + 0.01, back + 0.08, 1.075)))
     return Piece("door", (width + 2 * bar, 0.04, height + bar), tuple(parts))
 
@@ -64,10 +62,10 @@ def passage(rng: np.random.Generator, width: float, height: float, thick: float)
     bar, near, far = rng.uniform(0.02, 0.04), 0.015, -thick - 0.015
     lining = [block(own, m.along(wood, 2), (x, far, 0), (x + bar, near, height)) for x in (0, width - bar)]
     lining.append(block(own, wood, (bar, far, height - bar), (width - bar, near, height)))
+    upright = m.along(wood, 2)
     for y in (near, far - 0.01):
-        lining += [
-            block(own, m.along(wood, 2), (x, y, 0), (x + 0.07, y + 0.01, height + 0.05)) for x in (-0.05, width - 0.02)
-        ]
+        for x in (-0.05, width - 0.02):
+            lining.append(block(own, upright, (x, y, 0), (x + 0.07, y + 0.01, height + 0.05)))
         lining.append(block(own, wood, (0.02, y, height - 0.02), (width - 0.02, y + 0.01, height + 0.05)))
     frame = Piece("passage", (width, thick, height), tuple(lining))
     if rng.random() < 0.35:
@@ -85,27 +83,23 @@ def radiator(rng: np.random.Generator, width: float, height: float) -> Piece:
     low, deep = 0.12, rng.uniform(0.06, 0.12)
     parts = [block(IGNORE, white, (0, 0.03, low + 0.03), (width, 0.05 + deep / 3, height - 0.03))]
     step = rng.uniform(0.045, 0.09)
+    rib = 0.6 * step
     parts += [
-        block(IGNORE, white, (x, 0.035, low), (x + 0.6 * step, 0.03 + deep, height))
-        for x in np.arange(0.0, width - 0.6 * step, step)
+        block(IGNORE, white, (x, 0.035, low), (x + rib, 0.03 + deep, height)) for x in np.arange(0.0, width - rib, step)
     ]
     return Piece("radiator", (width, 0.03 + deep, height), tuple(parts))
 
 
 def mirror(rng: np.random.Generator, width: float, height: float) -> Piece:
     """A mirror, for above a washbasin or a chest; without a class, as ScanNet's 20 have none for it. It shows blurred grey."""
-    light, dark = (
-        m.colour(rng, saturation=(0, 0.15), value=(0.45, 0.8)),
-        m.colour(rng, saturation=(0, 0.2), value=(0.25, 0.6)),
-    )
+    light = m.colour(rng, saturation=(0, 0.15), value=(0.45, 0.8))
+    dark = m.colour(rng, saturation=(0, 0.2), value=(0.25, 0.6))
     reflection = m.Pattern(MARBLE, light, dark, scale=rng.uniform(0.8, 1.6))
     glass = m.patterned(rng, reflection, m.Noise(fine=0.0), gloss=0.7)
     glass[MIRROR] = 1
-    parts = [
-        block(IGNORE, m.carpentry(rng), (0, 0, 0), (width, 0.02, height)),
-        block(IGNORE, glass, (0.02, 0, 0.02), (width - 0.02, 0.024, height - 0.02)),
-    ]
-    return Piece("mirror", (width, 0.024, height), tuple(parts))
+    back = block(IGNORE, m.carpentry(rng), (0, 0, 0), (width, 0.02, height))
+    front = block(IGNORE, glass, (0.02, 0, 0.02), (width - 0.02, 0.024, height - 0.02))
+    return Piece("mirror", (width, 0.024, height), (back, front))
 
 
 def window(rng: np.random.Generator, width: float, height: float, light: float, blind: float = 0.0) -> Piece:

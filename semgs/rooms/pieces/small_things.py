@@ -19,24 +19,19 @@ def television(rng: np.random.Generator, width: float) -> Piece:
     """A dark screen on a foot."""
     dark = m.plain(rng, m.colour(rng, saturation=(0, 0.2), value=(0.02, 0.1)), m.Noise(fine=0.0), gloss=0.6)
     height = width * 0.58
-    parts = [
-        block(IGNORE, dark, (0, 0.08, 0.06), (width, 0.12, height + 0.06)),
-        block(IGNORE, dark, (width * 0.3, 0.02, 0), (width * 0.7, 0.2, 0.02)),
-        block(IGNORE, dark, (width * 0.46, 0.09, 0), (width * 0.54, 0.11, 0.1)),
-    ]
-    return Piece("television", (width, 0.2, height + 0.06), tuple(parts))
+    screen = block(IGNORE, dark, (0, 0.08, 0.06), (width, 0.12, height + 0.06))
+    foot = block(IGNORE, dark, (width * 0.3, 0.02, 0), (width * 0.7, 0.2, 0.02))
+    neck = block(IGNORE, dark, (width * 0.46, 0.09, 0), (width * 0.54, 0.11, 0.1))
+    return Piece("television", (width, 0.2, height + 0.06), (screen, foot, neck))
 
 
 def floor_lamp(rng: np.random.Generator, lit: bool) -> Piece:
     """A foot, a pole and a shade, which shines if the lamp is on."""
     tall, reach, steel = rng.uniform(1.35, 1.7), rng.uniform(0.13, 0.2), m.metal(rng)
     shade = m.plain(rng, m.colour(rng, m.WARM_HUES, (0.0, 0.4), (0.7, 0.95)), emission=1.5 if lit else 0.0)
-    parts = [
-        post(IGNORE, steel, (reach, reach), 0.12, 0.0, 0.03),
-        post(IGNORE, steel, (reach, reach), 0.012, 0.0, tall),
-        block(IGNORE, shade, (0, 0, tall - 0.28), (2 * reach, 2 * reach, tall), CYLINDER),
-    ]
-    return Piece("floor lamp", (2 * reach, 2 * reach, tall), tuple(parts))
+    foot, pole = (post(IGNORE, steel, (reach, reach), wide, 0.0, high) for wide, high in ((0.12, 0.03), (0.012, tall)))
+    top = block(IGNORE, shade, (0, 0, tall - 0.28), (2 * reach, 2 * reach, tall), CYLINDER)
+    return Piece("floor lamp", (2 * reach, 2 * reach, tall), (foot, pole, top))
 
 
 def clutter(rng: np.random.Generator, size: float) -> Piece:
@@ -74,7 +69,7 @@ def _dark(rng: np.random.Generator) -> Material:
 def _laptop(rng: np.random.Generator, size: float) -> Piece:
     """An open laptop, seen from its keyboard at +y."""
     case, dark, width, depth = m.metal(rng), _dark(rng), rng.uniform(0.3, 0.38), rng.uniform(0.21, 0.26)
-    shown = m.artwork(rng) if rng.random() < 0.4 else dark
+    display = m.artwork(rng) if rng.random() < 0.4 else dark
     lean, tilt = 0.95 * depth, rng.uniform(0.1, 0.35)
     y, z = -lean / 2 * np.sin(tilt) + 0.005, lean / 2 * np.cos(tilt) + 0.015
     return _piece(
@@ -82,19 +77,19 @@ def _laptop(rng: np.random.Generator, size: float) -> Piece:
         block(IGNORE, case, (0, 0, 0), (width, depth, 0.014)),
         block(IGNORE, dark, (0.015, 0.02, 0.014), (width - 0.015, 0.55 * depth, 0.017)),
         Part(IGNORE, case, (width / 2, float(y), float(z)), (width, 0.006, lean), tilt=float(tilt)),
-        Part(IGNORE, shown, (width / 2, float(y) + 0.004, float(z)), (width - 0.02, 0.004, lean - 0.02), tilt=float(tilt)),
+        Part(IGNORE, display, (width / 2, float(y) + 0.004, float(z)), (width - 0.02, 0.004, lean - 0.02), tilt=float(tilt)),
     )  # fmt: skip
 
 
 def _screen(rng: np.random.Generator, size: float) -> Piece:
     """A monitor on a foot, with a keyboard before it."""
     dark, width, lift = _dark(rng), rng.uniform(0.45, 0.7), rng.uniform(0.06, 0.15)
-    shown = m.artwork(rng) if rng.random() < 0.3 else dark
+    display = m.artwork(rng) if rng.random() < 0.3 else dark
     height, x = width * rng.uniform(0.55, 0.62), width / 2
     return _piece(
         width, 0.46, height + lift,
         block(IGNORE, dark, (0, 0.06, lift), (width, 0.09, lift + height)),
-        block(IGNORE, shown, (0.01, 0.09, lift + 0.015), (width - 0.01, 0.093, lift + height - 0.01)),
+        block(IGNORE, display, (0.01, 0.09, lift + 0.015), (width - 0.01, 0.093, lift + height - 0.01)),
         block(IGNORE, dark, (x - 0.03, 0.04, 0), (x + 0.03, 0.06, lift + 0.1)),
         block(IGNORE, dark, (x - 0.1, 0, 0), (x + 0.1, 0.18, 0.012)),
         block(IGNORE, m.lacquer(rng), (x - 0.2, 0.32, 0), (x + 0.2, 0.45, 0.02)),
@@ -134,9 +129,8 @@ def _bowl(rng: np.random.Generator, size: float) -> Piece:
     for _ in range(int(rng.integers(0, 6))):
         x, y, half = rng.uniform(0.3 * wide, 0.7 * wide), rng.uniform(0.3 * wide, 0.7 * wide), rng.uniform(0.03, 0.042)
         fruit = m.plain(rng, m.colour(rng, (-0.03, 0.3), (0.6, 0.95), (0.4, 0.9)), gloss=0.2)
-        parts.append(
-            block(IGNORE, fruit, (x - half, y - half, tall - 0.03), (x + half, y + half, tall + 2 * half - 0.03), BALL)
-        )
+        high = tall + 2 * half - 0.03
+        parts.append(block(IGNORE, fruit, (x - half, y - half, tall - 0.03), (x + half, y + half, high), BALL))
     return _piece(wide, wide, tall + 0.05, *parts)
 
 
@@ -151,46 +145,37 @@ def _kettle(rng: np.random.Generator, size: float) -> Piece:
     """A kettle or a coffee pot with a handle."""
     wide, tall = rng.uniform(0.13, 0.18), rng.uniform(0.18, 0.26)
     skin, grip = m.metal(rng) if rng.random() < 0.6 else m.lacquer(rng), _dark(rng)
-    return _piece(
-        wide, wide, tall,
-        block(IGNORE, skin, (0, 0, 0), (wide, wide, 0.85 * tall), CYLINDER),
-        block(IGNORE, grip, (0.2 * wide, 0.2 * wide, 0.85 * tall), (0.8 * wide, 0.8 * wide, 0.92 * tall), CYLINDER),
-        block(IGNORE, grip, (0.45 * wide, wide, 0.2 * tall), (0.6 * wide, wide + 0.05, 0.9 * tall)),
-    )  # fmt: skip
+    pot = block(IGNORE, skin, (0, 0, 0), (wide, wide, 0.85 * tall), CYLINDER)
+    lid = block(IGNORE, grip, (0.2 * wide, 0.2 * wide, 0.85 * tall), (0.8 * wide, 0.8 * wide, 0.92 * tall), CYLINDER)
+    handle = block(IGNORE, grip, (0.45 * wide, wide, 0.2 * tall), (0.6 * wide, wide + 0.05, 0.9 * tall))
+    return _piece(wide, wide, tall, pot, lid, handle)
 
 
 def _toaster(rng: np.random.Generator, size: float) -> Piece:
     """A toaster with two slots."""
     width, depth, tall, dark = rng.uniform(0.26, 0.32), rng.uniform(0.16, 0.2), rng.uniform(0.17, 0.21), _dark(rng)
     skin = m.metal(rng) if rng.random() < 0.6 else m.lacquer(rng)
-    slots = [
-        block(IGNORE, dark, (0.05, y - 0.012, tall), (width - 0.05, y + 0.012, tall + 0.002))
-        for y in (0.32 * depth, 0.68 * depth)
-    ]
-    return _piece(width, depth, tall, block(IGNORE, skin, (0, 0, 0), (width, depth, tall)), *slots)
+    parts = [block(IGNORE, skin, (0, 0, 0), (width, depth, tall))]
+    for y in (0.32 * depth, 0.68 * depth):
+        parts.append(block(IGNORE, dark, (0.05, y - 0.012, tall), (width - 0.05, y + 0.012, tall + 0.002)))
+    return _piece(width, depth, tall, *parts)
 
 
 def _microwave(rng: np.random.Generator, size: float) -> Piece:
     """A microwave oven with its window and buttons towards +y."""
     width, depth, tall = rng.uniform(0.44, 0.52), rng.uniform(0.32, 0.38), rng.uniform(0.25, 0.3)
     dark, skin = _dark(rng), m.lacquer(rng) if rng.random() < 0.5 else m.metal(rng)
-    return _piece(
-        width, depth, tall,
-        block(IGNORE, skin, (0, 0, 0.01), (width, depth, tall)),
-        block(IGNORE, dark, (0.03, depth, 0.05), (0.7 * width, depth + 0.004, tall - 0.04)),
-        block(IGNORE, dark, (0.76 * width, depth, 0.03), (0.96 * width, depth + 0.003, tall - 0.02)),
-    )  # fmt: skip
+    body = block(IGNORE, skin, (0, 0, 0.01), (width, depth, tall))
+    window = block(IGNORE, dark, (0.03, depth, 0.05), (0.7 * width, depth + 0.004, tall - 0.04))
+    buttons = block(IGNORE, dark, (0.76 * width, depth, 0.03), (0.96 * width, depth + 0.003, tall - 0.02))
+    return _piece(width, depth, tall, body, window, buttons)
 
 
 def _pan(rng: np.random.Generator, size: float) -> Piece:
     """A pot or a pan with a handle."""
     wide, tall, steel = rng.uniform(0.18, 0.28), rng.uniform(0.05, 0.16), m.metal(rng)
-    handle = block(
-        IGNORE,
-        _dark(rng),
-        (wide, 0.45 * wide, 0.7 * tall),
-        (wide + rng.uniform(0.05, 0.18), 0.55 * wide, 0.7 * tall + 0.015),
-    )
+    grip, end = _dark(rng), wide + rng.uniform(0.05, 0.18)
+    handle = block(IGNORE, grip, (wide, 0.45 * wide, 0.7 * tall), (end, 0.55 * wide, 0.7 * tall + 0.015))
     return _piece(wide, wide, tall, block(IGNORE, steel, (0, 0, 0), (wide, wide, tall), CYLINDER), handle)
 
 
@@ -246,11 +231,9 @@ def _plant(rng: np.random.Generator, size: float) -> Piece:
 def _bottle(rng: np.random.Generator, size: float) -> Piece:
     width, height = min(size * 0.35, 0.1), min(size * rng.uniform(0.8, 1.4), 0.38)
     look, x = m.thing(rng), min(size * 0.35, 0.1) / 2
-    return _piece(
-        width, width, height,
-        block(IGNORE, look, (0, 0, 0), (width, width, 0.65 * height), CYLINDER),
-        block(IGNORE, look, (x * 0.6, x * 0.6, 0.6 * height), (x * 1.4, x * 1.4, height), CYLINDER),
-    )  # fmt: skip
+    body = block(IGNORE, look, (0, 0, 0), (width, width, 0.65 * height), CYLINDER)
+    neck = block(IGNORE, look, (x * 0.6, x * 0.6, 0.6 * height), (x * 1.4, x * 1.4, height), CYLINDER)
+    return _piece(width, width, height, body, neck)
 
 
 def _bag(rng: np.random.Generator, size: float) -> Piece:
@@ -264,10 +247,10 @@ def _papers(rng: np.random.Generator, size: float) -> Piece:
     """One to three sheets on top of each other."""
     white = m.plain(rng, m.colour(rng, saturation=(0, 0.1), value=(0.8, 0.97)), m.Noise(fine=0.05))
     width, depth = 0.21, 0.297
-    parts = [
-        block(IGNORE, white if rng.random() < 0.7 else m.artwork(rng), (0, 0, 0.002 * i), (width, depth, 0.002 * (i + 1)), yaw=rng.uniform(-0.5, 0.5))
-        for i in range(int(rng.integers(1, 4)))
-    ]  # fmt: skip
+    parts = []
+    for i in range(int(rng.integers(1, 4))):
+        sheet, yaw = white if rng.random() < 0.7 else m.artwork(rng), rng.uniform(-0.5, 0.5)
+        parts.append(block(IGNORE, sheet, (0, 0, 0.002 * i), (width, depth, 0.002 * (i + 1)), yaw=yaw))
     return _piece(width, depth, 0.006, *parts)
 
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from semgs.rooms.pieces.materials import Material
+from semgs.rooms.pieces.materials import Material, Range
 from semgs.rooms.pieces.shells import Shell
 
 Triple = tuple[float | int, float | int, float | int]
@@ -87,13 +87,7 @@ class Solids:
 
 
 def block(
-    label: int,
-    material: Material,
-    low: Triple,
-    high: Triple,
-    shape: int = BOX,
-    yaw: float = 0.0,
-    tilt: float = 0.0,
+    label: int, material: Material, low: Triple, high: Triple, shape: int = BOX, yaw: float = 0.0, tilt: float = 0.0
 ) -> Part:
     """A part from two opposite corners, rotated about its centre."""
     centre = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2)
@@ -105,6 +99,17 @@ def post(label: int, material: Material, middle: tuple[float, float], radius: fl
     """An upright round cylinder centred at (x, y)."""
     x, y = middle
     return block(label, material, (x - radius, y - radius, low), (x + radius, y + radius, high), CYLINDER)
+
+
+def ring(
+    label: int, material: Material, outer: tuple[Range, Range], inner: tuple[Range, Range], upwards: Range
+) -> list[Part]:
+    """Four blocks around a hole, left and right over the whole depth, near and far; rectangles are given as ranges of x and y."""
+    (left, right), (near, far) = outer
+    (start, end), (front, back) = inner
+    low, high = upwards
+    sides = ((left, near, start, far), (end, near, right, far), (start, near, end, front), (start, back, end, far))
+    return [block(label, material, (a, b, low), (c, d, high)) for a, b, c, d in sides]
 
 
 def moved(parts: Sequence[Part], origin: Triple, yaw: float = 0.0) -> list[Part]:
@@ -128,19 +133,12 @@ def gather(parts: Sequence[Part]) -> Solids:
     rotations[:, 2, 1] = np.sin(tilt)
     rotations[:, 0, 2], rotations[:, 1, 2] = np.sin(yaw) * np.sin(tilt), -np.cos(yaw) * np.sin(tilt)
     rotations[:, 2, 2] = np.cos(tilt)
-    return Solids(
-        rotations,
-        np.array([part.centre for part in parts], dtype=np.float64),
-        np.array([part.size for part in parts], dtype=np.float64),
-        np.array([part.shape for part in parts], dtype=np.int64),
-        np.array([part.label for part in parts], dtype=np.int64),
-        np.array([part.material for part in parts]),
-    )
+    centres, sizes = (np.array([getattr(part, name) for part in parts], np.float64) for name in ("centre", "size"))
+    shapes, labels = (np.array([getattr(part, name) for part in parts], np.int64) for name in ("shape", "label"))
+    return Solids(rotations, centres, sizes, shapes, labels, np.array([part.material for part in parts]))
 
 
-def triangulate(
-    solids: Solids,
-) -> tuple[Float64[np.ndarray, "t 3 3"], Int64[np.ndarray, " t"]]:
+def triangulate(solids: Solids) -> tuple[Float64[np.ndarray, "t 3 3"], Int64[np.ndarray, " t"]]:
     """Corners of all triangles except those of shells [m], and the part each belongs to."""
     corners, owners = [], []
     for shape in range(4):

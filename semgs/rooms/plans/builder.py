@@ -10,7 +10,9 @@ from jaxtyping import Float64
 
 from semgs.data.tables.classes import IGNORE
 from semgs.rooms.pieces import materials as m
+from semgs.rooms.pieces import openings
 from semgs.rooms.pieces.furniture import LABEL
+from semgs.rooms.pieces.materials import Material
 from semgs.rooms.pieces.solids import Part, Piece, block, gather, moved
 from semgs.rooms.plans.floor_plan import WALL, Lamp, Opening
 from semgs.rooms.plans.footprints import Span, Wall, around, overlap, rectangle
@@ -19,6 +21,10 @@ from semgs.rooms.plans.outlines import PARTITION, Outline, Zone
 Footprint = Float64[np.ndarray, "4 2"]
 Swap = Callable[[Piece], Piece]
 """Replaces a piece with another of the same name and footprint. A piece that it returned before, it returns unchanged."""
+
+
+PROTRUDING = {"bed": 0.07, "sofa": 0.05, "corner sofa": 0.05}
+"""Additional distance from the wall of pieces whose backs reach behind their origin [m]."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +44,42 @@ class Tabletop:
     depth: float
     height: float
     blocked: tuple[Span, ...]
+
+
+def masonry(wall: Wall, material: Material, height: float) -> list[Part]:
+    """A wall around its holes, in its frame. Its ends reach into the corners, behind the faces of its neighbours."""
+    reach, thick = (0.0, 0.02) if wall.built else (WALL, WALL)
+    parts = []
+    for left, right, low, high in around(wall.length, 0.0, height, wall.holes):
+        start, end = left - reach if left == 0.0 else left, right + reach if right == wall.length else right
+        parts.append(block(LABEL["wall"], material, (start, -thick, low), (end, 0, high)))
+    return parts
+
+
+def lining(wall: Wall, material: Material, low: float, high: float, thick: float) -> list[Part]:
+    """A strip of a wall covered around its holes, from a lower to an upper edge, in the wall's frame."""
+    strips = around(wall.length, low, high, wall.holes)
+    return [
+        block(LABEL["wall"], material, (left, 0, bottom), (right, thick, top)) for left, right, bottom, top in strips
+    ]
+
+
+def daylight(
+    wall: Wall, corner: tuple[float, float], size: tuple[float, float], light: float, off: float = 0.0
+) -> Opening:
+    """The opening of a window with a lower left corner and a size on a wall, `off` before its face [m]."""
+    (left, low), (width, tall) = corner, size
+    x, y = wall.at(left + width / 2, off)
+    cosine, sine = float(np.cos(wall.yaw)), float(np.sin(wall.yaw))
+    along = (cosine * width / 2, sine * width / 2, 0.0)
+    return Opening((x, y, low + tall / 2), (-sine, cosine, 0.0), along, tall / 2, light)
+
+
+def cut_door(wall: Wall, door: Piece, left: float) -> Footprint:
+    """Cut the hole of a door, `left` along a wall; returns the floor before it, which is to stay free."""
+    bar, high = openings.door_hole(door)
+    wall.holes.append((left + bar, left + door.size[0] - bar, 0.0, high))
+    return rectangle(*wall.at(left), door.size[0], 0.75, wall.yaw)
 
 
 def snug(piece: Piece) -> Piece:
@@ -73,6 +115,10 @@ class Builder:
         """True with probability `share`."""
         return bool(self.rng.random() < share)
 
+    def pick_wall(self, zone: Zone) -> Wall:
+        """A random wall of a room."""
+        return zone.walls[int(self.rng.integers(len(zone.walls)))]
+
     def exchanged(self, piece: Piece) -> Piece:
         """The replacement of a piece, or the piece itself."""
         return piece if self.swap is None else self.swap(piece)
@@ -89,12 +135,8 @@ class Builder:
         """
         rng, height = self.rng, self.size[2]
         (left, front), (right, back) = zone.low, zone.high
-        low, high = (
-            (left - WALL, front - WALL),
-            (right + PARTITION / 2 if right < self.size[0] / 2 else right + WALL, back + WALL),
-        )
-        if left > -self.size[0] / 2:
-            low = (left - PARTITION / 2, low[1])
+        low = (left - (PARTITION / 2 if left > -self.size[0] / 2 else WALL), front - WALL)
+        high = (right + (PARTITION / 2 if right < self.size[0] / 2 else WALL), back + WALL)
         self.parts.append(block(LABEL["floor"], m.flooring(rng, wet), (*low, -WALL), (*high, 0)))
         white = m.plain(rng, m.colour(rng, (0.03, 0.2), (0, 0.08), (0.8, 0.97)), m.Noise(rng.uniform(0.01, 0.05), 0.02))
         self.parts.append(block(IGNORE, white, (*low, height), (*high, height + WALL)))
@@ -106,26 +148,12 @@ class Builder:
             lower, split = m.tiles(rng, small=self.chance(0.6)), rng.choice([split, height])
         elif self.chance(0.08):
             lower = m.boards(rng, m.colour(rng))
-        own = LABEL["wall"]
         for number, wall in enumerate(zone.walls):
-            cover = m.wall_paint(rng) if number == accent else paint
-            parts = []
-            for a, b, c, d in around(wall.length, 0.0, height, wall.holes):
-                if wall.built:
-                    parts.append(block(own, cover, (a, -0.02, c), (b, 0, d)))
-                else:  # the ends reach into the corners, behind the faces of the neighbours
-                    ends = (a - WALL if a == 0.0 else a, b + WALL if b == wall.length else b)
-                    parts.append(block(own, cover, (ends[0], -WALL, c), (ends[1], 0, d)))
+            parts = masonry(wall, m.wall_paint(rng) if number == accent else paint, height)
             if lower is not None:
-                parts += [
-                    block(own, lower, (a, 0, c), (b, 0.006, d))
-                    for a, b, c, d in around(wall.length, 0.0, split, wall.holes)
-                ]
+                parts += lining(wall, lower, 0.0, split, 0.006)
             if has_skirting:
-                parts += [
-                    block(own, skirting, (a, 0, c), (b, 0.014, d))
-                    for a, b, c, d in around(wall.length, 0.0, tall, wall.holes)
-                ]
+                parts += lining(wall, skirting, 0.0, tall, 0.014)
             self.parts += moved(parts, (*wall.start, 0.0), wall.yaw)
 
     def fill(self) -> None:
@@ -185,16 +213,12 @@ class Builder:
         """
         rng = self.rng
         for _ in range(tries):
-            wall = zone.walls[int(rng.integers(len(zone.walls)))]
+            wall = self.pick_wall(zone)
             slack = wall.length - piece.size[0] - 0.06
             if slack < 0:
                 continue
             left = 0.03 + slack * (float(rng.integers(2)) if self.chance(corner) else rng.random())
-            off = (
-                0.025
-                + rng.choice([0.0, rng.uniform(0, 0.06)])
-                + {"bed": 0.07, "sofa": 0.05, "corner sofa": 0.05}.get(piece.name, 0.0)
-            )
+            off = 0.025 + rng.choice([0.0, rng.uniform(0, 0.06)]) + PROTRUDING.get(piece.name, 0.0)
             turn = rng.uniform(-0.3, 0.3) if piece.name in ("armchair", "other", "chair") and self.chance(0.5) else 0.0
             if self.beside_wall(wall, piece, left, off, turn):
                 return wall, left
@@ -228,9 +252,6 @@ class Builder:
 def _standing_on(piece: Piece) -> tuple[Span, ...]:
     """Footprints of the parts above a piece's surface, in its frame."""
     assert piece.surface is not None
-    result = []
-    for part in piece.parts:
-        if part.centre[2] + part.size[2] / 2 > piece.surface + 0.005:
-            (x, y, _), (width, depth, _) = part.centre, part.size
-            result.append((x - width / 2, x + width / 2, y - depth / 2, y + depth / 2))
-    return tuple(result)
+    above = [part for part in piece.parts if part.centre[2] + part.size[2] / 2 > piece.surface + 0.005]
+    boxes = [(*part.centre[:2], part.size[0] / 2, part.size[1] / 2) for part in above]
+    return tuple((x - width, x + width, y - depth, y + depth) for x, y, width, depth in boxes)

@@ -45,7 +45,7 @@ def pictures(builder: Builder, zone: Zone) -> None:
     rng = builder.rng
     for _ in range(int(rng.integers(1, 8))):
         piece = openings.picture(rng)
-        wall = zone.walls[int(rng.integers(len(zone.walls)))]
+        wall = builder.pick_wall(zone)
         count = 1 + int(rng.integers(3)) * int(builder.chance(0.2) and piece.size[0] < 0.6)
         gap = rng.uniform(0.08, 0.2)
         slack = wall.length - count * (piece.size[0] + gap) - 0.3
@@ -90,9 +90,8 @@ def lamps(builder: Builder, zone: Zone, lit: bool) -> None:
         thick = rng.uniform(0.08, 0.22) if pendant else drop - 0.01
         builder.parts.append(post(IGNORE, glow, (x, y), reach, height - drop, height - drop + thick))
         if pendant:
-            builder.parts.append(
-                block(IGNORE, m.metal(rng), (x - 0.01, y - 0.01, height - drop), (x + 0.01, y + 0.01, height))
-            )
+            cord = (x - 0.01, y - 0.01, height - drop), (x + 0.01, y + 0.01, height)
+            builder.parts.append(block(IGNORE, m.metal(rng), *cord))
         if lit:
             builder.lamps.append(Lamp((x, y, height - drop - 0.08), float(rng.uniform(1.2, 4.0))))
     elif lit:
@@ -100,9 +99,9 @@ def lamps(builder: Builder, zone: Zone, lit: bool) -> None:
             builder.lamps.append(Lamp((float(place[0]), float(place[1]), height - 0.12), float(rng.uniform(0.8, 2.0))))
     if zone.kind in ("living", "bedroom", "study", "mixed") and builder.chance(0.35):
         piece = snug(things.floor_lamp(rng, lit))
-        place_ = builder.against_wall(zone, piece, corner=0.8)
-        if place_ is not None and lit:
-            wall, left = place_
+        spot = builder.against_wall(zone, piece, corner=0.8)
+        if spot is not None and lit:
+            wall, left = spot
             x, y = wall.at(left + piece.size[0] / 2, 0.12 + piece.size[1] / 2)
             builder.lamps.append(Lamp((x, y, piece.size[2] + 0.1), float(rng.uniform(0.5, 1.5))))
 

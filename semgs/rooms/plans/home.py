@@ -11,32 +11,24 @@ from semgs.rooms.pieces import cloth, fittings, furniture, kitchen_and_bath, ope
 from semgs.rooms.pieces import small_things as things
 from semgs.rooms.pieces.furniture import Maker
 from semgs.rooms.pieces.solids import Piece, moved
-from semgs.rooms.plans import dressing
-from semgs.rooms.plans.builder import Builder, Swap, snug
-from semgs.rooms.plans.floor_plan import FloorPlan, Opening
+from semgs.rooms.plans import dressing, outlines
+from semgs.rooms.plans.builder import Builder, Swap, cut_door, daylight, snug
+from semgs.rooms.plans.floor_plan import FloorPlan
 from semgs.rooms.plans.footprints import Wall, placed, rectangle
-from semgs.rooms.plans.outlines import (
-    PARTITION,
-    Outline,
-    Zone,
-    rectangular,
-    two_rooms,
-    with_breast,
-    with_corner_built_in,
-)
+from semgs.rooms.plans.outlines import PARTITION, Outline, Zone
 
 
-def _one_of(*makers: Maker) -> Maker:
+def _choose_from(*makers: Maker) -> Maker:
     """A maker that makes what one of these makes, each equally often."""
     return lambda rng: makers[int(rng.integers(len(makers)))](rng)
 
 
-FRIDGE = _one_of(kitchen_and_bath.refrigerator, kitchen_and_bath.refrigerator, fittings.refrigerator)
-ISLAND = _one_of(kitchen_and_bath.island, kitchen_and_bath.island, fittings.island)
-WARDROBE = _one_of(cloth.canvas_wardrobe, fittings.cabinet, fittings.cabinet)
-SOFA = _one_of(furniture.sofa, furniture.sofa, cloth.corner_sofa)
-SIDEBOARD = _one_of(kitchen_and_bath.vitrine, fittings.sideboard)
-WASHSTAND = _one_of(kitchen_and_bath.washstand, fittings.washbasin)
+FRIDGE = _choose_from(kitchen_and_bath.refrigerator, kitchen_and_bath.refrigerator, fittings.refrigerator)
+ISLAND = _choose_from(kitchen_and_bath.island, kitchen_and_bath.island, fittings.island)
+WARDROBE = _choose_from(cloth.canvas_wardrobe, fittings.cabinet, fittings.cabinet)
+SOFA = _choose_from(furniture.sofa, furniture.sofa, cloth.corner_sofa)
+SIDEBOARD = _choose_from(kitchen_and_bath.vitrine, fittings.sideboard)
+WASHSTAND = _choose_from(kitchen_and_bath.washstand, fittings.washbasin)
 
 BIG: dict[str, tuple[Maker, ...]] = {
     "bedroom": (furniture.bed, WARDROBE, furniture.desk, fittings.bookshelf, furniture.armchair, fittings.other),
@@ -67,6 +59,7 @@ TWO_ROOMS = 0.16
 
 FREE_STANDING = ("table", "island")
 SOFAS = ("sofa", "corner sofa")
+WASHBASINS = ("washbasin", "washstand")
 SOFA_IN_THE_ROOM = 0.45
 """Share of sofas with their back to the room, if there is space."""
 CHAIR_AT_DESK = 0.65
@@ -79,15 +72,15 @@ def draw_home(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
 
     `swap` may replace each piece with another of the same footprint.
     """
-    outline = _outline(rng)
+    outline = _draw_outline(rng)
     builder = Builder(rng, outline, swap)
     evening = builder.chance(0.3)
     light = rng.uniform(0.01, 0.08) if evening else float(np.exp(rng.uniform(np.log(0.2), np.log(1.8))))
     if outline.passage is not None:
         open_door(builder, outline)
     for zone in outline.zones:
-        _doors(builder, zone)
-        _windows(builder, zone, light)
+        _add_doors(builder, zone)
+        _add_windows(builder, zone, light)
     for zone in outline.zones:
         builder.shell(zone, zone.kind in WET)
     if outline.passage is None:  # with a passage, the only built-in block is the partition, which has a hole
@@ -102,12 +95,12 @@ def draw_home(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
                 tuple(builder.pieces), tuple(builder.lamps))  # fmt: skip
 
 
-def _outline(rng: np.random.Generator) -> Outline:
+def _draw_outline(rng: np.random.Generator) -> Outline:
     """The shape of the rooms and what they are used for."""
     height = rng.uniform(2.3, 3.2) if rng.random() < 0.5 else rng.uniform(2.4, 2.65)
     if rng.random() < TWO_ROOMS:
         kinds = PAIRS[int(rng.integers(len(PAIRS)))]
-        return two_rooms(rng, kinds, (rng.uniform(6.0, 9.0), rng.uniform(2.8, 4.4), height))
+        return outlines.two_rooms(rng, kinds, (rng.uniform(6.0, 9.0), rng.uniform(2.8, 4.4), height))
     kind = str(rng.choice(list(SHARES), p=list(SHARES.values())))
     if kind == "bathroom":
         length, width = rng.uniform(2.5, 4.2), rng.uniform(2.4, 3.4)
@@ -119,10 +112,10 @@ def _outline(rng: np.random.Generator) -> Outline:
     size = (float(length), float(width), float(height))
     look = rng.random()
     if look < 0.12 and min(length, width) > 2.9:
-        return with_corner_built_in(rng, kind, size)
+        return outlines.with_corner_built_in(rng, kind, size)
     if look < 0.27 and min(length, width) > 2.7:
-        return with_breast(rng, kind, size)
-    return rectangular(kind, size)
+        return outlines.with_breast(rng, kind, size)
+    return outlines.rectangular(kind, size)
 
 
 def open_door(builder: Builder, outline: Outline) -> None:
@@ -131,14 +124,14 @@ def open_door(builder: Builder, outline: Outline) -> None:
     assert outline.passage is not None
     wide = rng.uniform(0.8, 1.0) if builder.chance(0.6) else rng.uniform(1.2, 1.8)
     high = min(rng.uniform(2.0, 2.15), builder.size[2] - 0.15)
-    lining, leaf = openings.passage(rng, wide, high, PARTITION)
+    frame, leaf = openings.passage(rng, wide, high, PARTITION)
     for wall, middle in outline.passage:
         hole = (middle - wide / 2, middle + wide / 2, 0.0, high)
         wall.holes.append(hole)
         wall.taken.append((hole[0] - 0.1, hole[1] + 0.1, 0.0, high + 0.1))
         builder.kept_free.append(rectangle(*wall.at(hole[0]), wide, 0.85, wall.yaw))
     wall, middle = outline.passage[0]
-    builder.add(moved(lining.parts, (*wall.at(middle - wide / 2), 0.0), wall.yaw))
+    builder.add(moved(frame.parts, (*wall.at(middle - wide / 2), 0.0), wall.yaw))
     if leaf is not None and wide < 1.1:
         wall, middle = outline.passage[int(rng.integers(2))]
         yaw = wall.yaw + rng.uniform(1.3, 1.75)
@@ -147,25 +140,23 @@ def open_door(builder: Builder, outline: Outline) -> None:
         builder.footprints.append(rectangle(x + 0.06 * np.sin(yaw), y - 0.06 * np.cos(yaw), leaf.size[0], 0.16, yaw))
 
 
-def _doors(builder: Builder, zone: Zone) -> None:
+def _add_doors(builder: Builder, zone: Zone) -> None:
     """Add one or two closed doors, in a hallway up to four, and keep the floor in front of them free."""
     rng, height = builder.rng, builder.size[2]
     count = int(rng.integers(2, 5)) if zone.kind == "hallway" else 1 + int(builder.chance(0.35))
     for _ in range(count):
-        piece = openings.door(rng, height)
-        wall = zone.walls[int(rng.integers(len(zone.walls)))]
-        slack = wall.length - piece.size[0] - 0.3
+        door = openings.door(rng, height)
+        wall = builder.pick_wall(zone)
+        slack = wall.length - door.size[0] - 0.3
         if not wall.outer or slack < 0:
             continue
         left = 0.15 + slack * rng.random()
-        if wall.free(left - 0.1, left + piece.size[0] + 0.1, 0.0, height):
-            bar, leaf = openings.door_hole(piece)
-            builder.hang(wall, piece, left, 0.0)
-            wall.holes.append((left + bar, left + piece.size[0] - bar, 0.0, leaf))
-            builder.kept_free.append(rectangle(*wall.at(left), piece.size[0], 0.75, wall.yaw))
+        if wall.free(left - 0.1, left + door.size[0] + 0.1, 0.0, height):
+            builder.hang(wall, door, left, 0.0)
+            builder.kept_free.append(cut_door(wall, door, left))
 
 
-def _windows(builder: Builder, zone: Zone, light: float) -> None:
+def _add_windows(builder: Builder, zone: Zone, light: float) -> None:
     """Add up to three windows in outer walls, with blinds, curtains, and a radiator below."""
     rng, height, bath = builder.rng, builder.size[2], zone.kind == "bathroom"
     count = {"bathroom": (0, 1, 1), "hallway": (0, 0, 1)}.get(zone.kind, (0, 1, 1, 2, 2, 3, 3))
@@ -175,7 +166,7 @@ def _windows(builder: Builder, zone: Zone, light: float) -> None:
     for _ in range(int(rng.choice(count))):
         low = sill if builder.chance(0.8) or bath else rng.uniform(0.8, 1.1)
         tall = top - low if not bath else min(rng.uniform(0.5, 0.9), height - low - 0.15)
-        wall = zone.walls[int(rng.integers(len(zone.walls)))]
+        wall = builder.pick_wall(zone)
         width = rng.uniform(0.5, 1.0) if bath else rng.uniform(0.7, max(0.75, min(2.4, wall.length - 0.9)))
         left = 0.3 + (wall.length - width - 0.6) * rng.random()
         if not wall.outer or left < 0.3 or tall < 0.45 or not wall.free(left - 0.3, left + width + 0.3, 0.0, height):
@@ -185,17 +176,8 @@ def _windows(builder: Builder, zone: Zone, light: float) -> None:
         builder.hang(wall, openings.window(rng, width, tall, light, blind), left, low, recess)
         wall.holes.append((left, left + width, low, low + tall))
         closed = draped and dressing.curtains(builder, wall, (left, left + width, low, low + tall))
-        x, y = wall.at(left + width / 2, 0.06 - recess)
-        turn = np.array([np.cos(wall.yaw), np.sin(wall.yaw)])
-        builder.windows.append(
-            Opening(
-                middle=(x, y, low + tall / 2),
-                facing=(-float(turn[1]), float(turn[0]), 0.0),
-                half_width=(float(turn[0]) * width / 2, float(turn[1]) * width / 2, 0.0),
-                half_height=tall / 2,
-                light=light * (1 - 0.8 * float(blind)) * (0.15 if closed else 1.0),
-            )
-        )
+        bright = light * (1 - 0.8 * float(blind)) * (0.15 if closed else 1.0)
+        builder.windows.append(daylight(wall, (left, low), (width, tall), bright, 0.06 - recess))
         if low > 0.6 and not bath and builder.chance(0.5):
             piece = openings.radiator(rng, min(width, 1.4) * rng.uniform(0.7, 1.0), low - rng.uniform(0.08, 0.2))
             builder.beside_wall(wall, piece, left + (width - piece.size[0]) / 2, 0.005)
@@ -223,52 +205,49 @@ def _furnish(builder: Builder, zone: Zone) -> None:
 def _place(builder: Builder, zone: Zone, piece: Piece) -> None:
     """Put a piece where its kind belongs, and its companions around it."""
     if piece.name in FREE_STANDING and builder.chance(0.85):
-        found = builder.in_the_open(zone, piece)
-        if found and piece.name != "island":
-            _chairs_around(builder, piece, *found)
+        place = builder.in_the_open(zone, piece)
+        if place and piece.name != "island":
+            _put_chairs_around(builder, piece, *place)
         return
-    if piece.name in ("refrigerator", "stove", "counter") and _continue_the_row(builder, zone, piece):
+    if piece.name in ("refrigerator", "stove", "counter") and _continue_row(builder, zone, piece):
         return
-    if piece.name in SOFAS and builder.chance(SOFA_IN_THE_ROOM) and _sofa_in_the_room(builder, zone, piece):
+    if piece.name in SOFAS and builder.chance(SOFA_IN_THE_ROOM) and _put_sofa_in_room(builder, zone, piece):
         return
-    where = builder.against_wall(zone, piece, corner=0.15 if piece.name in ("bed", "sofa", "desk") else 0.55)
-    if where is None:
+    place = builder.against_wall(zone, piece, corner=0.15 if piece.name in ("bed", "sofa", "desk") else 0.55)
+    if place is None:
         return
-    wall, left = where
+    wall, left = place
     if piece.name == "bed":
-        _beside_the_bed(builder, zone, wall, left, piece)
+        _furnish_bedside(builder, zone, wall, left, piece)
     elif piece.name == "desk" and builder.chance(CHAIR_AT_DESK):
-        _chair_at_the_desk(builder, wall, left, piece)
+        _put_chair_at_desk(builder, wall, left, piece)
     elif piece.name == "counter":
-        _above_the_counter(builder, wall, left, piece)
+        _hang_wall_cabinet(builder, wall, left, piece)
     elif piece.name in SOFAS:
-        _before_the_sofa(builder, zone, wall, left, piece)
+        _furnish_sofa_front(builder, zone, wall, left, piece)
     elif piece.name == "bathtub":
-        _round_the_bathtub(builder, wall, piece)
-    elif piece.name in ("washbasin", "washstand") or (
-        piece.name == "cabinet" and piece.size[2] < 1.0 and builder.chance(0.2)
-    ):
-        wide, low = piece.size[0] * builder.rng.uniform(0.7, 1.1), max(1.15, piece.size[2] + 0.2)
-        glass = openings.mirror(builder.rng, wide, builder.rng.uniform(0.5, 0.8))
-        start = left + (piece.size[0] - wide) / 2
-        if (
-            0.02 < start < wall.length - wide - 0.02
-            and wall.free(start, start + wide, low, low + glass.size[2])
-            and low + glass.size[2] < builder.size[2] - 0.1
-        ):
-            builder.hang(wall, glass, start, low)
+        _hang_shower_curtain(builder, wall, piece)
+    elif piece.name in WASHBASINS or (piece.name == "cabinet" and piece.size[2] < 1.0 and builder.chance(0.2)):
+        _hang_mirror(builder, wall, left, piece)
 
 
-def _continue_the_row(builder: Builder, zone: Zone, piece: Piece) -> bool:
+def _hang_mirror(builder: Builder, wall: Wall, left: float, piece: Piece) -> None:
+    """Hang a mirror above a washbasin or a chest, if there is room."""
+    rng = builder.rng
+    width, low = piece.size[0] * rng.uniform(0.7, 1.1), max(1.15, piece.size[2] + 0.2)
+    mirror = openings.mirror(rng, width, rng.uniform(0.5, 0.8))
+    start, high = left + (piece.size[0] - width) / 2, low + mirror.size[2]
+    inside = 0.02 < start < wall.length - width - 0.02 and high < builder.size[2] - 0.1
+    if inside and wall.free(start, start + width, low, high):
+        builder.hang(wall, mirror, start, low)
+
+
+def _continue_row(builder: Builder, zone: Zone, piece: Piece) -> bool:
     """Put a kitchen piece directly beside one already at a wall. False if there is none or no room."""
     for wall in zone.walls:
         for left, right, low, high in list(wall.taken):
-            if (
-                low > 0.0
-                or not 0.8 < high < 2.4
-                or right - left < 0.5
-                or any(left < b and a < right for a, b, _, _ in wall.holes)
-            ):
+            pierced = any(left < b and a < right for a, b, _, _ in wall.holes)
+            if low > 0.0 or not 0.8 < high < 2.4 or right - left < 0.5 or pierced:
                 continue
             for start in (right + 0.03, left - piece.size[0] - 0.03):
                 if builder.beside_wall(wall, piece, start):
@@ -276,7 +255,7 @@ def _continue_the_row(builder: Builder, zone: Zone, piece: Piece) -> bool:
     return False
 
 
-def _beside_the_bed(builder: Builder, zone: Zone, wall: Wall, left: float, bed: Piece) -> None:
+def _furnish_bedside(builder: Builder, zone: Zone, wall: Wall, left: float, bed: Piece) -> None:
     """Add nightstands at one or both sides, and often a rug that extends from under the bed."""
     rng = builder.rng
     if builder.chance(0.8):
@@ -289,19 +268,17 @@ def _beside_the_bed(builder: Builder, zone: Zone, wall: Wall, left: float, bed: 
         dressing.rug(builder, zone, middle, wall.yaw, bed.size[0] + rng.uniform(0.6, 1.2))
 
 
-def _chair_at_the_desk(builder: Builder, wall: Wall, left: float, desk: Piece) -> None:
+def _put_chair_at_desk(builder: Builder, wall: Wall, left: float, desk: Piece) -> None:
     """Add a chair that faces the desk, pushed back or slightly turned."""
     rng = builder.rng
     seat = snug(furniture.chair(rng))
-    x, y = wall.at(
-        left + desk.size[0] / 2 + seat.size[0] / 2 + rng.uniform(-0.15, 0.15),
-        desk.size[1] + 0.14 + seat.size[1] + rng.uniform(0, 0.25),
-    )
+    along = left + desk.size[0] / 2 + seat.size[0] / 2 + rng.uniform(-0.15, 0.15)
+    x, y = wall.at(along, desk.size[1] + 0.14 + seat.size[1] + rng.uniform(0, 0.25))
     if not builder.stand(seat, x, y, wall.yaw + np.pi + rng.uniform(-0.4, 0.4)):
         builder.stand(seat, x, y, wall.yaw + np.pi)
 
 
-def _before_the_sofa(builder: Builder, zone: Zone, wall: Wall, left: float, sofa: Piece) -> None:
+def _furnish_sofa_front(builder: Builder, zone: Zone, wall: Wall, left: float, sofa: Piece) -> None:
     """Add a coffee table, a rug, and a sideboard with a television at the opposite wall if it is free."""
     rng = builder.rng
     middle = left + sofa.size[0] / 2
@@ -316,10 +293,10 @@ def _before_the_sofa(builder: Builder, zone: Zone, wall: Wall, left: float, sofa
         opposite = [other for other in zone.walls if abs(np.cos(other.yaw - wall.yaw) + 1) < 1e-6]
         if opposite:
             other = opposite[int(rng.integers(len(opposite)))]
-            _television_at(builder, other, other.length * rng.uniform(0.3, 0.7))
+            _put_television(builder, other, other.length * rng.uniform(0.3, 0.7))
 
 
-def _television_at(builder: Builder, wall: Wall, middle: float) -> None:
+def _put_television(builder: Builder, wall: Wall, middle: float) -> None:
     """Put a sideboard with a television at a wall, centred `middle` along it if it fits."""
     rng = builder.rng
     bench = builder.exchanged(snug(fittings.sideboard(rng)))
@@ -332,7 +309,7 @@ def _television_at(builder: Builder, wall: Wall, middle: float) -> None:
         wall.taken.append((start, start + bench.size[0], bench.surface, bench.surface + screen.size[2]))
 
 
-def _sofa_in_the_room(builder: Builder, zone: Zone, sofa: Piece) -> bool:
+def _put_sofa_in_room(builder: Builder, zone: Zone, sofa: Piece) -> bool:
     """Put a sofa away from all walls, with its front to one and its back to the room. False if there is no room behind it.
 
     Between it and the wall are a television, a coffee table and a rug.
@@ -351,19 +328,18 @@ def _sofa_in_the_room(builder: Builder, zone: Zone, sofa: Piece) -> bool:
             continue
         middle = left + width / 2
         if builder.chance(0.75):
-            _television_at(builder, wall, middle)
+            _put_television(builder, wall, middle)
         low = snug(furniture.coffee_table(rng))
         if builder.chance(0.7):
-            builder.stand(
-                low, *wall.at(middle - low.size[0] / 2, off - rng.uniform(0.35, 0.55) - low.size[1]), wall.yaw
-            )
+            place = wall.at(middle - low.size[0] / 2, off - rng.uniform(0.35, 0.55) - low.size[1])
+            builder.stand(low, *place, wall.yaw)
         if builder.chance(0.5):
             dressing.rug(builder, zone, np.array(wall.at(middle, off - 0.4)), wall.yaw, width * rng.uniform(0.8, 1.3))
         return True
     return False
 
 
-def _above_the_counter(builder: Builder, wall: Wall, left: float, counter: Piece) -> None:
+def _hang_wall_cabinet(builder: Builder, wall: Wall, left: float, counter: Piece) -> None:
     """Hang cabinets with glazed doors above a counter that has no wall cabinets, with nothing tall below them."""
     rng = builder.rng
     if counter.surface is None or not builder.chance(0.6):
@@ -381,7 +357,7 @@ def _above_the_counter(builder: Builder, wall: Wall, left: float, counter: Piece
         builder.surfaces[-1] = replace(top, blocked=(*top.blocked, under))
 
 
-def _round_the_bathtub(builder: Builder, wall: Wall, tub: Piece) -> None:
+def _hang_shower_curtain(builder: Builder, wall: Wall, tub: Piece) -> None:
     """Add a shower curtain along the open side of the tub that was placed last."""
     rng = builder.rng
     if not builder.chance(0.8):
@@ -396,7 +372,7 @@ def _round_the_bathtub(builder: Builder, wall: Wall, tub: Piece) -> None:
         builder.footprints.append(shape)
 
 
-def _chairs_around(builder: Builder, table: Piece, x: float, y: float, yaw: float) -> None:
+def _put_chairs_around(builder: Builder, table: Piece, x: float, y: float, yaw: float) -> None:
     """Add identical chairs around a table, some pulled out or slightly turned."""
     rng = builder.rng
     seat = snug(furniture.chair(rng))

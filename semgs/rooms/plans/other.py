@@ -20,9 +20,9 @@ from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.furniture import LABEL, Maker
 from semgs.rooms.pieces.materials import Material
 from semgs.rooms.pieces.solids import Part, Piece, block, moved, post
-from semgs.rooms.plans.builder import Swap
+from semgs.rooms.plans.builder import Swap, cut_door, daylight, lining, masonry
 from semgs.rooms.plans.floor_plan import WALL, FloorPlan, Lamp, Opening
-from semgs.rooms.plans.footprints import Wall, around, overlap, placed, rectangle
+from semgs.rooms.plans.footprints import Wall, overlap, placed, rectangle
 from semgs.rooms.plans.outlines import rectangular
 
 ZONES = ("sleeping", "sitting", "working", "eating", "cooking", "bathing", "storing")
@@ -98,14 +98,13 @@ class _Loft:
         rng, (x, y, z) = self.rng, self.size
         a, b = x / 2 + WALL, y / 2 + WALL
         self.parts.append(block(LABEL["floor"], self._floor(), (-a, -b, -WALL), (a, b, 0)))
-        self.parts.append(
-            block(IGNORE, m.plain(rng, (0.8, 0.79, 0.76), m.Noise(fine_scale=0.03)), (-a, -b, z), (a, b, z + WALL))
-        )
+        white = m.plain(rng, (0.8, 0.79, 0.76), m.Noise(fine_scale=0.03))
+        self.parts.append(block(IGNORE, white, (-a, -b, z), (a, b, z + WALL)))
         if rng.random() < 0.6:
             beam = m.patterned(rng, m.Pattern(t.WOOD, self.palette.dark, axis=1), m.Noise(fine=0.05))
             for along in np.arange(-x / 2 + rng.uniform(0.3, 0.8), x / 2 - 0.2, rng.uniform(0.7, 1.1)):
                 self.parts.append(block(IGNORE, beam, (along, -b, z - 0.16), (along + 0.12, b, z)))
-        own, look, split = LABEL["wall"], rng.random(), rng.uniform(0.85, 1.5)
+        look, split = rng.random(), rng.uniform(0.85, 1.5)
         lower = None
         if look < 0.3:
             lower = m.boards(rng, self.palette.paint)
@@ -115,19 +114,10 @@ class _Loft:
         for number, wall in enumerate(self.walls):
             noise = m.Noise(rng.uniform(0.02, 0.07), 0.02, rng.uniform(0.04, 0.12), 0.5)
             paint = m.plain(rng, self.palette.walls[number % 2], noise)
-            parts = []
-            for left, right, bottom, top in around(wall.length, 0.0, z, wall.holes):
-                # The ends reach into the corners, behind the faces of the neighbours.
-                start = left - WALL if left == 0.0 else left
-                end = right + WALL if right == wall.length else right
-                parts.append(block(own, paint, (start, -WALL, bottom), (end, 0, top)))
+            parts = masonry(wall, paint, z)
             if lower is not None:
                 rail = m.plain(rng, self.palette.paint)
-                for cover, thick, floor, ceiling in ((lower, 0.006, 0.0, split), (rail, 0.025, split, split + 0.03)):
-                    parts += [
-                        block(own, cover, (left, 0, bottom), (right, thick, top))
-                        for left, right, bottom, top in around(wall.length, floor, ceiling, wall.holes)
-                    ]
+                parts += lining(wall, lower, 0.0, split, 0.006) + lining(wall, rail, split, split + 0.03, 0.025)
             self.parts += moved(parts, (*wall.start, 0.0), wall.yaw)
 
     def _floor(self) -> Material:
@@ -138,10 +128,8 @@ class _Loft:
             return m.tiles(rng)
         if look < 0.8:
             dark, wood = self.palette.dark, self.palette.wood
-            scale, aspect = rng.uniform(0.18, 0.3), rng.uniform(3, 6)
-            planks = m.Pattern(
-                t.PLANKS, wood, dark, dark, scale=scale, aspect=aspect, duty=0.985, variation=0.2, tint=0.6
-            )
+            shape = {"scale": rng.uniform(0.18, 0.3), "aspect": rng.uniform(3, 6)}
+            planks = m.Pattern(t.PLANKS, wood, dark, dark, duty=0.985, variation=0.2, tint=0.6, **shape)
             return m.patterned(rng, planks, gloss=0.2)
         return m.plain(rng, self.palette.walls[1], m.Noise(0.2, 0.015, 0.1, 0.2))
 
@@ -151,10 +139,8 @@ class _Loft:
         door = openings.door(rng, height)
         end = self.walls[1]
         left = float(rng.choice([0.2, width - door.size[0] - 0.2]))
-        bar, leaf = openings.door_hole(door)
         self.hang(end, door, left, 0.0)
-        end.holes.append((left + bar, left + door.size[0] - bar, 0.0, leaf))
-        self.kept_free.append(rectangle(*end.at(left), door.size[0], 0.75, end.yaw))
+        self.kept_free.append(cut_door(end, door, left))
         light = rng.uniform(0.15, 1.6)
         if rng.random() < 0.7:
             wall, low = self.walls[OPPOSITE], rng.uniform(0.7, 1.3)
@@ -169,15 +155,11 @@ class _Loft:
         for left in places:
             self.hang(wall, openings.window(np.random.default_rng(make), wide, tall, light), left, low)
             wall.holes.append((left, left + wide, low, low + tall))
-            x, y = wall.at(left + wide / 2)
-            along = (float(np.cos(wall.yaw)) * wide / 2, float(np.sin(wall.yaw)) * wide / 2, 0.0)
-            facing = (-float(np.sin(wall.yaw)), float(np.cos(wall.yaw)), 0.0)
-            self.windows.append(Opening((x, y, low + tall / 2), facing, along, tall / 2, light))
+            self.windows.append(daylight(wall, (left, low), (wide, tall), light))
         if places and rng.random() < 0.45:
             for left in places:
-                drape = openings.curtain(
-                    np.random.default_rng(make), wide * 0.3, max(0.05, low - 0.3), low + tall + 0.1
-                )
+                upwards = max(0.05, low - 0.3), low + tall + 0.1
+                drape = openings.curtain(np.random.default_rng(make), wide * 0.3, *upwards)
                 for start in (left - 0.15, left + wide + 0.15 - drape.size[0]):
                     self.footprints.append(rectangle(*wall.at(start), drape.size[0], 0.18, wall.yaw))
                     self.hang(wall, drape, start, 0.0)
@@ -226,12 +208,16 @@ class _Loft:
         side = ALONG if self.rng.random() < 0.65 else OPPOSITE
         getattr(self, f"_{zone}")(middle, length, side)
 
+    def along(self, x: float, side: int) -> float:
+        """Distance along a long wall of places with this x [m]."""
+        return x + self.size[0] / 2 if side == ALONG else self.size[0] / 2 - x
+
     def at_wall(self, maker: Maker | Piece, middle: float, side: int, off: float = 0.04) -> Piece | None:
         """Put a piece with its back to a long wall, centred at x = `middle`; None if there is no room."""
         piece = maker if isinstance(maker, Piece) else maker(self.rng)
         off += 0.1 if piece.name in ("bed", "sofa") else 0.0
         wall = self.walls[side]
-        along = (middle + self.size[0] / 2 if side == ALONG else self.size[0] / 2 - middle) - piece.size[0] / 2
+        along = self.along(middle, side) - piece.size[0] / 2
         if not wall.free(along, along + piece.size[0], 0.0, piece.size[2]):
             return None
         if not self.stand(piece, *wall.at(along, off), wall.yaw):
@@ -243,7 +229,7 @@ class _Loft:
         """Put a piece with its front towards a long wall, `off` away from it [m]."""
         piece = maker if isinstance(maker, Piece) else maker(self.rng)
         wall = self.walls[side]
-        along = (middle + self.size[0] / 2 if side == ALONG else self.size[0] / 2 - middle) + piece.size[0] / 2
+        along = self.along(middle, side) + piece.size[0] / 2
         self.stand(piece, *wall.at(along, off + piece.size[1]), wall.yaw + np.pi)
 
     def in_line(self, makers: Sequence[Maker], start: float, end: float, side: int) -> None:
@@ -303,8 +289,7 @@ class _Loft:
         if tub and self.rng.random() < 0.8:
             drape = openings.shower_curtain(self.rng, tub.size[0] * 0.6, self.size[2])
             wall = self.walls[side]
-            along = middle + self.size[0] / 2 if side == ALONG else self.size[0] / 2 - middle
-            self.stand(drape, *wall.at(along - tub.size[0] / 2, tub.size[1] + 0.06), wall.yaw)
+            self.stand(drape, *wall.at(self.along(middle, side) - tub.size[0] / 2, tub.size[1] + 0.06), wall.yaw)
         makers = (fittings.toilet, fittings.washbasin, fittings.cabinet)
         self.in_line(makers, middle - length / 2 + 0.1, middle + length / 2, OPPOSITE - side)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,9 +10,12 @@ from jaxtyping import Float64
 
 from semgs.data.tables.classes import IGNORE
 from semgs.rooms.drawing.room import Room
-from semgs.rooms.drawing.shading import centres, look, pixel_directions
+from semgs.rooms.drawing.shading import RoomCamera, centres, look, pixel_directions
 from semgs.rooms.pieces.solids import Solids
 from semgs.rooms.plans.style import Style
+
+Glimpse = tuple[Float64[np.ndarray, " 20"], float]
+"""The share of each class in a frame, and the nearest z-depth [m]."""
 
 PROBE = (12, 16)
 """Probe rays (rows, columns) from which a view is scored."""
@@ -30,7 +33,7 @@ NEAR, NEAR_HEIGHTS = 0.9, (0.6, 1.8)
 """Maximum distance of a close camera from the box around its subject, and its heights in people's hands [m]."""
 NEAREST_CLOSE = 0.4
 """Minimum z-depth of a probe ray of a close camera [m]."""
-SHOWN = (0.3, 0.9)
+SUBJECT_SHARES = (0.3, 0.9)
 """Range of the share of the frame that a close camera is to fill with its subject."""
 SMALL = (12, 16, 17, 18)
 """Classes of small things in few rooms (desk, toilet, sink, bathtub); the more of them a view shows, the higher its score."""
@@ -92,7 +95,7 @@ def draw_habit(rng: np.random.Generator, style: Style) -> Habit:
 
 
 @dataclass(frozen=True)
-class Subject:
+class CloseSubject:
     """A piece of furniture that a camera comes close to: its class and the corners of its box [m]."""
 
     label: int
@@ -146,7 +149,7 @@ class CameraPath:
         result[:3, 3] = self.place(s)
         return result
 
-    def paced(self, factor: float) -> CameraPath:
+    def change_pace(self, factor: float) -> CameraPath:
         """The same path around the same middle, `factor` times as fast."""
         return replace(
             self, travel=factor * self.travel, bend=factor * factor * self.bend, yaw_rate=factor * self.yaw_rate,
@@ -154,11 +157,9 @@ class CameraPath:
         )  # fmt: skip
 
 
-def draw_intrinsics(
-    rng: np.random.Generator, size: tuple[int, int], habit: Habit = USUAL
-) -> Float64[np.ndarray, "3 3"]:
-    """Random pinhole intrinsics [px]: focal length by the camera's habit, principal point off the centre, sometimes fx and fy up to a
-    third apart."""
+def draw_camera(rng: np.random.Generator, size: tuple[int, int], habit: Habit = USUAL) -> RoomCamera:
+    """A camera with images of this (height, width) and random intrinsics: focal length by the camera's habit, principal point off the
+    centre, sometimes fx and fy up to a third apart."""
     height, width = size
     focal = rng.uniform(*habit.focal) * max(height, width)
     if habit.focal == USUAL.focal and rng.random() < 0.5:
@@ -166,24 +167,18 @@ def draw_intrinsics(
     ratio = float(np.exp(rng.uniform(-0.29, 0.29))) if rng.random() < 0.35 else rng.uniform(0.99, 1.01)
     fx, fy = focal * np.sqrt(ratio), focal / np.sqrt(ratio)
     x, y = width * (0.5 + rng.uniform(-0.03, 0.03)), height * (0.5 + rng.uniform(-0.03, 0.03))
-    return np.array([[fx, 0, x], [0, fy, y], [0, 0, 1]])
+    return RoomCamera(np.array([[fx, 0, x], [0, fy, y], [0, 0, 1]]), size)
 
 
 def draw_path(
-    rng: np.random.Generator,
-    room: Room,
-    intrinsics: Float64[np.ndarray, "3 3"],
-    size: tuple[int, int],
-    reach: float,
-    habit: Habit = USUAL,
+    rng: np.random.Generator, room: Room, camera: RoomCamera, reach: float, habit: Habit = USUAL
 ) -> CameraPath:
     """A random collision-free path that shows much of the room, or one piece of furniture from close by.
 
     Args:
         rng: source of all random choices.
         room: the room.
-        intrinsics: of the camera [px].
-        size: image (height, width) [px].
+        camera: that is carried.
         reach: the path must be free from s = -reach to s = reach.
         habit: of the camera.
     """
@@ -199,11 +194,11 @@ def draw_path(
     if not paths:
         return _last_resort(rng, room, reach)
     if subject is None:
-        scores = np.array([_score(rng, room, path, intrinsics, size, reach) for path in paths])
+        scores = [_score(_glimpses(room, path, camera, reach), float(rng.uniform(0, 1.5))) for path in paths]
     else:
-        wanted = rng.uniform(*SHOWN)
-        scores = np.array([_score_close(room, path, intrinsics, size, reach, subject, wanted) for path in paths])
-    return paths[int(scores.argmax())]
+        share = rng.uniform(*SUBJECT_SHARES)
+        scores = [_score_close(_glimpses(room, path, camera, reach), subject.label, share) for path in paths]
+    return paths[int(np.argmax(scores))]
 
 
 def free(room: Room, path: CameraPath, reach: float) -> bool:
@@ -215,22 +210,18 @@ def free(room: Room, path: CameraPath, reach: float) -> bool:
     return bool(inside and (room.clearance(places) >= CLEARANCE).all())
 
 
-def overlap(
-    room: Room,
-    first: Float64[np.ndarray, "4 4"],
-    second: Float64[np.ndarray, "4 4"],
-    intrinsics: Float64[np.ndarray, "3 3"],
-    size: tuple[int, int],
+def view_overlap(
+    room: Room, first: Float64[np.ndarray, "4 4"], second: Float64[np.ndarray, "4 4"], camera: RoomCamera
 ) -> float:
     """Share of what the first camera sees that the second sees too, 0..1."""
-    directions = pixel_directions(first, intrinsics, _probe_pixels(size))
+    directions = pixel_directions(first, camera.intrinsics, _probe_pixels(camera.size))
     _, depths = look(room, first, directions)
     points = first[:3, 3] + directions * depths[:, None]
     inside = (points - second[:3, 3]) @ second[:3, :3]
     ahead = inside[:, 2] > 0.1
-    pixels = inside @ intrinsics.T
+    pixels = inside @ camera.intrinsics.T
     pixels = pixels[:, :2] / np.where(ahead, inside[:, 2], 1.0)[:, None]
-    in_view = ahead & ((pixels > 0) & (pixels < (size[1], size[0]))).all(axis=-1)
+    in_view = ahead & ((pixels > 0) & (pixels < camera.size[::-1])).all(axis=-1)
     ways = points - second[:3, 3]
     seen = room.caster.reached(np.broadcast_to(second[:3, 3], ways.shape), ways, 0.98)
     return float((in_view & seen).mean())
@@ -240,32 +231,28 @@ def _probe_pixels(size: tuple[int, int]) -> Float64[np.ndarray, "n 2"]:
     return centres(PROBE) * (size[1] / PROBE[1], size[0] / PROBE[0])
 
 
-def _subject(rng: np.random.Generator, pieces: Sequence[tuple[int, int]], solids: Solids) -> Subject | None:
+def _subject(rng: np.random.Generator, pieces: Sequence[tuple[int, int]], solids: Solids) -> CloseSubject | None:
     """A random piece of furniture, given as its range of parts; None if there is none.
 
     Scarce classes are four times as likely as others in the room. Of a piece with several classes one is the subject.
     """
-    found: dict[int, list[tuple[int, int]]] = {}
+    by_label: dict[int, list[tuple[int, int]]] = {}
     for first, end in pieces:
         for label in set(solids.labels[first:end].tolist()) & set(SUBJECTS):
-            found.setdefault(label, []).append((first, end))
-    if not found:
+            by_label.setdefault(label, []).append((first, end))
+    if not by_label:
         return None
-    labels = sorted(found)
+    labels = sorted(by_label)
     weights = np.array([4.0 if label in SCARCE else 1.0 for label in labels])
     label = int(rng.choice(labels, p=weights / weights.sum()))
-    first, end = found[label][int(rng.integers(len(found[label])))]
+    first, end = by_label[label][int(rng.integers(len(by_label[label])))]
     own = np.arange(first, end)[solids.labels[first:end] == label]
     half = (np.abs(solids.rotations[own]) * solids.sizes[own, None] / 2).sum(-1)
-    return Subject(label, (solids.centres[own] - half).min(axis=0), (solids.centres[own] + half).max(axis=0))
+    return CloseSubject(label, (solids.centres[own] - half).min(axis=0), (solids.centres[own] + half).max(axis=0))
 
 
 def _free_places(
-    rng: np.random.Generator,
-    room: Room,
-    heights: tuple[float, float],
-    count: int,
-    subject: Subject | None = None,
+    rng: np.random.Generator, room: Room, heights: tuple[float, float], count: int, subject: CloseSubject | None = None
 ) -> Float64[np.ndarray, "n 3"]:
     """`count` random places between two heights, without those too close to something. With a subject they are close to its box."""
     x, y, z = room.plan.size
@@ -281,13 +268,9 @@ def _free_places(
 
 
 def _draw(
-    rng: np.random.Generator,
-    room: Room,
-    middle: Float64[np.ndarray, " 3"],
-    reach: float,
-    habit: Habit = USUAL,
-    subject: Subject | None = None,
-) -> CameraPath:
+    rng: np.random.Generator, room: Room, middle: Float64[np.ndarray, " 3"], reach: float, habit: Habit = USUAL,
+    subject: CloseSubject | None = None,
+) -> CameraPath:  # fmt: skip
     """A random path through a place, not yet checked: usually sideways, else forwards or backwards.
 
     A unit of s is 5-40 cm, by the habit up to 1 m (less if the room is too short for twice the reach, or close to a subject), and
@@ -296,8 +279,8 @@ def _draw(
     x, y, _ = room.plan.size
     aim = np.array([rng.uniform(-0.5, 0.5) * x, rng.uniform(-0.5, 0.5) * y, rng.uniform(0.2, 1.3)])
     if room.plan.footprints and rng.random() < 0.8:
-        print_ = room.plan.footprints[int(rng.integers(len(room.plan.footprints)))]
-        aim[:2] = print_.mean(axis=0) + rng.uniform(-0.4, 0.4, 2)
+        footprint = room.plan.footprints[int(rng.integers(len(room.plan.footprints)))]
+        aim[:2] = footprint.mean(axis=0) + rng.uniform(-0.4, 0.4, 2)
     down = 0.6  # people look less down than at what they aim at
     if subject is not None:
         aim, down = rng.uniform(subject.low, subject.high), 1.0
@@ -308,8 +291,8 @@ def _draw(
     rise = 0.2 if middle[2] > ROBOT[1] else 0.02  # robots roll
     longest = min(habit.step[1], habit.length * float(np.hypot(x, y)) / (2 * reach)) * (1.0 if subject is None else 0.5)
     step = float(np.exp(rng.uniform(np.log(min(habit.step[0], longest / 2)), np.log(longest))))
-    turned = np.pi / 2 * rng.choice([-1, 1]) if rng.random() < 0.65 else rng.choice([0.0, np.pi])
-    heading = yaw + turned + rng.uniform(-0.5, 0.5)
+    aside = np.pi / 2 * rng.choice([-1, 1]) if rng.random() < 0.65 else rng.choice([0.0, np.pi])
+    heading = yaw + aside + rng.uniform(-0.5, 0.5)
     travel = step * np.array([np.cos(heading), np.sin(heading), rng.uniform(-rise, rise)])
     sideways = float(-np.sin(yaw) * travel[0] + np.cos(yaw) * travel[1])
     turn = -sideways / distance * rng.uniform(-0.2, 1.2) + rng.uniform(-0.06, 0.06)
@@ -318,34 +301,23 @@ def _draw(
         turn = 0.0175 if turn >= 0 else -0.0175
     turn += habit.turn
     bend = step * rng.uniform(-0.06, 0.06, 3) * (1, 1, rise)
+    pitch = float(np.clip(pitch, -0.75, 0.25) if subject is None else np.clip(pitch, -1.1, 0.4))
+    roll = float(rng.normal(0, 0.035)) + habit.roll
     return CameraPath(
-        middle=middle,
-        travel=travel,
-        bend=bend,
-        yaw=yaw,
-        pitch=float(np.clip(pitch, -0.75, 0.25) if subject is None else np.clip(pitch, -1.1, 0.4)),
-        roll=float(rng.normal(0, 0.035)) + habit.roll,
-        yaw_rate=turn,
+        middle, travel, bend, yaw, pitch, roll, turn,
         pitch_rate=float(rng.uniform(-0.03, 0.03)),
         roll_rate=float(rng.uniform(-0.01, 0.01)),
         tremor=float(rng.uniform(0.0, 0.012)),
         phase=float(rng.uniform(0, 6.28)),
-    )
+    )  # fmt: skip
 
 
-def _score(
-    rng: np.random.Generator,
-    room: Room,
-    path: CameraPath,
-    intrinsics: Float64[np.ndarray, "3 3"],
-    size: tuple[int, int],
-    reach: float,
-) -> float:
-    """Score of a path: higher for more classes, above all rare ones; lower for walls and ceilings, or if something is too close."""
-    score = float(rng.uniform(0, 1.5))
-    for shares, nearest in _glimpses(room, path, intrinsics, size, reach):
-        shown = np.flatnonzero(shares > 0.01)
-        score += min(len(shown), 7) / 3 + 0.6 * min(sum(c in RARE for c in shown), 3) / 3
+def _score(glimpses: Iterable[Glimpse], score: float) -> float:
+    """Score of a path, from a random start: higher for more classes, above all rare ones; lower for walls and ceilings, or if something
+    is too close."""
+    for shares, nearest in glimpses:
+        visible = np.flatnonzero(shares > 0.01)
+        score += min(len(visible), 7) / 3 + 0.6 * min(sum(c in RARE for c in visible), 3) / 3
         score += 8 * min(float(shares[list(SMALL)].sum()), 0.12)
         score -= 4 * max(0.0, shares[FLOOR_LABEL + 1 :].max() - 0.45)
         score -= 4 * max(0.0, shares[WALL_LABEL] - 0.45) + 2 * max(0.0, shares[FLOOR_LABEL] - 0.5)
@@ -356,28 +328,18 @@ def _score(
     return score
 
 
-def _score_close(
-    room: Room,
-    path: CameraPath,
-    intrinsics: Float64[np.ndarray, "3 3"],
-    size: tuple[int, int],
-    reach: float,
-    subject: Subject,
-    wanted: float,
-) -> float:
-    """Score of a path of a close camera: higher the nearer the subject's class is to the share `wanted` of the frame."""
+def _score_close(glimpses: Iterable[Glimpse], label: int, share: float) -> float:
+    """Score of a path of a close camera: higher the nearer its subject's class is to a share of the frame."""
     score = 0.0
-    for shares, nearest in _glimpses(room, path, intrinsics, size, reach):
-        score -= abs(float(shares[subject.label]) - wanted) + max(0.0, float(shares[WALL_LABEL]) - 0.45)
+    for shares, nearest in glimpses:
+        score -= abs(float(shares[label]) - share) + max(0.0, float(shares[WALL_LABEL]) - 0.45)
         score -= 5.0 * (nearest < NEAREST_CLOSE)
     return score
 
 
-def _glimpses(
-    room: Room, path: CameraPath, intrinsics: Float64[np.ndarray, "3 3"], size: tuple[int, int], reach: float
-) -> Iterator[tuple[Float64[np.ndarray, " 20"], float]]:
-    """At the start, the middle and the end of a path: the share of each class, and the nearest z-depth [m], by probe rays."""
-    directions = pixel_directions(np.eye(4), intrinsics, _probe_pixels(size))
+def _glimpses(room: Room, path: CameraPath, camera: RoomCamera, reach: float) -> Iterator[Glimpse]:
+    """What the camera sees at the start, the middle and the end of a path, by probe rays."""
+    directions = pixel_directions(np.eye(4), camera.intrinsics, _probe_pixels(camera.size))
     for s in (-reach, 0.0, reach):
         pose = path.pose(s)
         labels, depths = look(room, pose, directions @ pose[:3, :3].T)
@@ -392,5 +354,5 @@ def _last_resort(rng: np.random.Generator, room: Room, reach: float) -> CameraPa
     for _ in range(8):
         if free(room, path, reach):
             break
-        path = path.paced(0.5)
+        path = path.change_pace(0.5)
     return path

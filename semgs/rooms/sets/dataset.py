@@ -13,7 +13,7 @@ from semgs.data.origin.licences import ATTRIBUTION
 from semgs.data.tables.classes import SCANNET20
 from semgs.files.atomic import remove_parts, write_bytes, write_json
 from semgs.files.claims import is_begun
-from semgs.files.folders import alone, check_writable
+from semgs.files.folders import check_writable, lock_folder
 from semgs.files.strict_json import read_json
 from semgs.rooms.assets.lock import attribution
 from semgs.rooms.sets.room_scenes import ROOM, SHADED, Recipe, write_scene
@@ -61,7 +61,9 @@ def write_dataset(
 
 def _alone(folder: Path) -> AbstractContextManager[None]:
     """Lock a folder; an InputError if another process is writing rooms into it."""
-    return alone(folder / SETTINGS, "a folder that no other process is using", "one that another process is filling")
+    return lock_folder(
+        folder / SETTINGS, "a folder that no other process is using", "one that another process is filling"
+    )
 
 
 def _filled(folder: Path, recipe: Recipe, scenes: int, workers: int, done: Callable[[int], None]) -> dict:

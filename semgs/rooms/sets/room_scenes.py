@@ -20,8 +20,8 @@ from semgs.rooms.assets.asset_library import Library
 from semgs.rooms.drawing.room import build_room
 from semgs.rooms.plans.floor_plan import FloorPlan
 from semgs.rooms.plans.style import STYLES, Style
-from semgs.rooms.sets.carried_cameras import draw_habit, draw_intrinsics, draw_path
-from semgs.rooms.sets.room_stream import fitted, generator, shoot
+from semgs.rooms.sets.carried_cameras import draw_camera, draw_habit, draw_path
+from semgs.rooms.sets.room_stream import generator, keep_overlap, shoot
 
 MILLIMETRE = 0.001
 """Unit of depth files [m]."""
@@ -81,15 +81,11 @@ class Recipe:
 
     def as_json(self) -> dict:
         """The content of `settings.json`. It includes the version of SemGS and of the style, as another version may make other rooms."""
+        assets = None if self.library is None else f"lock {', '.join(self.library.lock_digests)}"
         return {
-            "semgs": __version__ + EDITIONS[self.style],
-            "seed": self.seed,
-            "size": list(self.size),
-            "frames": self.frames,
-            "style": self.style,
-            "render": SHADED,
-            "assets": None if self.library is None else f"lock {', '.join(self.library.lock_digests)}",
-        }
+            "semgs": __version__ + EDITIONS[self.style], "seed": self.seed, "size": list(self.size),
+            "frames": self.frames, "style": self.style, "render": SHADED, "assets": assets,
+        }  # fmt: skip
 
 
 def draw_scene(recipe: Recipe, index: int) -> Walk:
@@ -103,12 +99,11 @@ def draw_scene(recipe: Recipe, index: int) -> Walk:
     rng = generator(recipe.seed, index)
     room = build_room(rng, recipe.library, recipe.style)
     habit = draw_habit(rng, recipe.style)
-    intrinsics = draw_intrinsics(rng, recipe.size, habit)
+    camera = draw_camera(rng, recipe.size, habit)
     reach = (recipe.frames - 1) / 2
-    path = draw_path(rng, room, intrinsics, recipe.size, reach, habit)
-    path = fitted(rng, room, path, intrinsics, recipe.size, habit.overlap)
+    path = keep_overlap(rng, room, draw_path(rng, room, camera, reach, habit), camera, habit.overlap)
     poses = [path.pose(float(s)) for s in np.linspace(-reach, reach, recipe.frames)]
-    return Walk(shoot(rng, room, poses, intrinsics, recipe.size), room.plan, room.files)
+    return Walk(shoot(rng, room, poses, camera), room.plan, room.files)
 
 
 def write_scene(folder: str | Path, recipe: Recipe, index: int = 0) -> None:
@@ -159,7 +154,7 @@ def write_views(folder: Path, views: Views, quality: int = 92) -> None:
         raise ValueError("the views have no labels or no depths; both are needed")
     for name in ("images", "depth", "labels"):
         (folder / name).mkdir()
-    listed = []
+    frames = []
     for i in range(len(views)):
         picture = (views.images[i].permute(1, 2, 0) * 255).round().byte().numpy()
         stem = f"{i:03d}"
@@ -168,30 +163,16 @@ def write_views(folder: Path, views: Views, quality: int = 92) -> None:
         write_png(folder / "labels" / f"{stem}.png", views.labels[i].numpy())
         pose = views.cameras.world_from_camera[i].clone()
         pose[:3, 1:3] *= -1  # OpenGL axes, as the format wants
-        listed.append(
-            {
-                "file_path": f"images/{stem}.jpg",
-                "depth_file_path": f"depth/{stem}.png",
-                "label_file_path": f"labels/{stem}.png",
-                "transform_matrix": [[round(x, 9) for x in line] for line in pose.tolist()],
-            }
-        )
+        matrix = [[round(x, 9) for x in line] for line in pose.tolist()]
+        files = {"file_path": f"images/{stem}.jpg", "depth_file_path": f"depth/{stem}.png"}
+        frames.append({**files, "label_file_path": f"labels/{stem}.png", "transform_matrix": matrix})
     intrinsics = views.cameras.intrinsics[0]
+    places = {"fl_x": (0, 0), "fl_y": (1, 1), "cx": (0, 2), "cy": (1, 2)}
     height, width = views.size
-    write_json(
-        folder / "transforms.json",
-        {
-            "camera_model": "PINHOLE",
-            "w": width,
-            "h": height,
-            "fl_x": round(float(intrinsics[0, 0]), 6),
-            "fl_y": round(float(intrinsics[1, 1]), 6),
-            "cx": round(float(intrinsics[0, 2]), 6),
-            "cy": round(float(intrinsics[1, 2]), 6),
-            "metric": True,
-            "depth_unit_scale_factor": MILLIMETRE,
-            "label_set": views.classes.name,
-            "label_ignore": IGNORE,
-            "frames": listed,
-        },
-    )
+    content = {
+        "camera_model": "PINHOLE", "w": width, "h": height,
+        **{name: round(float(intrinsics[place]), 6) for name, place in places.items()},
+        "metric": True, "depth_unit_scale_factor": MILLIMETRE, "label_set": views.classes.name, "label_ignore": IGNORE,
+        "frames": frames,
+    }  # fmt: skip
+    write_json(folder / "transforms.json", content)

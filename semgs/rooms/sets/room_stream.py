@@ -19,9 +19,9 @@ from semgs.geometry.cameras import Cameras
 from semgs.rooms.assets.asset_library import Library
 from semgs.rooms.drawing.film import develop, draw_film
 from semgs.rooms.drawing.room import Room, build_room
-from semgs.rooms.drawing.shading import photograph
+from semgs.rooms.drawing.shading import RoomCamera, photograph
 from semgs.rooms.plans.style import Style
-from semgs.rooms.sets.carried_cameras import CameraPath, draw_habit, draw_intrinsics, draw_path, overlap
+from semgs.rooms.sets.carried_cameras import CameraPath, draw_camera, draw_habit, draw_path, view_overlap
 
 Count = int | tuple[int, int]
 """A number of views, or its lowest and highest value."""
@@ -64,17 +64,17 @@ def sample(
     rng = generator(seed, index)
     room = build_room(rng, library, style)
     habit = draw_habit(rng, style)
-    intrinsics = draw_intrinsics(rng, size, habit)
+    camera = draw_camera(rng, size, habit)
     span = (contexts - 1) / 2
     gap = float(rng.integers(1, 5))
-    path = draw_path(rng, room, intrinsics, size, gap * (span + 0.5), habit).paced(gap)
-    path = fitted(rng, room, path, intrinsics, size, habit.overlap)
+    path = draw_path(rng, room, camera, gap * (span + 0.5), habit).change_pace(gap)
+    path = keep_overlap(rng, room, path, camera, habit.overlap)
     places = np.arange(contexts) - span
     strata = (np.arange(targets) + rng.uniform(0, 1, targets)) / max(targets, 1)
     between = -span - 0.3 + strata * (2 * span + 0.6)
     rng.shuffle(between)
     poses = [path.pose(float(s)) for s in (*places, *between)]
-    views = shoot(rng, room, poses, intrinsics, size)
+    views = shoot(rng, room, poses, camera)
     return views.select(range(contexts)), views.select(range(contexts, contexts + targets))
 
 
@@ -89,38 +89,29 @@ def generator(seed: int, index: int) -> np.random.Generator:
     return np.random.default_rng((seed, index))
 
 
-def fitted(
-    rng: np.random.Generator,
-    room: Room,
-    path: CameraPath,
-    intrinsics: Float64[np.ndarray, "3 3"],
-    size: tuple[int, int],
-    wanted_range: tuple[float, float],
+def keep_overlap(
+    rng: np.random.Generator, room: Room, path: CameraPath, camera: RoomCamera, shares: tuple[float, float]
 ) -> CameraPath:
     """The path, slowed down until views one unit of s apart overlap by a random share in a range."""
-    wanted = rng.uniform(*wanted_range)
+    least = rng.uniform(*shares)
     for _ in range(6):
-        if overlap(room, path.pose(-0.5), path.pose(0.5), intrinsics, size) >= wanted:
+        if view_overlap(room, path.pose(-0.5), path.pose(0.5), camera) >= least:
             break
-        path = path.paced(0.75)
+        path = path.change_pace(0.75)
     return path
 
 
 def shoot(
-    rng: np.random.Generator,
-    room: Room,
-    poses: Sequence[Float64[np.ndarray, "4 4"]],
-    intrinsics: Float64[np.ndarray, "3 3"],
-    size: tuple[int, int],
+    rng: np.random.Generator, room: Room, poses: Sequence[Float64[np.ndarray, "4 4"]], camera: RoomCamera
 ) -> Views:
     """Views from poses, with one camera whose exposure suits the first."""
-    frames = [photograph(room, pose, intrinsics, size) for pose in poses]
+    frames = [photograph(room, pose, camera) for pose in poses]
     film = draw_film(rng, frames[0].radiance)
     pictures = np.stack([develop(rng, film, frame.radiance) for frame in frames])
     count = len(frames)
     return Views(
         images=torch.from_numpy(pictures).permute(0, 3, 1, 2).float() / 255,
-        cameras=Cameras(np.stack(poses), np.broadcast_to(intrinsics, (count, 3, 3)).copy(), size),
+        cameras=Cameras(np.stack(poses), np.broadcast_to(camera.intrinsics, (count, 3, 3)).copy(), camera.size),
         depth_range=np.broadcast_to(INDOOR_DEPTH_RANGE, (count, 2)).copy(),
         labels=torch.from_numpy(np.stack([frame.labels for frame in frames])),
         depths=torch.from_numpy(np.stack([frame.depths for frame in frames])),
@@ -162,9 +153,8 @@ class RoomSamples(Dataset):
     @property
     def ranges(self) -> tuple[tuple[int, int], tuple[int, int]]:
         """Lowest and highest number of input views, and of target views."""
-        contexts, targets = (
-            (count, count) if isinstance(count, int) else count for count in (self.contexts, self.targets)
-        )
+        counts = (self.contexts, self.targets)
+        contexts, targets = ((count, count) if isinstance(count, int) else count for count in counts)
         return contexts, targets
 
     def __len__(self) -> int:

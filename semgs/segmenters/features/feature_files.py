@@ -22,6 +22,7 @@ from semgs.data.frames import Frame
 from semgs.data.maps import ASPECT_TOLERANCE
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
+from semgs.files.paths import found_at
 from semgs.segmenters.class_map_files import file_of, only_array, stems_of
 
 MOST_NUMBERS = 4096
@@ -49,7 +50,7 @@ class FeatureFiles:
             InputError: there is no such folder.
         """
         if not folder.is_dir():
-            raise InputError(folder, "a folder of feature maps", "a file" if folder.exists() else "nothing there")
+            raise InputError(folder, "a folder of feature maps", found_at(folder))
         return cls(folder, stems_of(scene))
 
     @property

@@ -20,9 +20,9 @@ from semgs.data.views import Views
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError, input_error
 from semgs.files.strict_json import parse_json
-from semgs.files.tensor_files import opened_tensors
+from semgs.files.tensor_files import open_tensors
 from semgs.geometry.cameras import Cameras
-from semgs.geometry.fusion import pooled
+from semgs.geometry.fusion import pool_views
 from semgs.geometry.gaussians import Gaussians
 from semgs.rendering.render_features import render_features
 from semgs.scene.encoding import Encoding
@@ -184,11 +184,11 @@ class Featuring:
         maps, tally = [], _Tally(compression)
         for frame in frames:
             values = self.source.of(frame)
-            coordinates = torch.cat([tally.add(part) for part in units(values)])
+            coordinates = torch.cat([tally.add(part) for part in unit_features(values)])
             plane = coordinates.mT.unflatten(1, values.shape[1:])
             maps.append(resampled(plane, frame, views.size, undistorted=False))
         coordinates = torch.stack(maps).to(encoding.depths)
-        coordinates = pooled(coordinates, encoding.depths, encoding.depth_spread, views.cameras)
+        coordinates = pool_views(coordinates, encoding.depths, encoding.depth_spread, views.cameras)
         return SceneFeatures(
             compression,
             compression.codes(encoding.per_gaussian(coordinates).cpu().float()),
@@ -208,7 +208,7 @@ class Featuring:
                 raise InputError(self.source.title, expected, f"{len(values)}", key=frame.name)
             pixels = values.reshape(len(values), -1)
             chosen = _spread(pixels.shape[1], SAMPLE // len(frames))
-            found += units(pixels[:, chosen])
+            found += unit_features(pixels[:, chosen])
         sample = torch.cat(found)
         sample = sample[sample.norm(dim=1) > 0]
         if not len(sample):
@@ -247,7 +247,7 @@ class _Tally:
         return 1 - self._lost / max(energy, EVEN * self._count)
 
 
-def units(values: Float[np.ndarray, "n ..."]) -> Iterator[Float[Tensor, "some n"]]:
+def unit_features(values: Float[np.ndarray, "n ..."]) -> Iterator[Float[Tensor, "some n"]]:
     """The features of maps, pixel by pixel and some at a time, of length 1; zeros stay."""
     pixels = values.reshape(len(values), -1)
     for start in range(0, pixels.shape[1], AT_A_TIME):
@@ -295,7 +295,7 @@ def load_features(path: str | Path) -> SceneFeatures:
     if not file.is_file():
         advice = "give the folder that `semgs reconstruct --features DIR --out` wrote"
         raise InputError(file, "features of a scene", "no such file", advice=advice)
-    with opened_tensors(file, "features of a scene") as opened:
+    with open_tensors(file, "features of a scene") as opened:
         with input_error(file, "JSON", key="metadata.semgs"):
             header = parse_json((opened.metadata() or {}).get("semgs", "null"))
         tensors = {name: opened.get_tensor(name).clone() for name in opened.keys()}  # noqa: SIM118 - not a dict

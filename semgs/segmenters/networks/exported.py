@@ -33,7 +33,7 @@ from semgs.segmenters.class_map_files import SUMS_TO_1, MadeBy
 from semgs.segmenters.networks.litert import LiteRTNetwork
 from semgs.segmenters.networks.onnx import OnnxNetwork
 from semgs.segmenters.photo_maps import normalised, one_hot
-from semgs.segmenters.tables import table_of
+from semgs.segmenters.tables import make_class_table
 
 Layout = Literal["NCHW", "NHWC"]
 DType = Literal["float32", "float16", "uint8", "int8"]
@@ -50,7 +50,7 @@ OPTIONAL = ("tensor", "licence")
 
 
 @runtime_checkable
-class Network(Protocol):
+class ArrayNetwork(Protocol):
     """A network with one input and one output, as arrays."""
 
     shape: tuple[int | None, ...]
@@ -156,7 +156,7 @@ class Exported:
 
     path: Path
     description: Description
-    network: Network
+    network: ArrayNetwork
     made_by: MadeBy
 
     @property
@@ -233,7 +233,7 @@ def read_description(path: Path) -> Description:
     if not isinstance(names, list) or not all(isinstance(name, str) and name.strip() for name in names):
         raise InputError(path, "a list of names", f"{names!r:.60}", key="classes")
     with input_error(path, f"1 to {IGNORE} different names", key="classes"):
-        classes = table_of(path.stem, names)
+        classes = make_class_table(path.stem, names)
     for key in OPTIONAL:
         if key in found and not (isinstance(found[key], str) and found[key]):
             raise InputError(path, "text", f"{found[key]!r:.60}", key=key)
@@ -251,7 +251,7 @@ def read_description(path: Path) -> Description:
     )
 
 
-def _network(path: Path, tensor: str | None) -> Network:
+def _network(path: Path, tensor: str | None) -> ArrayNetwork:
     """What runs a file.
 
     Raises:

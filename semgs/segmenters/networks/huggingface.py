@@ -21,6 +21,7 @@ from torch import Tensor
 
 from semgs.data.tables.classes import ClassTable
 from semgs.files.errors import InputError, input_error
+from semgs.files.extras import needs_extra
 from semgs.files.hashes import sha256
 from semgs.files.paths import typed_path
 from semgs.files.strict_json import read_json
@@ -28,7 +29,7 @@ from semgs.files.text import listed
 from semgs.segmenters.class_map_files import MadeBy
 from semgs.segmenters.networks.network_source import Segmenter
 from semgs.segmenters.networks.words import Words
-from semgs.segmenters.tables import table_of
+from semgs.segmenters.tables import make_class_table
 
 SCHEME = "hf:"
 CONFIG = "config.json"
@@ -160,7 +161,7 @@ def is_model(name: str) -> bool:
     return name.startswith(SCHEME) or (typed_path(name) / CONFIG).is_file()
 
 
-def open_model(name: str, words: tuple[str, ...] = ()) -> Segmenter:
+def open_transformers_model(name: str, words: tuple[str, ...] = ()) -> Segmenter:
     """Open a model; downloads it if it is on the hub and not in the cache.
 
     Args:
@@ -173,12 +174,8 @@ def open_model(name: str, words: tuple[str, ...] = ()) -> Segmenter:
         ImportError: transformers is not installed; the message names the extra.
         ValueError: the words make no table.
     """
-    try:
+    with needs_extra("segment", f"{name} is a model of transformers", "transformers"):
         import transformers
-    except ImportError as error:
-        raise ImportError(
-            f"{name} is a model of transformers: pip install '.[segment]' in SemGS's folder", name="transformers"
-        ) from error
     with _quiet(transformers):
         folder = _downloaded(name, transformers) if name.startswith(SCHEME) else typed_path(name)
         kind = _kind(folder)
@@ -214,7 +211,7 @@ def open_model(name: str, words: tuple[str, ...] = ()) -> Segmenter:
         return Words(ClipSeg(folder, model, processor, made_by), words)
     labels = model.config.id2label
     with input_error(folder / CONFIG, "a table of classes", key="id2label"):
-        classes = table_of(shown, [str(labels[label]) for label in sorted(labels)])
+        classes = make_class_table(shown, [str(labels[label]) for label in sorted(labels)])
     options = {"task_inputs": ["semantic"]} if kind == "oneformer" else {}
     return Pretrained(folder, model, processor, kind in MASKS, classes, made_by, options)
 

@@ -12,6 +12,7 @@ from typing import Any, final
 import numpy as np
 
 from semgs.files.errors import InputError
+from semgs.files.extras import needs_extra
 from semgs.files.text import listed
 
 
@@ -36,13 +37,8 @@ class LiteRTNetwork:
     """
 
     def __init__(self, path: Path, tensor: str | None, threads: int) -> None:
-        try:
+        with needs_extra("litert", f"{path} is a LiteRT file; running it needs ai-edge-litert", "ai_edge_litert"):
             from ai_edge_litert.interpreter import Interpreter
-        except ImportError as error:
-            raise ImportError(
-                f"{path} is a LiteRT file; running it needs ai-edge-litert: pip install '.[litert]' in SemGS's folder",
-                name="ai_edge_litert",
-            ) from error
         try:
             with _quiet(), warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # keeping inner tensors takes memory

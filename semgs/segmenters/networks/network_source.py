@@ -15,7 +15,7 @@ from torch import Tensor
 from semgs.data.frames import Frame
 from semgs.data.tables.classes import ClassTable
 from semgs.files.hashes import sha256_of
-from semgs.segmenters.class_map_files import MadeBy, MapFiles, save_map
+from semgs.segmenters.class_map_files import MadeBy, MapFiles, save_class_map
 from semgs.segmenters.networks.cost import Cost, measured
 from semgs.segmenters.photo_maps import to_view
 
@@ -91,7 +91,7 @@ class Photos:
         else:
             found = self.segmenter(image)
         if self.save is not None:
-            save_map(self.save, frame, found, sha256_of(image))
+            save_class_map(self.save, frame, found, sha256_of(image))
         return to_view(found, frame, size, undistorted=True)
 
     def cost(self, frames: Sequence[Frame]) -> Cost | None:

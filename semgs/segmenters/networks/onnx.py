@@ -8,6 +8,7 @@ from typing import Any, final
 import numpy as np
 
 from semgs.files.errors import InputError
+from semgs.files.extras import needs_extra
 from semgs.files.text import listed
 
 DTYPES = {
@@ -38,13 +39,8 @@ class OnnxNetwork:
     """
 
     def __init__(self, path: Path, tensor: str | None, threads: int) -> None:
-        try:
+        with needs_extra("onnx", f"{path} is an ONNX file; running it needs onnxruntime", "onnxruntime"):
             import onnxruntime
-        except ImportError as error:
-            raise ImportError(
-                f"{path} is an ONNX file; running it needs onnxruntime: pip install '.[onnx]' in SemGS's folder",
-                name="onnxruntime",
-            ) from error
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = threads
         options.log_severity_level = 4  # errors are raised

@@ -11,7 +11,7 @@ from jaxtyping import Float32, UInt8
 
 from semgs.data.tables.classes import ClassTable
 from semgs.segmenters.class_map_files import MadeBy
-from semgs.segmenters.tables import table_of_words
+from semgs.segmenters.tables import make_word_table
 
 TEMPERATURE = 1.0
 """Logits are divided by it before the softmax. At 1 a single word gets the probability that the model gives it: the sigmoid of its logit."""
@@ -57,12 +57,12 @@ class Words:
     words: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        table_of_words(self.words)
+        make_word_table(self.words)
 
     @property
     def classes(self) -> ClassTable:
         """The words, and "none of these"."""
-        return table_of_words(self.words)
+        return make_word_table(self.words)
 
     @property
     def made_by(self) -> MadeBy:

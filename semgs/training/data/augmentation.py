@@ -11,11 +11,13 @@ from semgs.data.resampling import cropped, resized
 from semgs.data.tables.classes import IGNORE
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras
-from semgs.training.data.photo_camera import photographed
-from semgs.training.training_settings import Augmentation
+from semgs.training.data.augmentation_settings import Augmentation
+from semgs.training.data.photo_camera import photograph
 
 
-def window(views: Views, size: tuple[int, int], share: float = 1.0, place: tuple[float, float] = (0.5, 0.5)) -> Views:
+def crop_to_size(
+    views: Views, size: tuple[int, int], share: float = 1.0, place: tuple[float, float] = (0.5, 0.5)
+) -> Views:
     """The views at another size without stretching: a window with the new aspect ratio is cropped, then resized.
 
     Args:
@@ -34,7 +36,7 @@ def window(views: Views, size: tuple[int, int], share: float = 1.0, place: tuple
     return resized(cropped(views, top, left, (height, width)), size)
 
 
-def flipped(views: Views) -> Views:
+def flip(views: Views) -> Views:
     """The views of the mirrored world, whose x axis points the other way: images are mirrored, and so are their cameras.
 
     A point p of the world becomes M p with M = diag(-1, 1, 1). A camera with pose R, t becomes one with M R M, M t, so that a pixel at u
@@ -49,7 +51,7 @@ def flipped(views: Views) -> Views:
     return views.map(lambda maps: maps.flip(-1), cameras=Cameras.trusted(poses, intrinsics, views.size))
 
 
-def recoloured(views: Views, strength: float, rng: np.random.Generator) -> Views:
+def recolour(views: Views, strength: float, rng: np.random.Generator) -> Views:
     """The views with another exposure, white balance and saturation, the same for all of them.
 
     Factors are exp(s), with s uniform in -strength to strength for exposure and saturation, and in a third of that range for each channel.
@@ -63,19 +65,19 @@ def recoloured(views: Views, strength: float, rng: np.random.Generator) -> Views
     return views.changed(images=images.clamp(0, 1))
 
 
-def exposed(views: Views, strength: float, rng: np.random.Generator) -> Views:
-    """The views as a camera on automatic takes them: `recoloured`, but each view by itself.
+def vary_exposure(views: Views, strength: float, rng: np.random.Generator) -> Views:
+    """The views as a camera on automatic takes them: `recolour`, but each view by itself.
 
     Args:
         views: with one leading axis.
-        strength: as in `recoloured`.
+        strength: as in `recolour`.
         rng: random numbers; the same state gives the same colours.
     """
-    each = [recoloured(views.select([index]), strength, rng).images for index in range(len(views.images))]
+    each = [recolour(views.select([index]), strength, rng).images for index in range(len(views.images))]
     return views.changed(images=torch.cat(each))
 
 
-def rolled(views: Views, degrees: float) -> Views:
+def roll(views: Views, degrees: float) -> Views:
     """The views of cameras rotated clockwise about their optical axes; images rotate the other way about the principal point.
 
     Where a rotated camera would see past the borders, images continue mirrored, labels are 255 and depths 0.
@@ -92,7 +94,7 @@ def rolled(views: Views, degrees: float) -> Views:
     intrinsics = views.cameras.intrinsics.flatten(end_dim=-3)
     there_from_here = (half.inverse() @ intrinsics @ turn[:3, :3] @ intrinsics.inverse() @ half)[:, :2].numpy()
 
-    def moved(maps: Tensor, interpolation: int, border: int, value: int = 0) -> Tensor:
+    def warp(maps: Tensor, interpolation: int, border: int, value: int = 0) -> Tensor:
         turned = maps.contiguous().clone()
         planes, flags = turned.view(-1, *views.size).numpy(), interpolation | cv2.WARP_INVERSE_MAP
         channels = max(1, len(planes) // max(1, len(there_from_here)))
@@ -102,9 +104,9 @@ def rolled(views: Views, degrees: float) -> Views:
 
     nearest, filled = cv2.INTER_NEAREST, cv2.BORDER_CONSTANT
     return views.changed(
-        images=moved(views.images, cv2.INTER_LINEAR, cv2.BORDER_REFLECT_101),
-        labels=None if views.labels is None else moved(views.labels, nearest, filled, IGNORE),
-        depths=None if views.depths is None else moved(views.depths, nearest, filled),
+        images=warp(views.images, cv2.INTER_LINEAR, cv2.BORDER_REFLECT_101),
+        labels=None if views.labels is None else warp(views.labels, nearest, filled, IGNORE),
+        depths=None if views.depths is None else warp(views.depths, nearest, filled),
         cameras=Cameras.trusted(views.cameras.world_from_camera @ turn, views.cameras.intrinsics, views.size),
     )
 
@@ -130,18 +132,18 @@ class Variation:
 
     def __call__(self, views: Views, size: tuple[int, int]) -> Views:
         """The changed views at a size (height, width) [px]; without augmentation, the middle of each view."""
-        views = self.placed(views, size)
+        views = self.move(views, size)
         if self._settings.colour:
-            views = recoloured(views, self._settings.colour, np.random.Generator(np.random.PCG64(self._colours)))
+            views = recolour(views, self._settings.colour, np.random.Generator(np.random.PCG64(self._colours)))
         if self._settings.exposure:
-            views = exposed(views, self._settings.exposure, np.random.Generator(np.random.PCG64(self._exposure)))
+            views = vary_exposure(views, self._settings.exposure, np.random.Generator(np.random.PCG64(self._exposure)))
         if self._settings.camera:
-            views = photographed(views, self._settings.camera, np.random.Generator(np.random.PCG64(self._camera)))
+            views = photograph(views, self._settings.camera, np.random.Generator(np.random.PCG64(self._camera)))
         return views
 
-    def placed(self, views: Views, size: tuple[int, int]) -> Views:
+    def move(self, views: Views, size: tuple[int, int]) -> Views:
         """The views rolled, cropped, resized and mirrored, with unchanged colours."""
         if self._roll:
-            views = rolled(views, self._roll)
-        views = window(views, size, self._share, self._place if self._settings.crop < 1 else (0.5, 0.5))
-        return flipped(views) if self._flip else views
+            views = roll(views, self._roll)
+        views = crop_to_size(views, size, self._share, self._place if self._settings.crop < 1 else (0.5, 0.5))
+        return flip(views) if self._flip else views

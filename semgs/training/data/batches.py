@@ -11,24 +11,18 @@ import torch
 from torch.utils.data import DataLoader, Dataset
 
 from semgs.data.scenes import scene_paths
+from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Batch, stack
-from semgs.rooms.assets.asset_library import Library
-from semgs.rooms.assets.splits import Split
 from semgs.rooms.sets.pool import PooledSamples
 from semgs.rooms.sets.room_stream import RoomSamples
 from semgs.runtime.workers import settle_worker
-from semgs.training.data.data_check.data_check import Survey, survey
+from semgs.training.data.data_check.data_check import RunData
+from semgs.training.data.data_settings import VALIDATION_SEED, DataSettings, view_counts
 from semgs.training.data.data_sources import Source
-from semgs.training.data.image_schedule import Turns
-from semgs.training.data.samples import Folder, Form, Mixture, Samples, TrainingSample
-from semgs.training.data.teacher import teacher_of
+from semgs.training.data.image_schedule import ImageSchedule
+from semgs.training.data.samples import Folder, Form, Mixture, Samples, TrainingSample, room_library
+from semgs.training.data.teacher import Teacher
 from semgs.training.run.execution import Share
-from semgs.training.training_settings import VALIDATION_SEED, TrainingSettings
-
-COUNTED_ROOMS = 64
-"""Rooms in which classes are counted, in two small views each."""
-
-COUNTED_SIZE = (48, 64)
 
 
 @dataclass(frozen=True)
@@ -70,49 +64,68 @@ class Portions(Dataset):
         except Exception as error:
             error.add_note(f"while preparing step {step}:\n{traceback.format_exc()}")
             return Portion((), failure=error)
-        bad = dict(one for piece in pieces for sample in piece for one in sample.bad)
-        return Portion(tuple(map(_batch, pieces)), tuple(bad.items()))
+        bad = dict(scene for piece in pieces for sample in piece for scene in sample.bad)
+        return Portion(tuple(map(_stack_samples, pieces)), tuple(bad.items()))
 
 
 def training_batches(
-    settings: TrainingSettings, data: Survey, start: int, workers: int, pool: Path, share: Share | None = None
+    settings: DataSettings,
+    data: RunData,
+    steps: int,
+    start: int = 0,
+    *,
+    pool: Path,
+    workers: int = 0,
+    share: Share | None = None,
+    single_images: bool = False,
+    teacher: Teacher | None = None,
 ) -> Iterable[Portion]:
-    """The portions of steps start, start + 1, ..., in order, made by `workers` processes (0: in this one).
+    """The portions of steps start, start + 1, ..., in order.
 
     It has its own loader instead of `semgs.runtime.workers.outcomes`, because its workers prepare four steps ahead: steps differ in cost.
-    Rooms that several samples share are saved in the folder `pool`. Assets are not checked here; `semgs.rooms.assets.lock.verify` does
-    that.
+    Assets are not checked here; `semgs.rooms.assets.lock.verify` does that.
+
+    Args:
+        settings: of the data.
+        data: from `check_data`.
+        steps: of the run.
+        start: the first step.
+        pool: folder for rooms that several samples share.
+        workers: processes that prepare portions; 0 prepares them in this one.
+        share: of this process; None is all scenes of each step in one piece.
+        single_images: each sample is a single image of another scene.
+        teacher: of single images, if there is one.
 
     Raises:
         ValueError: a step cannot be shared equally.
         InputError: the asset folder is not one.
     """
-    length = settings.steps * settings.batch
+    length = steps * settings.batch
+    contexts, targets = view_counts(settings, single_images)
     weights = [float(source.weight) for source in settings.sources if not source.is_rooms]
     rooms: RoomSamples | PooledSamples | None = None
     live = [source for source in settings.sources if source.is_rooms]
     if live:
         weights.insert(0, float(sum(source.weight for source in live)))
-        library = _library(settings, "training")
+        library = room_library(settings.assets, "training")
         rooms = RoomSamples(
-            settings.seed, settings.size, settings.contexts, settings.targets, length,
-            group=settings.batch, library=library,
-        )  # fmt: skip
+            settings.seed, settings.size, contexts, targets, length, group=settings.batch, library=library
+        )
         if settings.scene_reuse > 1:
             # Only some of the samples show rooms, so a room stays in the pool for that many more.
             served = max(1, round(settings.scene_reuse * sum(weights) / weights[0]))
             rooms = PooledSamples(pool, rooms, served)
     mixture = Mixture(rooms, data.folders, tuple(weights))
     form = Form(
-        settings.size, settings.contexts, settings.targets, data.classes, settings.frames, settings.augmentation,
-        halved=settings.batch * round(settings.half_size * settings.steps),
+        settings.size, contexts, targets, data.classes, settings.frames, settings.augmentation,
+        halved=settings.batch * round(settings.half_size * steps),
     )  # fmt: skip
-    turns = _turns(settings.seed, mixture, settings.batch, length) if settings.single_pictures else None
-    samples = Samples(settings.seed, mixture, form, settings.batch, turns, teacher_of(settings))
+    schedule = _schedule_images(settings.seed, mixture, settings.batch, length) if single_images else None
+    samples = Samples(settings.seed, mixture, form, settings.batch, schedule, teacher)
     return DataLoader(
-        Portions(samples, settings.batch, share or Share(), settings.steps),
+        Portions(samples, settings.batch, share or Share(), steps),
         batch_size=None,
-        sampler=range(start, settings.steps),
+        sampler=range(start, steps),
         num_workers=workers,
         # A forked process in which numba has run its threads dies at its next kernel.
         multiprocessing_context="forkserver" if workers else None,
@@ -121,17 +134,7 @@ def training_batches(
     )
 
 
-def surveyed(settings: TrainingSettings, out: Path) -> Survey:
-    """The survey of a run's data (`semgs.training.data.data_check.data_check.survey`)."""
-
-    def rooms() -> RoomSamples:
-        library = _library(settings, "training")
-        return RoomSamples(settings.seed, COUNTED_SIZE, 2, 0, COUNTED_ROOMS, library=library)
-
-    return survey(settings, out, rooms)
-
-
-def validation_batches(settings: TrainingSettings, data: Survey) -> list[Batch]:
+def validation_batches(settings: DataSettings, classes: ClassTable, single_images: bool = False) -> list[Batch]:
     """The validation samples, one scene per batch, with the fewest input views that the training uses.
 
     Raises:
@@ -140,27 +143,27 @@ def validation_batches(settings: TrainingSettings, data: Survey) -> list[Batch]:
     count = settings.validation_scenes
     if not count:
         return []
-    fewest = settings.contexts[0]
-    form = Form(settings.size, (fewest, fewest), settings.targets, data.classes, settings.frames)
+    (fewest, _), targets = view_counts(settings, single_images)
+    form = Form(settings.size, (fewest, fewest), targets, classes, settings.frames)
     source = Source.parsed(settings.validation)
     if source.is_rooms:
-        library = _library(settings, "validation")
+        library = room_library(settings.assets, "validation")
         rooms = RoomSamples(VALIDATION_SEED, form.size, form.contexts, form.targets, length=count, library=library)
         mixture = Mixture(rooms, (), (1.0,))
     else:
         mixture = Mixture(None, (Folder(scene_paths(source.path)),), (1.0,))
-    turns = _turns(VALIDATION_SEED, mixture, 1, count) if settings.single_pictures else None
-    samples = Samples(VALIDATION_SEED, mixture, form, 1, turns)
-    return [_batch([samples[k]]) for k in range(count)]
+    schedule = _schedule_images(VALIDATION_SEED, mixture, 1, count) if single_images else None
+    samples = Samples(VALIDATION_SEED, mixture, form, 1, schedule)
+    return [_stack_samples([samples[k]]) for k in range(count)]
 
 
-def _turns(seed: int, mixture: Mixture, gap: int, length: int) -> Turns:
+def _schedule_images(seed: int, mixture: Mixture, gap: int, length: int) -> ImageSchedule:
     """Which scene each sample of a single image shows."""
     scenes = [*([] if mixture.rooms is None else [0]), *(len(folder.paths) for folder in mixture.folders)]
-    return Turns(seed, mixture.weights, scenes, gap, length)
+    return ImageSchedule(seed, mixture.weights, scenes, gap, length)
 
 
-def _batch(samples: Sequence[TrainingSample]) -> Batch:
+def _stack_samples(samples: Sequence[TrainingSample]) -> Batch:
     """Samples as one batch."""
     taught = [sample.taught for sample in samples if sample.taught is not None]
     return Batch(
@@ -169,8 +172,3 @@ def _batch(samples: Sequence[TrainingSample]) -> Batch:
         tuple(sample.scene for sample in samples),
         torch.stack(taught) if taught else None,
     )
-
-
-def _library(settings: TrainingSettings, split: Split) -> Library | None:
-    """The assets of one split; they were checked before."""
-    return Library(settings.assets, split, check=False) if settings.assets else None

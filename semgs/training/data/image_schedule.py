@@ -1,4 +1,4 @@
-"""Turns: which scene each single image shows, so that all scenes of a folder come equally often and none comes twice in a batch."""
+"""Schedule of single images: which scene each shows, so that all scenes of a folder come equally often and none comes twice in a batch."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Turn:
     round: int
 
 
-class Turns:
+class ImageSchedule:
     """Whose turn k is; it depends on the seed and k alone. Sources come in proportion to their weights, the scenes of each in rounds.
 
     In every round each scene of a source comes once, in a new order. Between two turns of a scene there are at least `gap` - 1 turns of
@@ -65,7 +65,7 @@ class Turns:
         orders, count = self._orders[source], self._scenes[source]
         while len(orders) <= number:
             shuffled = self._generator(source + 1, len(orders)).permutation(count).tolist()
-            orders.append(_apart(orders[-1] if orders else [], shuffled, min(self._gap, count)))
+            orders.append(_keep_apart(orders[-1] if orders else [], shuffled, min(self._gap, count)))
         return orders[number]
 
     def _generator(self, *which: int) -> np.random.Generator:
@@ -78,7 +78,7 @@ def frame_of(seed: int, turn: Turn, frames: int) -> int:
     return int(rng.permutation(frames)[turn.round % frames])
 
 
-def _apart(before: Sequence[int], shuffled: Sequence[int], gap: int) -> list[int]:
+def _keep_apart(before: Sequence[int], shuffled: Sequence[int], gap: int) -> list[int]:
     """The shuffled scenes, reordered as little as possible, so that none comes again within `gap` turns of its place in the last round."""
     waiting, order = list(shuffled), []
     for place in range(gap - 1 if before else 0):

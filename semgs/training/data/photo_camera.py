@@ -71,19 +71,19 @@ class Photo:
 
     def taken(self, image: Image, rng: np.random.Generator) -> Image:
         """The image as this photo shows it, processed in the order of a camera; the generator is only for the noise."""
-        image = blurred(image, self.blur * image.shape[0])
-        image = shaken(image, self.motion * image.shape[0], self.direction)
-        image = vignetted(image, self.vignetting)
+        image = blur(image, self.blur * image.shape[0])
+        image = shake(image, self.motion * image.shape[0], self.direction)
+        image = darken_corners(image, self.vignetting)
         image = image * np.array(self.balance, dtype=np.float32)
-        image = np.clip(noisy(image, self.noise, rng), 0, 1)
+        image = np.clip(add_noise(image, self.noise, rng), 0, 1)
         if self.gamma != 1:
             image = cv2.pow(image, self.gamma)
         if self.grey:
-            image = greyed(image)
-        return image if self.jpeg is None else compressed(image, self.jpeg)
+            image = remove_colour(image)
+        return image if self.jpeg is None else compress(image, self.jpeg)
 
 
-def photographed(views: Views, strength: float, rng: np.random.Generator) -> Views:
+def photograph(views: Views, strength: float, rng: np.random.Generator) -> Views:
     """The views as one camera takes them: all with the same settings, but with different noise.
 
     Args:
@@ -100,12 +100,12 @@ def photographed(views: Views, strength: float, rng: np.random.Generator) -> Vie
     return views.changed(images=images.reshape(views.images.shape))
 
 
-def blurred(image: Image, deviation: float) -> Image:
+def blur(image: Image, deviation: float) -> Image:
     """The image with Gaussian blur of that standard deviation [px]."""
     return cv2.GaussianBlur(image, (0, 0), deviation, borderType=cv2.BORDER_REFLECT_101) if deviation > 0 else image
 
 
-def shaken(image: Image, length: float, direction: float) -> Image:
+def shake(image: Image, length: float, direction: float) -> Image:
     """The image with motion blur: the mean along a line of that length [px] and direction [rad], centred on each pixel."""
     reach = round(length / 2)
     if reach < 1:
@@ -116,7 +116,7 @@ def shaken(image: Image, length: float, direction: float) -> Image:
     return cv2.filter2D(image, -1, kernel / kernel.sum(), borderType=cv2.BORDER_REFLECT_101)
 
 
-def vignetted(image: Image, loss: float) -> Image:
+def darken_corners(image: Image, loss: float) -> Image:
     """The image darkened with the square of the distance from its centre; the corners lose that share of their light."""
     if loss == 0:
         return image
@@ -126,19 +126,19 @@ def vignetted(image: Image, loss: float) -> Image:
     return image * light[..., None]
 
 
-def noisy(image: Image, deviation: float, rng: np.random.Generator) -> Image:
+def add_noise(image: Image, deviation: float, rng: np.random.Generator) -> Image:
     """The image with normal noise of that standard deviation in each channel of each pixel; not clipped to 0..1."""
     if deviation == 0:
         return image
     return image + np.float32(deviation) * rng.standard_normal(image.shape, dtype=np.float32)
 
 
-def greyed(image: Image) -> Image:
+def remove_colour(image: Image) -> Image:
     """The image without colour: its brightness in all three channels."""
     return np.repeat((image @ np.array(GREY, dtype=np.float32))[..., None], 3, axis=2)
 
 
-def compressed(image: Image, quality: int) -> Image:
+def compress(image: Image, quality: int) -> Image:
     """The image after JPEG compression with that quality, 1 to 100."""
     pixels = np.rint(255 * image).astype(np.uint8)
     _, data = cv2.imencode(".jpg", pixels[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])

@@ -13,18 +13,20 @@ import torch
 from torch import Tensor
 
 from semgs.data.bounds.depth_range import DepthRange
-from semgs.data.choosing.choice import consecutive, drawn
+from semgs.data.choosing.choice import draw_consecutive, draw_sample
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.data.views import Views, joined
 from semgs.files.errors import InputError
+from semgs.rooms.assets.asset_library import Library
+from semgs.rooms.assets.splits import Split
 from semgs.rooms.sets.pool import PooledSamples
 from semgs.rooms.sets.room_stream import RoomSamples
-from semgs.training.data.augmentation import Variation, window
-from semgs.training.data.image_schedule import Turn, Turns, frame_of
+from semgs.training.data.augmentation import Variation, crop_to_size
+from semgs.training.data.augmentation_settings import Augmentation
+from semgs.training.data.image_schedule import ImageSchedule, Turn, frame_of
 from semgs.training.data.teacher import Teacher, coordinates
-from semgs.training.training_settings import Augmentation
 
 OPEN = 20_000
 """A process keeps scenes open until they have more frames than this in total (headers, not images)."""
@@ -103,6 +105,11 @@ class Form:
     halved: int = 0
 
 
+def room_library(assets: Sequence[str], split: Split) -> Library | None:
+    """The assets of one split for generated rooms; they were checked before. None without assets."""
+    return Library(assets, split, check=False) if assets else None
+
+
 class Samples:
     """The samples of a run: the source of sample k is chosen at random by its weight; sample k depends on the seed and k alone.
 
@@ -111,7 +118,7 @@ class Samples:
         mixture: where scenes come from.
         form: what every sample is made to be.
         group: samples k with equal k // group have equal counts of views.
-        turns: which scene each sample shows, for samples of a single image; None chooses scenes at random.
+        schedule: which scene each sample shows, for samples of a single image; None chooses scenes at random.
         teacher: of single images, if there is one.
     """
 
@@ -121,24 +128,24 @@ class Samples:
         mixture: Mixture,
         form: Form,
         group: int,
-        turns: Turns | None = None,
+        schedule: ImageSchedule | None = None,
         teacher: Teacher | None = None,
     ) -> None:
         self._seed, self._form, self._group = seed, form, group
         self._rooms, self._folders = mixture.rooms, mixture.folders
         self._chances = np.array(mixture.weights, dtype=np.float64) / sum(mixture.weights)
-        self._choose = {"covisible": drawn, "consecutive": consecutive}[form.frames]
-        self._turns, self._teacher = turns, teacher
+        self._choose = {"covisible": draw_sample, "consecutive": draw_consecutive}[form.frames]
+        self._schedule, self._teacher = schedule, teacher
         self._open: OrderedDict[Path, tuple[Scene, DepthRange]] = OrderedDict()
         self._open_frames = 0
 
     def __getitem__(self, k: int) -> TrainingSample:
-        """TrainingSample k.
+        """Sample k.
 
         Raises:
             InputError: twenty scenes in a row could not be read.
         """
-        turn = None if self._turns is None else self._turns[k]
+        turn = None if self._schedule is None else self._schedule[k]
         source = int(self._generator(k, 4).choice(len(self._chances), p=self._chances)) if turn is None else turn.source
         if self._rooms is not None and source == 0:
             context, target = self._rooms[k]
@@ -148,11 +155,12 @@ class Samples:
         form, vary = self._form, Variation(self._form.augmentation, self._seed, k)
         size = form.size if k >= form.halved else (form.size[0] // 2, form.size[1] // 2)
         context, target = (
-            vary(completed(relabelled(views, form.classes)), size) for views in (sample.context, sample.target)
+            vary(fill_missing_maps(convert_labels(views, form.classes)), size)
+            for views in (sample.context, sample.target)
         )
         taught = None
         if self._teacher is not None:
-            taught = self._teacher.followed(sample.taught, vary.placed(coordinates(sample.context), size))
+            taught = self._teacher.augmented_maps(sample.taught, vary.move(coordinates(sample.context), size))
         return replace(sample, context=context, target=target, taught=taught)
 
     def counts(self, k: int) -> tuple[int, int]:
@@ -175,7 +183,7 @@ class Samples:
             else:
                 path = folder.paths[int(rng.choice(len(folder.paths), p=folder.chances or None))]
             try:
-                sample = self._drawn(path, k, rng) if turn is None else self._single(path, turn)
+                sample = self._choose_views(path, k, rng) if turn is None else self._read_image(path, turn)
             except InputError as error:
                 bad[str(path)] = str(error)
                 continue
@@ -183,24 +191,24 @@ class Samples:
         first, why = next(iter(bad.items()))
         raise InputError(first, "a scene that can be read", why)
 
-    def _drawn(self, path: Path, k: int, rng: np.random.Generator) -> TrainingSample:
+    def _choose_views(self, path: Path, k: int, rng: np.random.Generator) -> TrainingSample:
         """Frames of a scene that go together, chosen at random."""
         contexts, targets = self.counts(k)
-        scene, bounds = self._opened(path)
+        scene, bounds = self._open_scene(path)
         choice = self._choose(scene, bounds, contexts, targets, rng)
         views = self._read(scene, bounds, [*choice.context, *choice.targets])
         context, target = views.select(range(contexts)), views.select(range(contexts, contexts + targets))
         return TrainingSample(context, target, scene.name)
 
-    def _single(self, path: Path, turn: Turn) -> TrainingSample:
+    def _read_image(self, path: Path, turn: Turn) -> TrainingSample:
         """The frame of a scene whose turn it is, without target views."""
-        scene, bounds = self._opened(path)
+        scene, bounds = self._open_scene(path)
         frame = frame_of(self._seed, turn, len(scene))
         views = self._read(scene, bounds, [frame], with_depths=False)
         taught = None if self._teacher is None else self._teacher.maps(scene, frame)
         return TrainingSample(views, views.select([]), scene.name, taught=taught)
 
-    def _opened(self, path: Path) -> tuple[Scene, DepthRange]:
+    def _open_scene(self, path: Path) -> tuple[Scene, DepthRange]:
         """A scene and its near and far; it stays open for the next time."""
         if path not in self._open:
             scene = open_scene(path, needs_cameras=False)
@@ -217,13 +225,13 @@ class Samples:
         if not with_depths:
             chosen = [replace(frame, depth=None) for frame in chosen]
         views = [frame.view((bounds.near, bounds.far), scene.classes) for frame in chosen]
-        return scene.local(joined([window(view, views[0].size) for view in views])).checked()
+        return scene.local(joined([crop_to_size(view, views[0].size) for view in views])).checked()
 
     def _generator(self, k: int, purpose: int) -> np.random.Generator:
         return np.random.Generator(np.random.PCG64(np.random.SeedSequence((self._seed, k, purpose))))
 
 
-def relabelled(views: Views, table: ClassTable) -> Views:
+def convert_labels(views: Views, table: ClassTable) -> Views:
     """The views with their labels converted to another table by class name; classes that the table lacks are ignored."""
     if views.classes == table:
         return views
@@ -234,16 +242,14 @@ def relabelled(views: Views, table: ClassTable) -> Views:
     return views.changed(labels=lookup[views.labels.long()], classes=table)
 
 
-def completed(views: Views) -> Views:
+def fill_missing_maps(views: Views) -> Views:
     """The views with labels and depths: 255 and 0 everywhere if they had none, so that different scenes fit in one batch."""
 
     if views.labels is not None and views.depths is not None:
         return views
 
-    def filled(maps: Tensor | None, value: int, dtype: torch.dtype) -> Tensor:
+    def fill(maps: Tensor | None, value: int, dtype: torch.dtype) -> Tensor:
         shape = (*views.images.shape[:-3], *views.images.shape[-2:])
         return torch.full(shape, value, dtype=dtype) if maps is None else maps
 
-    return views.changed(
-        labels=filled(views.labels, IGNORE, torch.uint8), depths=filled(views.depths, 0, torch.float32)
-    )
+    return views.changed(labels=fill(views.labels, IGNORE, torch.uint8), depths=fill(views.depths, 0, torch.float32))

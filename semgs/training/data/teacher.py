@@ -21,7 +21,6 @@ from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.files.errors import InputError
 from semgs.files.paths import typed_path
-from semgs.training.training_settings import TrainingSettings
 
 STRIDE = 8
 """Pixels of the image along each side of a texel of the teacher's maps."""
@@ -40,23 +39,24 @@ class Teacher:
     classes: int
 
     @staticmethod
-    def open(folder: Path) -> Teacher:
-        """The teacher of a folder.
+    def open(name: str | Path) -> Teacher:
+        """The teacher of a folder, whose name the user has typed.
 
         Raises:
             InputError: it has no maps.
         """
+        folder = typed_path(name)
         first = next(iter(sorted(folder.glob("*/*.npy"))), None)
         if first is None:
             raise InputError(
                 folder, "class probabilities of training pictures, SOURCE/SCENE.npy", "none",
                 advice="scripts/teach.py writes them",
             )  # fmt: skip
-        return Teacher(folder, _loaded(first).shape[-1])
+        return Teacher(folder, _load_maps(first).shape[-1])
 
     def path(self, scene: Scene) -> Path:
         """Where the maps of a scene are."""
-        own = [one for one in (scene.path, *scene.path.parents) if one.name.removesuffix(".zip") == scene.name]
+        own = [path for path in (scene.path, *scene.path.parents) if path.name.removesuffix(".zip") == scene.name]
         return self.folder / (own or [scene.path])[0].parent.name / f"{scene.name}.npy"
 
     def maps(self, scene: Scene, frame: int) -> Float[Tensor, "1 k rows columns"] | None:
@@ -68,14 +68,14 @@ class Teacher:
         path = self.path(scene)
         if not path.exists():
             return None
-        found = _loaded(path)
-        if (len(found), found.shape[-1]) != (len(scene), self.classes):
+        maps = _load_maps(path)
+        if (len(maps), maps.shape[-1]) != (len(scene), self.classes):
             raise InputError(
-                path, f"maps of {len(scene)} frames and {self.classes} classes", f"{len(found)} and {found.shape[-1]}"
+                path, f"maps of {len(scene)} frames and {self.classes} classes", f"{len(maps)} and {maps.shape[-1]}"
             )
-        return torch.from_numpy(found[frame].astype(np.float32)).permute(2, 0, 1)[None]
+        return torch.from_numpy(maps[frame].astype(np.float32)).permute(2, 0, 1)[None]
 
-    def followed(self, maps: Tensor | None, seen: Views) -> Float[Tensor, "v k h8 w8"]:
+    def augmented_maps(self, maps: Tensor | None, seen: Views) -> Float[Tensor, "v k h8 w8"]:
         """The probabilities for augmented views, at 1/8 of their size.
 
         Args:
@@ -87,15 +87,6 @@ class Teacher:
             return torch.zeros(len(at), self.classes, *at.shape[-2:])
         grid = 2 * at[:, :2].permute(0, 2, 3, 1) - 1
         return grid_sample(maps, grid, padding_mode="border", align_corners=False)
-
-
-def teacher_of(settings: TrainingSettings) -> Teacher | None:
-    """The teacher that the settings name; None if they name none.
-
-    Raises:
-        InputError: its folder has no maps.
-    """
-    return Teacher.open(typed_path(settings.teacher)) if settings.teacher else None
 
 
 def coordinates(views: Views) -> Views:
@@ -121,12 +112,12 @@ def divergence(logits: Float[Tensor, "n k h4 w4"], taught: Float[Tensor, "n k h8
     return (terms * known).sum((-2, -1)) / known.sum((-2, -1)).clamp(min=1)
 
 
-def _loaded(path: Path) -> np.ndarray:
+def _load_maps(path: Path) -> np.ndarray:
     """The array of a file; its numbers are only read when they are needed."""
     try:
-        found = np.load(path, mmap_mode="r", allow_pickle=False)
+        maps = np.load(path, mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
         raise InputError(path, "an array of class probabilities", str(error)) from error
-    if found.ndim != 4 or found.dtype.kind != "f":
-        raise InputError(path, "numbers [frame rows columns class]", f"{found.dtype} {found.shape}")
-    return found
+    if maps.ndim != 4 or maps.dtype.kind != "f":
+        raise InputError(path, "numbers [frame rows columns class]", f"{maps.dtype} {maps.shape}")
+    return maps

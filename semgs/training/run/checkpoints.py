@@ -49,7 +49,7 @@ def save_checkpoint(folder: Path, state: TrainingState) -> Path:
     record = _record(folder, state.step)
     write_bytes(record.with_suffix(".safetensors"), tensors, durable=True)
     write_json(record, {"sha256": hashlib.sha256(tensors).hexdigest(), **state.numbers()}, durable=True)
-    _tidy(folder, state)
+    _delete_old(folder, state)
     return record
 
 
@@ -61,7 +61,7 @@ def newest_checkpoint(folder: Path) -> Checkpoint | None:
     """
     damaged: list[Path] = []
     for record in _records(folder):
-        checkpoint = _read(record, tuple(damaged))
+        checkpoint = _read_checkpoint(record, tuple(damaged))
         if checkpoint is not None:
             return checkpoint
         damaged.append(record)
@@ -82,7 +82,7 @@ def best_checkpoint(folder: Path) -> Checkpoint | None:
     newest = newest_checkpoint(folder)
     if newest is None or "best_step" not in newest.numbers:
         return None
-    return _read(_record(folder, int(newest.numbers["best_step"])))
+    return _read_checkpoint(_record(folder, int(newest.numbers["best_step"])))
 
 
 def _record(folder: Path, step: int) -> Path:
@@ -95,13 +95,13 @@ def _records(folder: Path) -> list[Path]:
     return sorted(folder.glob("[0-9]*.json"), reverse=True)
 
 
-def _read(record: Path, damaged: tuple[Path, ...] = ()) -> Checkpoint | None:
+def _read_checkpoint(record: Path, damaged: tuple[Path, ...] = ()) -> Checkpoint | None:
     """The checkpoint of a record, None if it is damaged."""
-    found = _intact(record)
-    return None if found is None else Checkpoint(load(found[1]), found[0], damaged)
+    contents = _read_intact(record)
+    return None if contents is None else Checkpoint(load(contents[1]), contents[0], damaged)
 
 
-def _intact(record: Path) -> tuple[dict[str, int | float], bytes] | None:
+def _read_intact(record: Path) -> tuple[dict[str, int | float], bytes] | None:
     """The numbers of a checkpoint and its file of tensors; None if either is damaged."""
     try:
         numbers = parse_json(record.read_bytes())
@@ -112,7 +112,7 @@ def _intact(record: Path) -> tuple[dict[str, int | float], bytes] | None:
     return (numbers, tensors) if intact and _record(record.parent, numbers["step"]) == record else None
 
 
-def _tidy(folder: Path, state: TrainingState) -> None:
+def _delete_old(folder: Path, state: TrainingState) -> None:
     """Delete checkpoints older than the last few intact ones, except the best, and incomplete files of a killed run.
 
     The newest is that of the state itself. Unreadable ones do not count. Those of later steps, which were skipped, stay until the run
@@ -122,7 +122,7 @@ def _tidy(folder: Path, state: TrainingState) -> None:
     intact = 0
     for record in _records(folder):
         if intact < KEPT:
-            intact += record <= own and (record == own or _intact(record) is not None)
+            intact += record <= own and (record == own or _read_intact(record) is not None)
         elif record != best:
             record.unlink()
     kept = {record.stem for record in _records(folder)}

@@ -12,32 +12,31 @@ from semgs.training.training_settings import PLACES, TrainingSettings
 
 def differences(settings: TrainingSettings, reference: TrainingSettings) -> dict[str, tuple[object, object]]:
     """The fields that differ: name to (value, value in the reference)."""
-    pairs = {
-        one.name: (getattr(settings, one.name), getattr(reference, one.name)) for one in fields(settings) if one.compare
-    }
+    names = [setting.name for setting in fields(settings) if setting.compare]
+    pairs = {name: (getattr(settings, name), getattr(reference, name)) for name in names}
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
 
 
-def changed(settings: TrainingSettings, reference: TrainingSettings) -> dict[str, tuple[object, object]]:
+def find_changes(settings: TrainingSettings, reference: TrainingSettings) -> dict[str, tuple[object, object]]:
     """The fields that differ; the same file or folder in another place is no difference."""
 
-    def last(value: object) -> object:
+    def last_part(value: object) -> object:
         if isinstance(value, tuple):
-            return tuple(last(one) for one in value)
+            return tuple(map(last_part, value))
         return PurePath(str(value)).name
 
     return {
         name: pair
         for name, pair in differences(settings, reference).items()
-        if name not in PLACES or last(pair[0]) != last(pair[1])
+        if name not in PLACES or last_part(pair[0]) != last_part(pair[1])
     }
 
 
-def listed(changes: Mapping[str, tuple[object, object]], here: str) -> str:
+def list_changes(changes: Mapping[str, tuple[object, object]], here: str) -> str:
     """Differences from an existing run in one phrase; `here` names the other values, such as "requested"."""
-    return ", ".join(f"{name} = {shown(run)} there, {shown(own)} {here}" for name, (own, run) in changes.items())
+    return ", ".join(f"{name} = {describe(run)} there, {describe(own)} {here}" for name, (own, run) in changes.items())
 
 
-def shown(value: object) -> str:
+def describe(value: object) -> str:
     """A setting's value in words."""
     return f"{value.name} ({', '.join(value.names)})" if isinstance(value, ClassTable) else str(value)

@@ -33,28 +33,30 @@ class BadScenes:
     def __len__(self) -> int:
         return len(self._known)
 
-    def add(self, found: Sequence[tuple[str, str]]) -> None:
-        """Add some.
+    def add(self, scenes: Sequence[tuple[str, str]]) -> None:
+        """Add bad scenes: path and reason.
 
         Raises:
             InputError: there are too many now.
         """
-        for path, why in found:
+        for path, why in scenes:
             if path not in self._known:
                 self._known[path] = why
                 self._say(f"bad scene, skipped: {why}")
         check_bad(list(self._known.items()), self._scenes)
 
 
-def broken_down(out: Path, step: int, portion: Portion, process: int | None = None) -> FloatingPointError:
-    """The error that ends a run; its last batch is saved for inspection first, by each process its own."""
+def save_broken_batch(out: Path, step: int, portion: Portion, process: int | None = None) -> FloatingPointError:
+    """Save the last batch of a run without finite gradients for inspection, each process its own. Returns the error that ends the run."""
     name = "bad_batch.safetensors" if process is None else f"bad_batch_{process}.safetensors"
     tensors: dict[str, Tensor] = {}
     for number, batch in enumerate(portion.pieces):
         for part, views in (("context", batch.context), ("target", batch.target)):
-            held = {**vars(views), **vars(views.cameras)}
+            values = {**vars(views), **vars(views.cameras)}
             tensors |= {
-                f"{number}.{part}.{key}": one.contiguous() for key, one in held.items() if isinstance(one, Tensor)
+                f"{number}.{part}.{key}": value.contiguous()
+                for key, value in values.items()
+                if isinstance(value, Tensor)
             }
     scenes = ", ".join(scene for batch in portion.pieces for scene in batch.scenes)
     write_bytes(out / name, save(tensors, {"scenes": scenes}))

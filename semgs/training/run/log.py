@@ -50,12 +50,12 @@ class RunLog:
         if out is not None:
             last = step or -1  # a run that begins at step 0 validates there
             path = out / "log.jsonl"
-            found = [(_step_of(line), line) for line in _lines(path)]
-            if damaged := [line for there, line in found if there is None]:
+            lines = [(_step_of(line), line) for line in _lines(path)]
+            if damaged := [line for number, line in lines if number is None]:
                 with (out / DAMAGED).open("ab") as aside:
                     aside.writelines(damaged)
-                tell(console, [f"{path}: {len(damaged)} lines cannot be read; they were moved to {DAMAGED}"])
-            kept = [line for there, line in found if there is not None and there <= last]
+                print_lines(console, [f"{path}: {len(damaged)} lines cannot be read; they were moved to {DAMAGED}"])
+            kept = [line for number, line in lines if number is not None and number <= last]
             write_bytes(path, b"".join(kept))
             self._file = path.open("a")
             self._events = _events(out / "tensorboard", last)
@@ -85,9 +85,9 @@ class RunLog:
         if self._bar is not None:
             self._bar.stop()
         with ExitStack() as closing:  # closes the second file even if the disk is too full to close the first
-            for one in (self._file, self._events):
-                if one is not None:
-                    closing.callback(one.close)
+            for file in (self._file, self._events):
+                if file is not None:
+                    closing.callback(file.close)
 
     def step(
         self, step: int, seconds: float, report: StepReport, scenes: int, waited: float, skipped: int, bad: int = 0
@@ -119,7 +119,7 @@ class RunLog:
 
     def say(self, sentence: str) -> None:
         """Show a sentence on the console."""
-        tell(self._console, [sentence])
+        print_lines(self._console, [sentence])
 
     def _flush(self) -> None:
         """Write and show the means since the last line."""
@@ -127,7 +127,7 @@ class RunLog:
         now = time.monotonic()
         moved = [report for report in self._reports if report.moved] or self._reports
         names = [name for name in asdict(moved[0]) if name not in ("moved", "unlabelled")]
-        means = {name: sum(float(getattr(one, name)) for one in moved) / len(moved) for name in names}
+        means = {name: sum(float(getattr(report, name)) for report in moved) / len(moved) for name in names}
         elapsed = max(now - self._since, 1e-9)
         numbers = {
             "step": step,
@@ -141,15 +141,15 @@ class RunLog:
             "memory_gb": memory_gb(),
         }
         self._write(numbers)
-        told = f"loss {means['total']:.4f}"
+        losses = f"loss {means['total']:.4f}"
         if math.isfinite(means["psnr"]):
-            told += f", PSNR {means['psnr']:.2f} dB"
+            losses += f", PSNR {means['psnr']:.2f} dB"
         if self._bar is not None:
-            self._bar.update(self._task, description=told)
+            self._bar.update(self._task, description=losses)
         elif now - self._shown >= PLAIN_LINE_SECONDS or step == self._steps:
             left = (now - self._began) / max(step - self._start, 1) * (self._steps - step) / 60
             self.say(
-                f"step {step} of {self._steps}: {told}, {numbers['samples_per_second']:.2f} scenes/s, "
+                f"step {step} of {self._steps}: {losses}, {numbers['samples_per_second']:.2f} scenes/s, "
                 f"{100 * numbers['wait_share']:.0f} % waiting for data, about {left:.0f} min left"
             )
             self._shown = now
@@ -162,7 +162,8 @@ class RunLog:
         self._file.write(json.dumps(_finite(numbers)) + "\n")
         self._file.flush()
         if self._events is not None:
-            step, groups = numbers["step"], {name: one for name, one in numbers.items() if isinstance(one, dict)}
+            step = numbers["step"]
+            groups = {name: values for name, values in numbers.items() if isinstance(values, dict)}
             for group, values in (groups or {"training": numbers}).items():
                 for name, value in values.items():
                     if name != "step" and value is not None:
@@ -172,7 +173,7 @@ class RunLog:
             self._events.flush()
 
 
-def tell(console: Console | None, sentences: Iterable[str]) -> None:
+def print_lines(console: Console | None, sentences: Iterable[str]) -> None:
     """Print sentences, if there is a console."""
     if console is not None:
         for sentence in sentences:
@@ -202,7 +203,7 @@ def _events(folder: Path, step: int) -> Events | None:
 def _finite(value: object) -> object:
     """The value with floats rounded to five significant digits, and None for those that are not finite."""
     if isinstance(value, dict):
-        return {name: _finite(one) for name, one in value.items()}
+        return {name: _finite(number) for name, number in value.items()}
     if isinstance(value, float):
         return float(f"{value:.5g}") if math.isfinite(value) else None
     return value
@@ -210,8 +211,8 @@ def _finite(value: object) -> object:
 
 def _lines(path: Path) -> list[bytes]:
     """The complete lines of a file with their ends; a last line that was cut short does not count."""
-    found = path.read_bytes() if path.exists() else b""
-    return found[: found.rfind(b"\n") + 1].splitlines(keepends=True)
+    content = path.read_bytes() if path.exists() else b""
+    return content[: content.rfind(b"\n") + 1].splitlines(keepends=True)
 
 
 def _step_of(line: bytes) -> int | None:

@@ -6,27 +6,25 @@ import errno
 import json
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 from filelock import FileLock, Timeout
 
 from semgs.data.origin.licences import terms_text
-from semgs.data.tables.classes import SCANNET20
 from semgs.files.atomic import is_part_of, write_json
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, input_error
 from semgs.files.paths import check_utf8
 from semgs.files.strict_json import parse_json, read_json
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
-from semgs.model.switches import Switches
-from semgs.model.weights.initial_weights import start
+from semgs.model.weights.initial_weights import changed_switches, initial_network
 from semgs.model.weights.load import DATA_TERMS, SCENES, untrained
 from semgs.model.weights.weights_file import save
 from semgs.rooms.assets.lock import lock_digest
 from semgs.training.data.data_check.scene_record import RECORD, data_terms_of, scenes_of
 from semgs.training.run.checkpoints import Checkpoint, best_checkpoint, newest_checkpoint
-from semgs.training.run.differences import changed, listed
+from semgs.training.run.differences import find_changes, list_changes
 from semgs.training.state import averaged_weights
 from semgs.training.training_settings import TrainingSettings
 
@@ -40,8 +38,8 @@ LOCK = "lock"
 """An empty file, locked by the process that trains into the folder. The file stays, the lock does not."""
 
 
-def claim(out: Path, settings: TrainingSettings) -> None:
-    """Make the folder a run with these settings, or check that it is one. A run with fewer steps will do; `prolong` makes it longer.
+def claim_folder(out: Path, settings: TrainingSettings) -> None:
+    """Make the folder a run with these settings, or check that it is one. A run with fewer steps will do; `extend_run` makes it longer.
 
     Raises:
         ValueError: it contains a run with other settings, which are listed.
@@ -51,9 +49,9 @@ def claim(out: Path, settings: TrainingSettings) -> None:
     record = out / SETTINGS
     if record.exists():
         there = read_settings(out)
-        if other := changed(settings, replace(there, steps=max(there.steps, settings.steps))):
+        if other := find_changes(settings, replace(there, steps=max(there.steps, settings.steps))):
             raise ValueError(
-                f"{out} is a run with other settings: {listed(other, 'requested')}; use the same settings or another folder "
+                f"{out} is a run with other settings: {list_changes(other, 'requested')}; use the same settings or another folder "
                 "(once a run has started, only steps may change, and only grow)"
             )
         return
@@ -66,7 +64,7 @@ def claim(out: Path, settings: TrainingSettings) -> None:
     write_json(record, settings.as_json())
 
 
-def prolong(out: Path, settings: TrainingSettings) -> None:
+def extend_run(out: Path, settings: TrainingSettings) -> None:
     """Record the number of steps, if the run now has more than it started with.
 
     Raises:
@@ -77,8 +75,8 @@ def prolong(out: Path, settings: TrainingSettings) -> None:
         write_json(out / SETTINGS, replace(there, steps=settings.steps).as_json())
 
 
-def alone(out: Path) -> AbstractContextManager[object]:
-    """Be the only process that trains into a run folder, from this call until the block or the process ends.
+def lock_run(out: Path) -> AbstractContextManager[object]:
+    """Make this the only process that trains into a run folder, from this call until the block or the process ends.
 
     Raises:
         InputError: another process trains into it.
@@ -97,7 +95,7 @@ def alone(out: Path) -> AbstractContextManager[object]:
         return nullcontext()  # a file system without locks
 
 
-def hold_assets(out: Path, folders: Sequence[str]) -> None:
+def record_assets(out: Path, folders: Sequence[str]) -> None:
     """Record which assets a run uses, so that it only resumes with the same ones: an asset folder may have grown.
 
     Raises:
@@ -127,19 +125,17 @@ def read_settings(out: Path) -> TrainingSettings:
     if not record.exists():
         raise InputError(record, "the settings of a training run", "no such file")
     saved = read_json(record, "the settings of a training run")
-    try:
+    with input_error(record, "the settings of a training run"):
         return TrainingSettings.from_json(saved)
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise InputError(record, "the settings of a training run", str(error)) from error
 
 
-def network(out: Path, settings: TrainingSettings) -> SemGS:
+def run_network(out: Path, settings: TrainingSettings) -> SemGS:
     """The network that a run starts with. If the run has a checkpoint: one of the same shape, to be filled from it.
 
     Raises:
         InputError: the initial weights cannot be used, or the run has lost all its checkpoints.
     """
-    classes = settings.classes or SCANNET20
+    classes = settings.table
     record = out / NETWORK
     if newest_checkpoint(out / "checkpoints") is None:
         if lost := [name for name in (WEIGHTS, BEST) if (out / name).exists()]:
@@ -147,9 +143,9 @@ def network(out: Path, settings: TrainingSettings) -> SemGS:
                 out, "a checkpoint to resume from", f"none, but {' and '.join(lost)}",
                 advice=f"nothing was changed; train in a new folder, with --init {out / lost[0]} to keep what was learned",
             )  # fmt: skip
-        model = start(
+        model = initial_network(
             settings.model, settings.init, seed=settings.seed, classes=classes,
-            own_classes=settings.classes is not None, switches=_switched(settings.network),
+            own_classes=settings.classes is not None, switches=changed_switches(settings.network),
             fresh_semantics=settings.semantic_branch == "drawn", backbone=settings.backbone,
         )  # fmt: skip
         write_json(record, model.settings.as_json())
@@ -163,7 +159,7 @@ def network(out: Path, settings: TrainingSettings) -> SemGS:
         ) from error  # fmt: skip
 
 
-def finished(run: Path) -> bool:
+def is_finished(run: Path) -> bool:
     """Whether a run's newest intact checkpoint is that of its last step.
 
     Raises:
@@ -185,7 +181,7 @@ def export_weights(run: Path, path: Path, *, best: bool = False) -> Path:
     checkpoint: Checkpoint | None = (best_checkpoint if best else newest_checkpoint)(run / "checkpoints")
     if checkpoint is None:
         raise InputError(run, "a run with a checkpoint", "none that is intact", advice="train first")
-    model = network(run, settings)
+    model = run_network(run, settings)
     model.load_state_dict(averaged_weights(checkpoint.tensors))
     step = int(checkpoint.numbers["step"])
     live = all(source.is_rooms for source in settings.sources)
@@ -205,13 +201,3 @@ def export_weights(run: Path, path: Path, *, best: bool = False) -> Path:
         },
     )
     return path
-
-
-def _switched(switches: Switches) -> dict[str, bool | int]:
-    """The switches that differ from their defaults."""
-    usual = Switches()
-    return {
-        one.name: getattr(switches, one.name)
-        for one in fields(switches)
-        if getattr(switches, one.name) != getattr(usual, one.name)
-    }

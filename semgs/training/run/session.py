@@ -51,13 +51,13 @@ class Session:
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
 
-    def stepped(self) -> float:
+    def end_step(self) -> float:
         """Note the end of a step; the seconds that the run has taken."""
         now = time.monotonic()
         self._step, self._stepped = max(self._step, now - self._stepped), now
         return self._before + now - self._began
 
-    def saved(self, save: Callable[[], object]) -> None:
+    def time_save(self, save: Callable[[], object]) -> None:
         """Save, and note how long it took."""
         began = time.monotonic()
         save()
@@ -96,7 +96,7 @@ class Session:
         return time.monotonic() - self._saved >= 60 * self._save_minutes
 
 
-def timed(items: Iterable[Item]) -> Iterator[tuple[Item, float]]:
+def time_waiting(items: Iterable[Item]) -> Iterator[tuple[Item, float]]:
     """Each item with the seconds that were spent waiting for it."""
     iterator = iter(items)
     while True:

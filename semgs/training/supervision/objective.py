@@ -22,11 +22,9 @@ class Supervision(ABC):
 
     Attributes:
         measures: whether batch norms measure statistics during training; if not, they keep those that they have.
-        without_depth: advice for a scene without true depth; None if none is needed.
     """
 
     measures: ClassVar[bool] = False
-    without_depth: ClassVar[str | None] = None
 
     @abstractmethod
     def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
@@ -51,11 +49,6 @@ class Supervision(ABC):
     @abstractmethod
     def validate(self, network: Any, batches: Iterable[Batch]) -> Validation:
         """How good the network is on batches that it does not learn from."""
-
-    @property
-    @abstractmethod
-    def without_labels(self) -> str | None:
-        """Advice for data without any labels; None if none is needed."""
 
 
 class Objective(nn.Module):

@@ -17,13 +17,13 @@ def strip(rendering: Rendering, target: Views) -> UInt8[np.ndarray, "h w 3"]:
 
     Unseen areas of the class map are hatched. Both depths are coloured by the range of the true one.
     """
-    shown = _first_view(rendering)
-    panels = [_picture(_first(shown.images, 3)), _picture(_first(target.images, 3))]
-    if shown.semantics is not None:
-        panels.append(class_picture(label_maps(shown)[0], target.classes))
+    first = _first_view(rendering)
+    panels = [_picture(_first(first.images, 3)), _picture(_first(target.images, 3))]
+    if first.semantics is not None:
+        panels.append(class_picture(label_maps(first)[0], target.classes))
     if target.labels is not None:
         panels.append(true_class_picture(_first(target.labels, 2), target.classes))
-    return np.concatenate([*panels, *_depth_panels(shown.depths, target)], axis=1)
+    return np.concatenate([*panels, *_depth_panels(first.depths, target)], axis=1)
 
 
 def class_strip(distributions: Float[Tensor, "*batch v class h w"], views: Views) -> UInt8[np.ndarray, "h w_all 3"]:
@@ -42,9 +42,9 @@ def depth_strip(depths: Float[Tensor, "*batch v h w"], views: Views) -> UInt8[np
 
 def _depth_panels(depths: Float[Tensor, "*batch v h w"], views: Views) -> list[UInt8[np.ndarray, "h w 3"]]:
     """The depth of the first view and the true one, if there is one, both coloured by the range of the true one."""
-    maps = [_first(one, 2) for one in (depths, views.depths) if one is not None]
+    maps = [_first(depth, 2) for depth in (depths, views.depths) if depth is not None]
     limits = depth_limits(maps[-1:])
-    return [depth_picture(one, limits) for one in maps]
+    return [depth_picture(depth, limits) for depth in maps]
 
 
 def _first_view(rendering: Rendering) -> Rendering:

@@ -18,48 +18,30 @@ from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
 from semgs.objectives.losses import cross_entropy, depth_error, losses
 from semgs.objectives.metrics import psnr
 from semgs.scene.encoding import Encoding
-from semgs.training.data.teacher import divergence, teacher_of
+from semgs.training.data.teacher import divergence
 from semgs.training.supervision.objective import TERMS, Supervision, all_views, render_targets
 from semgs.training.supervision.strips import class_strip, strip
+from semgs.training.supervision.supervision_settings import SupervisionSettings
 from semgs.training.supervision.validation import Comparison, Validation, validate, validate_depth
-from semgs.training.training_settings import TrainingSettings
-
-ONLY_LABELS = "give --supervision rendered"
-"""Advice for scenes without labels, if labels are all that is learned from."""
 
 
-def supervision_of(settings: TrainingSettings) -> Supervision:
-    """The supervision that the settings ask for.
+def make_supervision(
+    settings: SupervisionSettings, class_weights: tuple[float, ...] | None = None, teacher_classes: int = 0
+) -> Supervision:
+    """The supervision that the settings name.
 
-    Raises:
-        ValueError: the class weights are a rule, not numbers; `Survey.class_weights` has the numbers.
-        InputError: the teacher's folder has no maps.
+    Args:
+        settings: of the supervision; their class weights may be a rule and are not used.
+        class_weights: factor of each class in the cross-entropy, as numbers; None is 1 for all.
+        teacher_classes: number of classes of the teacher; 0 for no teacher.
     """
-    weights = settings.class_weights
-    if isinstance(weights, str):
-        raise ValueError(f"class_weights is {weights}; expected numbers, which the survey of the data computes")
     if settings.supervision == "labels":
-        return Labels(weights, settings.hold_shared)
+        return Labels(class_weights)
     if settings.supervision == "pictures":
-        teacher = teacher_of(settings)
-        classes = 0 if teacher is None else teacher.classes
-        return Pictures(weights, settings.hold_shared, classes, settings.teacher_weight)
+        return Pictures(class_weights, teacher_classes, settings.teacher_weight)
     if settings.supervision == "depth":
-        return Depth(settings.depth_losses, settings.hold_shared)
-    return Rendered(settings.losses, weights, settings.depth_weight, settings.context_targets)
-
-
-def rate_shares(network: Any, settings: TrainingSettings) -> dict[str, float]:
-    """Learning rates of parameters by name, relative to the setting, for those that differ from 1."""
-    groups = (
-        (network.depth_parameters(), settings.sweep_rate),
-        (network.semantic_parameters(shared=False, alone=True) | network.pretrained_parameters(), settings.class_rate),
-        (network.pretrained_parameters(), settings.backbone_rate),
-    )
-    shares: dict[str, float] = {}
-    for names, rate in groups:
-        shares |= {name: rate * shares.get(name, 1.0) for name in names}
-    return {name: share for name, share in shares.items() if share != 1}
+        return Depth(settings.depth_losses)
+    return Rendered(settings.losses, class_weights, settings.depth_weight, settings.context_targets)
 
 
 @dataclass(frozen=True)
@@ -81,8 +63,8 @@ class Rendered(Supervision):
     def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
         """The paper's terms and the depth error; all are NaN if the Gaussians cannot be rendered."""
         encoding = network(batch.context)
-        if not _can_be_drawn(encoding):
-            return _broken(encoding)
+        if not _is_finite(encoding):
+            return _nan_terms(encoding)
         rendering, target = render_targets(encoding, batch, self.context_targets)
         terms = losses(rendering, target, self.losses, class_weights=self.class_weights)
         depth = torch.zeros_like(terms.total)
@@ -99,18 +81,12 @@ class Rendered(Supervision):
         )
 
     def learning(self, network: Any) -> set[str]:
-        """All of them."""
+        """Every parameter of the network."""
         return {name for name, _ in network.named_parameters()}
 
     def validate(self, network: Any, batches: Iterable[Batch]) -> Validation:
         """Scores of the rendered target views."""
-        return validate(network, batches, _rendered)
-
-    @property
-    def without_labels(self) -> str | None:
-        """Leave out the terms that need labels."""
-        classes = self.losses.semantic or self.losses.smoothness
-        return "train colour and depth alone with --losses.semantic 0 --losses.smoothness 0" if classes else None
+        return validate(network, batches, _compare_renderings)
 
 
 @dataclass(frozen=True)
@@ -119,13 +95,9 @@ class Labels(Supervision):
 
     Attributes:
         class_weights: factor of each class in the cross-entropy; None is 1 for all.
-        hold_shared: freeze the layers that both branches share.
     """
 
-    without_labels = ONLY_LABELS
-
     class_weights: tuple[float, ...] | None = None
-    hold_shared: bool = False
 
     def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
         """The cross-entropy of the input views.
@@ -136,12 +108,12 @@ class Labels(Supervision):
         return _label_terms(network, network.class_maps(batch.context), batch.context, self.class_weights, "labels")
 
     def learning(self, network: Any) -> set[str]:
-        """The semantic branch, and the shared layers unless they are frozen."""
-        return network.semantic_parameters(not self.hold_shared)
+        """The semantic branch and the layers that it shares."""
+        return network.semantic_parameters()
 
     def validate(self, network: Any, batches: Iterable[Batch]) -> Validation:
         """Scores of the input views' classes."""
-        return validate(network, batches, lambda model, batch: _classified(model.classify(batch.context), batch))
+        return validate(network, batches, lambda model, batch: _compare_classes(model.classify(batch.context), batch))
 
 
 @dataclass(frozen=True)
@@ -151,16 +123,14 @@ class Pictures(Supervision):
     Its batches have enough different images for batch norms to measure statistics.
 
     Attributes:
-        class_weights, hold_shared: as for `Labels`.
+        class_weights: as for `Labels`.
         teacher_classes: number of classes of a teacher, whose probabilities an extra head learns; 0 for no teacher.
         teacher_weight: weight of that second loss.
     """
 
     measures: ClassVar[bool] = True
-    without_labels = ONLY_LABELS
 
     class_weights: tuple[float, ...] | None = None
-    hold_shared: bool = False
     teacher_classes: int = 0
     teacher_weight: float = 1.0
 
@@ -201,13 +171,13 @@ class Pictures(Supervision):
         return terms | {"total": terms["total"] + self.teacher_weight * second}
 
     def learning(self, network: Any) -> set[str]:
-        """The semantic branch without the layers that compare views, and the shared layers unless they are frozen."""
-        return network.semantic_parameters(not self.hold_shared, alone=True)
+        """The semantic branch without the layers that compare views, and the layers that it shares."""
+        return network.semantic_parameters(alone=True)
 
     def validate(self, network: Any, batches: Iterable[Batch]) -> Validation:
         """Scores of the input views' classes, each view on its own."""
         return validate(
-            network, batches, lambda model, batch: _classified(model.classify(batch.context, alone=True), batch)
+            network, batches, lambda model, batch: _compare_classes(model.classify(batch.context, alone=True), batch)
         )
 
 
@@ -219,14 +189,9 @@ class Depth(Supervision):
 
     Attributes:
         losses: weights of the terms.
-        hold_shared: freeze the layers that both branches share.
     """
 
-    without_labels = None
-    without_depth: ClassVar[str | None] = "leave them out, or give --supervision rendered"
-
     losses: DepthLossWeights = field(default_factory=DepthLossWeights)
-    hold_shared: bool = False
 
     def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
         """The depth terms of the input views; there is no PSNR.
@@ -240,19 +205,19 @@ class Depth(Supervision):
         return _terms(terms.total, depth=terms.log, gradients=terms.gradients, distribution=terms.distribution)
 
     def learning(self, network: Any) -> set[str]:
-        """The layers of the plane sweep, and the shared layers unless they are frozen."""
-        return network.depth_parameters(not self.hold_shared)
+        """The layers of the plane sweep, shared ones included."""
+        return network.depth_parameters()
 
     def validate(self, network: Any, batches: Iterable[Batch]) -> Validation:
         """Errors of the input views' depth."""
         return validate_depth(network, batches)
 
 
-def _terms(total: Tensor, **found: Tensor) -> dict[str, Tensor]:
+def _terms(total: Tensor, **terms: Tensor) -> dict[str, Tensor]:
     """Each of `TERMS`: the total with its gradient, the others without. Missing terms are 0, a missing PSNR is NaN."""
-    none = total.new_zeros(())
-    terms = dict.fromkeys(TERMS, none) | {"psnr": none + torch.nan} | found
-    return {name: term.detach() for name, term in terms.items()} | {"total": total}
+    zero = total.new_zeros(())
+    complete = dict.fromkeys(TERMS, zero) | {"psnr": zero + torch.nan} | terms
+    return {name: term.detach() for name, term in complete.items()} | {"total": total}
 
 
 def _label_terms(
@@ -267,24 +232,24 @@ def _label_terms(
     return _terms(total, semantic=total, unlabelled=(labels == IGNORE).flatten(1).all(1).sum().to(total))
 
 
-def _rendered(network: Any, batch: Batch) -> Comparison:
+def _compare_renderings(network: Any, batch: Batch) -> Comparison:
     """The rendered target views and the true ones."""
     rendering, target = render_targets(network(batch.context), batch)
     decibels = psnr(rendering.images, target.images)
     return Comparison(target, rendering.semantics, strip(rendering, target), decibels)
 
 
-def _classified(distributions: Tensor, batch: Batch) -> Comparison:
+def _compare_classes(distributions: Tensor, batch: Batch) -> Comparison:
     """The classes of the input views and the true ones."""
     return Comparison(batch.context, distributions, class_strip(distributions, batch.context))
 
 
-def _can_be_drawn(encoding: Encoding) -> bool:
+def _is_finite(encoding: Encoding) -> bool:
     """Whether every number of the Gaussians is finite."""
     return all(bool(tensor.detach().isfinite().all()) for tensor in encoding.gaussians.tensors().values())
 
 
-def _broken(encoding: Encoding) -> dict[str, Tensor]:
+def _nan_terms(encoding: Encoding) -> dict[str, Tensor]:
     """NaN for every term, with a gradient to every tensor, so that all processes that share the step skip it."""
     tensors = (encoding.depths, *encoding.gaussians.tensors().values())
     total = torch.stack([tensor.sum() for tensor in tensors]).sum() * torch.nan

@@ -97,15 +97,15 @@ def validate(model: Any, batches: Iterable[Batch], compare: Callable[[Any, Batch
     confusion = None
     rows: list[np.ndarray] = []
     for batch in batches:
-        found = compare(model, batch)
-        if found.psnr is not None:
-            decibels.append(found.psnr.flatten())
-        if found.semantics is not None and found.target.labels is not None:
-            labels = found.target.labels.cpu()
-            counts = confusion_matrix(likeliest(found.semantics).cpu(), labels, len(found.target.classes))
+        comparison = compare(model, batch)
+        if comparison.psnr is not None:
+            decibels.append(comparison.psnr.flatten())
+        if comparison.semantics is not None and comparison.target.labels is not None:
+            labels = comparison.target.labels.cpu()
+            counts = confusion_matrix(likeliest(comparison.semantics).cpu(), labels, len(comparison.target.classes))
             confusion = counts if confusion is None else confusion + counts
         if len(rows) < PICTURED:
-            rows.append(found.row)
+            rows.append(comparison.row)
     mean_iou = share = None
     if confusion is not None and confusion.any():
         mean_iou, share = float(miou(confusion)), float(accuracy(confusion))
@@ -125,16 +125,16 @@ def validate_depth(model: Any, batches: Iterable[Batch]) -> Validation:
         model: the network, in evaluation mode.
         batches: of validation.
     """
-    found: list[Tensor] = []
+    predicted: list[Tensor] = []
     truth: list[Tensor] = []
     rows: list[np.ndarray] = []
     for views in (batch.context for batch in batches):
         depths = model.sweep(views).depths.cpu()
         if views.depths is not None:
-            found.append(depths.flatten(end_dim=-2))
+            predicted.append(depths.flatten(end_dim=-2))
             truth.append(views.depths.cpu().flatten(end_dim=-2))
         if len(rows) < PICTURED:
             rows.append(depth_strip(depths, views))
-    scores = depth_scores(torch.cat(found), torch.cat(truth)) if found else None
+    scores = depth_scores(torch.cat(predicted), torch.cat(truth)) if predicted else None
     errors = (math.nan, math.nan) if scores is None else (scores.abs_rel, scores.delta)
     return validation_of_depth(*errors, np.concatenate(rows) if rows else None)

@@ -11,15 +11,15 @@ import pytest
 
 from semgs.cli.main import main
 from semgs.files.images.pictures import write_png
-from semgs.model.weights.initial_weights import start
+from semgs.model.weights.initial_weights import initial_network
 from semgs.model.weights.weights_file import save
 from semgs.training.loop import Outcome
-from semgs.training.presets import small
+from semgs.training.presets import small_plain
 from semgs.training.run.execution import Execution
-from semgs.training.run.run_folder import claim, read_settings
+from semgs.training.run.run_folder import claim_folder, read_settings
 from semgs.training.training_settings import TrainingSettings
 
-LINE = "ablate small --steps 2 --batch 1 --size 32x48 --contexts 2 2 --validation-scenes 0 --views 2 --workers 0"
+LINE = "ablate small_plain --steps 2 --batch 1 --size 32x48 --contexts 2 2 --validation-scenes 0 --views 2 --workers 0"
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def trained(monkeypatch) -> list[tuple[str, TrainingSettings]]:
 
     def train(settings, out, execution, **options):
         runs.append((out.parent.name, settings))
-        model = start(settings.model, "random", seed=settings.seed, switches=asdict(settings.network))
+        model = initial_network(settings.model, "random", seed=settings.seed, switches=asdict(settings.network))
         save(out / "weights.safetensors", model, {})
         return Outcome(settings.steps, True, 0)
 
@@ -142,7 +142,7 @@ def test_how_a_training_runs_is_passed_on(tmp_path, labelled, trained, monkeypat
 
     def apart(run: Path, execution: Execution):
         given.append((run.parent.name, execution))
-        model = start("small", "random", switches=asdict(read_settings(run).network))
+        model = initial_network("small_plain", "random", switches=asdict(read_settings(run).network))
         save(run / "weights.safetensors", model, {})
 
     monkeypatch.setattr("semgs.cli.commands.networks.training_runs.train_apart", apart)
@@ -157,11 +157,11 @@ def test_how_a_training_runs_is_passed_on(tmp_path, labelled, trained, monkeypat
 
 def test_a_finished_run_of_the_full_method_is_evaluated_and_not_trained_again(tmp_path, labelled, trained, capsys):
     line = [*LINE.split(), "--test", str(labelled), "--out", str(tmp_path / "out"), "--full", str(tmp_path / "table1")]
-    settings = replace(small(), steps=2, batch=1, size=(32, 48), contexts=(2, 2), validation_scenes=0)
-    claim(tmp_path / "table1", settings)
+    settings = replace(small_plain(), steps=2, batch=1, size=(32, 48), contexts=(2, 2), validation_scenes=0)
+    claim_folder(tmp_path / "table1", settings)
     assert main(line) == 2
     assert "is not finished" in capsys.readouterr().err
-    save(tmp_path / "table1" / "weights.safetensors", start("small", "random"), {})
+    save(tmp_path / "table1" / "weights.safetensors", initial_network("small_plain", "random"), {})
     assert main([*line, "--steps", "3"]) == 2
     assert "has other settings: steps = 2 there, 3 here" in " ".join(capsys.readouterr().err.split())
     assert main(line) == 0

@@ -15,8 +15,9 @@ from semgs.cli.commands.networks.train import Train
 from semgs.cli.main import main
 from semgs.cli.usage_errors import UsageError
 from semgs.objectives.loss_weights import DepthLossWeights
-from semgs.training.presets import base, from_preset, paper, small
-from semgs.training.training_settings import CLASS_WEIGHTINGS
+from semgs.training.presets import base, paper, preset_changes, small, small_plain
+from semgs.training.run.differences import differences
+from semgs.training.supervision.supervision_settings import CLASS_WEIGHTINGS
 
 
 def parsed(line: str) -> Train:
@@ -25,7 +26,7 @@ def parsed(line: str) -> Train:
 
 def test_a_preset_alone_is_the_preset():
     command = parsed("small --out run")
-    assert command.settings == small()
+    assert differences(command.settings, small()) == {}
     assert command.out == Path("run")
     assert command.compute.minutes is None
 
@@ -39,8 +40,8 @@ def test_options_may_stand_before_and_behind_the_preset_and_override_it():
 
 
 def test_supervision_by_depth_has_weights_of_its_own():
-    command = parsed("--out run small --supervision depth --hold-shared --depth-losses.gradients 0.25")
-    assert (command.settings.supervision, command.settings.hold_shared) == ("depth", True)
+    command = parsed("--out run small --supervision depth --shared-rate 0 --depth-losses.gradients 0.25")
+    assert (command.settings.supervision, command.settings.shared_rate) == ("depth", 0.0)
     assert command.settings.depth_losses == DepthLossWeights(log=1.3, gradients=0.25, distribution=0.1)
 
 
@@ -73,11 +74,11 @@ def test_a_sitting_that_cannot_be_is_refused(line: str, tmp_path: Path):
 
 def test_a_run_of_other_settings_ends_with_exit_code_2_and_the_difference(tmp_path: Path, capsys, monkeypatch):
     line = ["train", "small", "--out", str(tmp_path / "run")]
-    monkeypatch.setattr("semgs.training.loop.launched", lambda *args, **options: pytest.skip("the run was accepted"))
+    monkeypatch.setattr("semgs.training.loop.launch", lambda *args, **options: pytest.skip("the run was accepted"))
     (tmp_path / "run").mkdir()
-    from semgs.training.run.run_folder import claim
+    from semgs.training.run.run_folder import claim_folder
 
-    claim(tmp_path / "run", small())
+    claim_folder(tmp_path / "run", small())
     assert main([*line, "--steps", "77"]) == 2
     told = capsys.readouterr().err.strip().splitlines()
     assert told[-1].startswith("semgs: error: ")
@@ -86,20 +87,21 @@ def test_a_run_of_other_settings_ends_with_exit_code_2_and_the_difference(tmp_pa
 
 def test_what_differs_from_the_preset_is_told_in_words():
     settings = parsed("small --out run --steps 77 --seed 5 --augmentation.flip").settings
-    assert from_preset(settings) == [
-        f"steps: 77 (preset small: {small().steps})",
+    assert preset_changes(settings) == [
         "augmentation: Augmentation(colour=0.0, crop=1.0, flip=True, roll=0.0, camera=0.0, exposure=0.0) "
         "(preset small: Augmentation(colour=0.0, crop=1.0, flip=False, roll=0.0, camera=0.0, exposure=0.0))",
         "seed: 5 (preset small: 0)",
+        f"steps: 77 (preset small: {small().steps})",
     ]
-    assert from_preset(small()) == []
+    assert preset_changes(small()) == []
 
 
 def test_a_preset_is_given_by_its_name():
-    assert parsed("small --out run").settings == small()
-    assert parsed("base --out run").settings == base()
+    for preset in (small, small_plain, base):
+        assert differences(parsed(f"{preset.__name__} --out run").settings, preset()) == {}
     settings = parsed("paper --out run --data scans rooms=0.5 --init weights.ckpt --devices 4").settings
-    assert settings == replace(paper(), data=("scans", "rooms=0.5"), init="weights.ckpt")
+    expected = replace(paper(), data=("scans", "rooms=0.5"), init="weights.ckpt")
+    assert differences(settings, expected) == {}
     assert settings.preset == "paper"
 
 
@@ -109,7 +111,7 @@ def test_a_table_of_classes_travels_in_the_settings(tmp_path: Path):
     settings = parsed(f"small --out run --init small --classes {tmp_path / 'table.json'}").settings
     assert settings.classes is not None
     assert settings.classes.names == ("wall", "floor")
-    assert from_preset(settings)[1] == "classes: two (wall, floor) (preset small: None)"
+    assert preset_changes(settings)[0] == "classes: two (wall, floor) (preset small: None)"
 
 
 def test_weights_of_classes_are_numbers_or_the_name_of_a_rule():

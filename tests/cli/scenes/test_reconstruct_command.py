@@ -14,7 +14,7 @@ from ply import read_ply
 import semgs
 from semgs.cli.main import main
 from semgs.geometry.cameras import inverse_rigid
-from semgs.geometry.rigid import cameras_in
+from semgs.geometry.rigid import move_cameras
 from semgs.model.weights.load import load
 from semgs.model.weights.weights_file import save
 from semgs.rendering.render import render
@@ -70,7 +70,7 @@ def test_the_ply_seen_from_the_cameras_that_its_matrix_gives_looks_like_the_scen
     out, _ = done
     scene = semgs.load_scene(out)
     (matrix,) = {json.dumps(file["scene_from_file"]) for file in json.loads((out / "export.json").read_text())["files"]}
-    cameras = cameras_in(inverse_rigid(torch.tensor(json.loads(matrix), dtype=torch.float64)), scene.cameras)
+    cameras = move_cameras(inverse_rigid(torch.tensor(json.loads(matrix), dtype=torch.float64)), scene.cameras)
     assert (cameras.centres - scene.cameras.centres).norm(dim=-1).min() > 1, "the file is in another frame"
     with torch.no_grad():
         expected = render(scene.gaussians, scene.cameras, near=scene.near)

@@ -66,7 +66,7 @@ def test_a_merged_scene_is_saved_and_read_again(done: Path, tmp_path: Path) -> N
     rows, columns = (-(-side // scene.stride) for side in (height, width))
     place = (y / scene.stride).long() * columns + (x / scene.stride).long()
     assert (z > 0).all()
-    assert (place == scene.places.index % (rows * columns)).double().mean() > 0.9
+    assert (place == scene.places % (rows * columns)).double().mean() > 0.9
 
 
 def test_other_commands_take_the_folder(done: Path, tmp_path: Path) -> None:

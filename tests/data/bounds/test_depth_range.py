@@ -12,7 +12,7 @@ from landmarks import looking
 from PIL import Image
 
 from semgs.data.bounds.depth_range import FEW_POINTS
-from semgs.data.bounds.parallax import inverse_depths, seen
+from semgs.data.bounds.parallax import find_features, inverse_depths
 from semgs.data.choosing.choice import choose
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
@@ -79,7 +79,7 @@ def test_the_range_scales_with_the_world(tmp_path):
 
 def test_triangulated_points_are_at_their_depth(tmp_path):
     frames = scene(tmp_path).frames
-    inverse = inverse_depths(seen(frames[0]), seen(frames[1]))
+    inverse = inverse_depths(find_features(frames[0]), find_features(frames[1]))
     assert len(inverse) > 100
     assert abs(np.median(1 / inverse) / 3.05 - 1) < 0.03
     assert (np.percentile(1 / inverse, (10, 90)) > (2.6, 2.6)).all()
@@ -118,7 +118,9 @@ def test_the_fox_is_between_near_and_far(shared, asked):
 @pytest.mark.parametrize("count", [2, 3])
 def test_a_choice_has_the_range_of_its_contexts_and_no_frame_is_looked_at_twice(shared, monkeypatch, count):
     fox, looked = open_scene(shared / "data" / "fox"), []
-    monkeypatch.setattr("semgs.data.bounds.depth_range.seen", lambda frame: looked.append(frame.name) or seen(frame))
+    monkeypatch.setattr(
+        "semgs.data.bounds.depth_range.seen", lambda frame: looked.append(frame.name) or find_features(frame)
+    )
     choice = choose(fox, count)
     assert len(looked) == len(set(looked))
     assert choice.depth_range == fox.depth_range(choice.context)

@@ -11,7 +11,7 @@ import pytest
 from landmarks import looking
 
 from semgs.data.cameras.lens import Lens
-from semgs.data.choosing.choice import around, choose, consecutive, drawn, given, preference
+from semgs.data.choosing.choice import choose, choose_named, draw_consecutive, draw_sample, frames_around, preference
 from semgs.data.frames import Frame
 from semgs.data.maps import InMemory
 from semgs.data.scene import Scene
@@ -82,26 +82,26 @@ def test_the_frames_left_between_are_the_targets():
 
 
 def test_many_frames_between_give_a_few_targets_spread_over_them():
-    choice = given(scene(beside(*np.linspace(0, 0.2, 41))), (0, 40))
+    choice = choose_named(scene(beside(*np.linspace(0, 0.2, 41))), (0, 40))
     assert choice.targets == (1, 14, 26, 39)
 
 
 def test_without_frames_between_the_nearest_others_are_the_targets():
-    assert given(scene(beside(0.0, 0.1, 0.2, 0.3, 3.0)), (1, 2)).targets == (0, 3)
+    assert choose_named(scene(beside(0.0, 0.1, 0.2, 0.3, 3.0)), (1, 2)).targets == (0, 3)
 
 
 def test_frames_that_see_something_else_are_no_targets():
     away = looking((0.05 * MIDDLE, 0.1, 0), (0.05 * MIDDLE, 0.1, -5))
-    assert given(scene([*beside(0.0), away, *beside(0.06, 0.1)]), (0, 3)).targets == (2,)
+    assert choose_named(scene([*beside(0.0), away, *beside(0.06, 0.1)]), (0, 3)).targets == (2,)
 
 
 def test_a_frame_between_that_looks_aside_is_passed_over_for_one_that_is_covered():
     """The first looks 24 degrees aside and shares about half; the second is outside of the contexts but sees what they see."""
     aside = looking((0.05 * MIDDLE, 0.1, 0), (0.05 * MIDDLE + 2.2, 0.1, 5))
-    choice = given(scene([*beside(0.0), aside, *beside(0.1, 0.12)]), (0, 2))
+    choice = choose_named(scene([*beside(0.0), aside, *beside(0.1, 0.12)]), (0, 2))
     assert choice.targets == (3,)
     assert choice.notes == ()
-    alone = given(scene([*beside(0.0), aside, *beside(0.1)]), (0, 2))
+    alone = choose_named(scene([*beside(0.0), aside, *beside(0.1)]), (0, 2))
     assert alone.targets == (1,)
     assert alone.notes == (
         "The input views see less than 90% of each held-out frame, so compare the scores over the seen pixels.",
@@ -172,17 +172,17 @@ def test_absurd_numbers_of_views_are_refused(count):
 )
 def test_contexts_that_cannot_be_are_refused(context, message):
     with pytest.raises(ValueError, match=message):
-        given(scene(beside(0.0, 0.1, 0.2)), context)
+        choose_named(scene(beside(0.0, 0.1, 0.2)), context)
 
 
 def test_named_contexts_are_taken_in_the_order_given():
-    choice = given(scene(beside(0.0, 0.1, 0.2)), ("0002.png", 0))
+    choice = choose_named(scene(beside(0.0, 0.1, 0.2)), ("0002.png", 0))
     assert choice.context == (2, 0)
     assert choice.targets == (1,)
 
 
 def test_the_reason_has_the_figures():
-    reason = given(scene(beside(0.0, 0.1)), (0, 1)).reason
+    reason = choose_named(scene(beside(0.0, 0.1)), (0, 1)).reason
     for part in ("0 (0000.png), 1 (0001.png)", "share 9", "middle depth of 2.2 m", "0.22 m (10% of it)"):
         assert part in reason
     assert "no parallax" not in reason
@@ -222,7 +222,7 @@ def test_frames_for_training_are_drawn_by_what_they_share():
     bounds = room.depth_range()
     baselines, seen = [], set()
     for draw in range(60):
-        choice = drawn(room, bounds, 3, 2, np.random.default_rng(draw))
+        choice = draw_sample(room, bounds, 3, 2, np.random.default_rng(draw))
         assert (len(set(choice.context)), len(set(choice.targets))) == (3, 2)
         assert not set(choice.context) & set(choice.targets)
         seen |= {*choice.context, *choice.targets}
@@ -238,7 +238,7 @@ def test_targets_lie_between_the_contexts_and_around_them():
     bounds = room.depth_range()
     inside = []
     for draw in range(40):
-        choice = drawn(room, bounds, 2, 2, np.random.default_rng(draw))
+        choice = draw_sample(room, bounds, 2, 2, np.random.default_rng(draw))
         inside += [min(choice.context) < target < max(choice.context) for target in choice.targets]
     assert 0.05 < np.mean(inside) < 0.8
 
@@ -246,18 +246,18 @@ def test_targets_lie_between_the_contexts_and_around_them():
 def test_the_same_numbers_draw_the_same_frames_and_few_frames_are_all_drawn():
     room = scene(beside(0.0, 0.1, 5.0, 9.0))
     bounds = room.depth_range()
-    one, two = (drawn(room, bounds, 2, 2, np.random.default_rng(4)) for _ in range(2))
+    one, two = (draw_sample(room, bounds, 2, 2, np.random.default_rng(4)) for _ in range(2))
     assert one == two
     assert sorted((*one.context, *one.targets)) == [0, 1, 2, 3]
     with pytest.raises(InputError, match="at least 5 usable frames, for 3 input views and 2 to compare with, found 4"):
-        drawn(room, bounds, 3, 2, np.random.default_rng(4))
+        draw_sample(room, bounds, 3, 2, np.random.default_rng(4))
 
 
 def test_the_nearest_in_file_order_alternate_and_one_side_fills_for_the_other():
-    assert around(3, 8, 5) == (2, 4, 1, 5, 0)
-    assert around(3, 8, 5, forward=True) == (4, 2, 5, 1, 6)
-    assert around(1, 8, 4) == (0, 2, 3, 4)
-    assert around(0, 2, 1) == (1,)
+    assert frames_around(3, 8, 5) == (2, 4, 1, 5, 0)
+    assert frames_around(3, 8, 5, forward=True) == (4, 2, 5, 1, 6)
+    assert frames_around(1, 8, 4) == (0, 2, 3, 4)
+    assert frames_around(0, 2, 1) == (1,)
 
 
 def test_consecutive_frames_are_a_target_the_contexts_around_it_and_targets_beside_them():
@@ -265,12 +265,12 @@ def test_consecutive_frames_are_a_target_the_contexts_around_it_and_targets_besi
     room = scene(beside(*np.arange(0, 0.8, 0.1)))
     found = set()
     for draw in range(60):
-        choice = consecutive(room, room.depth_range(), 2, 2, np.random.default_rng(draw))
+        choice = draw_consecutive(room, room.depth_range(), 2, 2, np.random.default_rng(draw))
         found.add((choice.context, choice.targets))
     inner = {((t - 1, t + 1), targets) for t in range(2, 6) for targets in ((t - 2, t), (t, t + 2))}
     ends = {((0, 2), (1, 3)), ((5, 7), (4, 6))}
     assert found == inner | ends
-    four = consecutive(room, room.depth_range(), 4, 1, np.random.default_rng(0))
+    four = draw_consecutive(room, room.depth_range(), 4, 1, np.random.default_rng(0))
     (target,) = four.targets
     assert sorted((*four.context, target)) == list(range(min(four.context), min(four.context) + 5))
 
@@ -280,4 +280,4 @@ def test_consecutive_frames_need_as_many_and_an_inner_one():
     with pytest.raises(
         InputError, match="at least 3 usable frames, for 1 input views around one to compare with, found 2"
     ):
-        consecutive(room, room.depth_range(), 1, 1, np.random.default_rng(0))
+        draw_consecutive(room, room.depth_range(), 1, 1, np.random.default_rng(0))

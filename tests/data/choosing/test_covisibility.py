@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from semgs.data.cameras.lens import Lens
-from semgs.data.choosing.covisibility import Covisibility, DepthGrids, flat
+from semgs.data.choosing.covisibility import Covisibility, DepthGrids, flat_grid
 from semgs.data.frames import Frame
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
@@ -45,7 +45,7 @@ def wall(depth: float) -> np.ndarray:
 
 def covisibility(opened: Scene) -> Covisibility:
     every = range(len(opened))
-    return Covisibility(opened, every, DepthGrids(opened).of(every, 2.0))
+    return Covisibility.of(opened, every, DepthGrids(opened).of(every, 2.0))
 
 
 def test_frames_side_by_side_before_a_wall_share_what_the_shift_leaves(tmp_path):
@@ -95,7 +95,7 @@ def test_a_map_that_tells_nothing_leaves_the_assumed_depth(tmp_path, content):
         (tmp_path / "0.png").write_bytes(b"no picture")
     assumed, measured = DepthGrids(opened).of([0, 1], 2.5)
     assert (assumed.median, assumed.source) == (2.5, "")
-    assert (assumed.depths == flat(2.5).depths).all()
+    assert (assumed.depths == flat_grid(2.5).depths).all()
     assert measured.source == "measured depth"
 
 

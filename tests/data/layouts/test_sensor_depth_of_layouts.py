@@ -14,7 +14,7 @@ from test_frame_files import write_frames
 from test_one_room import LAYOUTS, ROOM
 from test_rgbd import MANNERS, STATES_NO_UNIT
 
-from semgs.data.choosing.choice import given
+from semgs.data.choosing.choice import choose_named
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.geometry.cameras import project
@@ -50,11 +50,11 @@ def test_gaussians_lie_at_the_depth_that_the_layout_gives(layout: str, network: 
     if layout != "ROS bag":  # whose writer makes it
         folder.mkdir()
     scene = SCENES[layout](folder)
-    result = reconstruct(scene, given(scene, [0, 2]), network, (32, 48), depth="sensor")
+    result = reconstruct(scene, choose_named(scene, [0, 2]), network, (32, 48), depth="sensor")
     depths, cameras = result.context.views.depths, result.context.views.cameras
     assert depths is not None
-    assert result.placed is not None
-    assert min(fit.measured for fit in result.placed.fits) > 0.5
+    assert result.placement is not None
+    assert min(fit.measured for fit in result.placement.fits) > 0.5
     for view in range(2):
         own = slice(view * 16 * 24, (view + 1) * 16 * 24)
         x, y, z = project(result.encoding.gaussians.means[own], cameras[view]).unbind(-1)

@@ -12,17 +12,17 @@ import pytest
 import torch
 from scenes_on_disk import write_labelled, write_table
 
-from semgs.data.preparation.archive import Preparation, estimated_bytes, prepare_scene, prepared_view
+from semgs.data.preparation.archive import Preparation, estimate_bytes, prepare_scene, read_prepared_view
 from semgs.data.preparation.prepared_set import (
     INDEX,
     SUMS,
     PreparedSet,
     Reading,
+    find_sources,
     free_space,
-    sources,
 )
 from semgs.data.resampling import cropped, resized
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 from semgs.data.scene_lists import read_list
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError
@@ -70,14 +70,14 @@ def test_the_bytes_depend_on_source_and_settings_alone(tmp_path: Path):
 def test_other_aspects_lose_their_margins_and_pixels_stay_square():
     scene = open_scene(demo_scene())
     wide = replace(scene.frames[0], lens=replace(scene.frames[0].lens, focal=(370.0, 370.0)))
-    view = prepared_view(scene, wide, (100, 200))
+    view = read_prepared_view(scene, wide, (100, 200))
     k = view.cameras.intrinsics[0]
     assert view.size == (100, 200)
     assert k[0, 0] == k[1, 1] == 370 * 200 / 320
-    middle = resized(cropped(wide.read((0.5, 10.0), scene.classes), 40, 0, (160, 320)), (100, 200))
+    middle = resized(cropped(wide.view((0.5, 10.0), scene.classes), 40, 0, (160, 320)), (100, 200))
     assert torch.equal(view.labels, middle.labels)
     torch.testing.assert_close(view.cameras.intrinsics, middle.cameras.intrinsics)
-    assert prepared_view(scene, scene.frames[0], (239, 320)).size == (239, 320)  # a hundredth is stretched
+    assert read_prepared_view(scene, scene.frames[0], (239, 320)).size == (239, 320)  # a hundredth is stretched
 
 
 def test_pictures_that_are_higher_than_wide_get_the_size_turned(tmp_path: Path):
@@ -86,11 +86,11 @@ def test_pictures_that_are_higher_than_wide_get_the_size_turned(tmp_path: Path):
     class Turned(type(scene.frames[0])):
         """A frame whose picture lies on its side."""
 
-        def read(self, *arguments, **named):
-            return cropped(super().read(*arguments, **named), 0, 70, (240, 180))
+        def view(self, *arguments, **named):
+            return cropped(super().view(*arguments, **named), 0, 70, (240, 180))
 
     frame = Turned(**vars(scene.frames[0]))
-    assert prepared_view(scene, frame, (48, 64)).size == (64, 48)
+    assert read_prepared_view(scene, frame, (48, 64)).size == (64, 48)
 
 
 def test_scenes_without_metres_keep_their_unit_and_have_no_depth(tmp_path: Path):
@@ -103,7 +103,7 @@ def test_scenes_without_metres_keep_their_unit_and_have_no_depth(tmp_path: Path)
 
 
 def test_a_set_is_prepared_resumed_and_the_same_for_any_number_of_workers(rooms: Path, tmp_path: Path):
-    found = sources(rooms)
+    found = find_sources(rooms)
     assert [one.name for one in found] == ["kitchen", "seq-01", "seq-02"]
     counts: list[int] = []
     index = PreparedSet(tmp_path / "out", SMALL, Reading()).prepare(found, done=counts.append)
@@ -123,9 +123,9 @@ def test_a_set_is_prepared_resumed_and_the_same_for_any_number_of_workers(rooms:
 
 
 def test_a_source_that_has_changed_is_made_anew(rooms: Path, tmp_path: Path):
-    PreparedSet(tmp_path / "out", SMALL, Reading()).prepare(sources(rooms))
+    PreparedSet(tmp_path / "out", SMALL, Reading()).prepare(find_sources(rooms))
     (rooms / "kitchen" / "images" / "002.jpg").unlink()
-    index = PreparedSet(tmp_path / "out", SMALL, Reading()).prepare(sources(rooms))
+    index = PreparedSet(tmp_path / "out", SMALL, Reading()).prepare(find_sources(rooms))
     assert [scene["frames"] for scene in index["scenes"]] == [2, 3, 3]
     assert "1 of 3 listed images are missing" in index["scenes"][0]["notes"][0]
     assert sha256(tmp_path / "out" / "kitchen.zip") == index["scenes"][0]["sha256"]
@@ -133,45 +133,45 @@ def test_a_source_that_has_changed_is_made_anew(rooms: Path, tmp_path: Path):
 
 def test_a_scene_that_cannot_be_prepared_is_passed_over_and_listed(rooms: Path, tmp_path: Path):
     (rooms / "seq-01" / "depth" / "001.png").write_bytes(b"no picture")
-    index = PreparedSet(tmp_path / "out", SMALL, Reading()).prepare(sources(rooms))
+    index = PreparedSet(tmp_path / "out", SMALL, Reading()).prepare(find_sources(rooms))
     assert [scene["name"] for scene in index["scenes"]] == ["kitchen", "seq-02"]
     (failed,) = index["failed"]
     assert failed["name"] == "seq-01"
     assert "depth/001.png: expected a JPEG or PNG image" in failed["error"]
     with pytest.raises(InputError, match=r"001\.png"):
-        PreparedSet(tmp_path / "other", SMALL, Reading()).prepare(sources(rooms / "seq-01"))
+        PreparedSet(tmp_path / "other", SMALL, Reading()).prepare(find_sources(rooms / "seq-01"))
 
 
 def test_lists_name_scenes_as_the_data_sets_do(rooms: Path, tmp_path: Path):
     wanted = tmp_path / "split.txt"
     wanted.write_bytes(b"sequence2\r\nkitchen\r\n")
-    assert [one.name for one in sources(rooms, read_list(wanted))] == ["seq-02", "kitchen"]
+    assert [one.name for one in find_sources(rooms, read_list(wanted))] == ["seq-02", "kitchen"]
     wanted.write_text("rooms/seq-01\n")
-    assert [one.name for one in sources(tmp_path, read_list(wanted))] == ["rooms_seq-01"]
+    assert [one.name for one in find_sources(tmp_path, read_list(wanted))] == ["rooms_seq-01"]
     wanted.write_text("kitchen\nbath\nattic\n")
     with pytest.raises(
         InputError, match=r"2 of 3 names: expected names of scenes .* found bath and 1 more, which are missing"
     ):
-        sources(rooms, read_list(wanted))
+        find_sources(rooms, read_list(wanted))
 
 
 def test_the_space_is_told_beforehand_to_a_tenth(rooms: Path, tmp_path: Path):
-    found, settings = sources(rooms), Preparation((120, 160))
+    found, settings = find_sources(rooms), Preparation((120, 160))
     needed = PreparedSet(tmp_path / "out", settings, Reading()).needed_space(found)
     PreparedSet(tmp_path / "out", settings, Reading()).prepare(found)
     taken = sum(path.stat().st_size for path in (tmp_path / "out").glob("*.zip"))
     assert taken * 0.95 < needed < taken * 1.15
     assert PreparedSet(tmp_path / "out", settings, Reading()).needed_space(found) == 0
     assert free_space(tmp_path / "not" / "yet") == shutil.disk_usage(tmp_path).free
-    assert estimated_bytes(open_scene(found[0].path), settings) == pytest.approx(taken / 3, rel=0.1)
+    assert estimate_bytes(open_scene(found[0].path), settings) == pytest.approx(taken / 3, rel=0.1)
 
 
 def test_other_settings_and_other_folders_are_refused(rooms: Path, tmp_path: Path):
-    PreparedSet(tmp_path / "out", SMALL, Reading()).prepare(sources(rooms)[:1])
+    PreparedSet(tmp_path / "out", SMALL, Reading()).prepare(find_sources(rooms)[:1])
     with pytest.raises(ValueError, match=r"other settings: every is 1 there, not 2"):
         PreparedSet(tmp_path / "out", Preparation((48, 64), every=2), Reading()).check()
     with pytest.raises(ValueError, match=r"told is \{\} there, not \{'depth_unit': 0\.001\}"):
-        PreparedSet(tmp_path / "out", SMALL, Reading(asked=Asked(depth_unit=0.001))).check()
+        PreparedSet(tmp_path / "out", SMALL, Reading(details=SceneDetails(depth_unit=0.001))).check()
     with pytest.raises(InputError, match="a new or empty folder"):
         PreparedSet(rooms, SMALL, Reading()).check()
     (tmp_path / "out" / "settings.json").write_text("[]")
@@ -196,8 +196,8 @@ def test_frames_of_the_same_name_in_several_folders_stay_apart(tmp_path: Path):
 
 @pytest.mark.long
 def test_workers_write_the_same_bytes(rooms: Path, tmp_path: Path):
-    one = PreparedSet(tmp_path / "one", SMALL, Reading()).prepare(sources(rooms))
-    two = PreparedSet(tmp_path / "two", SMALL, Reading()).prepare(sources(rooms), workers=2)
+    one = PreparedSet(tmp_path / "one", SMALL, Reading()).prepare(find_sources(rooms))
+    two = PreparedSet(tmp_path / "two", SMALL, Reading()).prepare(find_sources(rooms), workers=2)
     assert one == two
 
 

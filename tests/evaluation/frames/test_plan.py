@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from semgs.data.scene import Scene
-from semgs.evaluation.frames.frame_plan import FramePlan, Task, frame_list, make_plan, pinned_plan
+from semgs.evaluation.frames.frame_plan import FramePlan, Task, frame_list, make_plan, read_plan
 from semgs.evaluation.frames.protocols import TargetSample, neighbours
 from semgs.files.errors import InputError
 
@@ -43,18 +43,18 @@ def test_a_plan_survives_its_file_and_a_report_serves_as_one(scenes: tuple[Scene
     plan = make_plan("neighbours", neighbours, scenes, (2, 3), (64, 96))
     for name, content in (("frames", frame_list(plan)), ("report", {"results": [], "frames": frame_list(plan)})):
         (tmp_path / name).write_text(json.dumps(content))
-        again = pinned_plan(tmp_path / name, scenes)
+        again = read_plan(tmp_path / name, scenes)
         assert told(again) == told(plan)
         assert again.protocol == "pinned: neighbours"
-    assert told(pinned_plan(tmp_path / "frames", scenes, (3,))) == told(plan)[5:]
-    assert {task.size for task in pinned_plan(tmp_path / "frames", scenes, size=(32, 48)).tasks} == {(32, 48)}
+    assert told(read_plan(tmp_path / "frames", scenes, (3,))) == told(plan)[5:]
+    assert {task.size for task in read_plan(tmp_path / "frames", scenes, size=(32, 48)).tasks} == {(32, 48)}
 
 
 def test_frames_are_pinned_by_name_whatever_else_the_scene_holds(make_scene: MakeScene, tmp_path: Path):
     plan = make_plan("neighbours", neighbours, [make_scene("attic", frames=4)], (2,))
     (tmp_path / "frames.json").write_text(json.dumps(frame_list(plan)))
     longer = make_scene("more/attic", frames=6, change=lambda file: file["frames"].reverse())
-    again = pinned_plan(tmp_path / "frames.json", [longer])
+    again = read_plan(tmp_path / "frames.json", [longer])
     assert told(again) == told(plan)
     assert again.tasks[0].sample == TargetSample((5, 3), 4)
 
@@ -79,14 +79,14 @@ def test_a_list_of_frames_that_cannot_be_is_refused_where_it_is_wrong(
     change(content)
     (tmp_path / "frames.json").write_text(json.dumps(content))
     with pytest.raises(InputError) as caught:
-        pinned_plan(tmp_path / "frames.json", scenes)
+        read_plan(tmp_path / "frames.json", scenes)
     assert told in str(caught.value)
 
 
 def test_numbers_of_views_that_are_not_pinned_are_refused(scenes: tuple[Scene, Scene], tmp_path: Path):
     (tmp_path / "frames.json").write_text(json.dumps(frame_list(make_plan("n", neighbours, scenes, (2, 3)))))
     with pytest.raises(InputError, match="expected samples with 4 views, found only with 2, 3"):
-        pinned_plan(tmp_path / "frames.json", scenes, (2, 4))
+        read_plan(tmp_path / "frames.json", scenes, (2, 4))
 
 
 def test_two_targets_whose_files_would_have_one_name_are_refused(make_scene: MakeScene):

@@ -14,7 +14,7 @@ from semgs.data.scene import Scene
 from semgs.evaluation.frames.frame_plan import FramePlan, make_plan
 from semgs.evaluation.frames.predictions import Prediction, write_prediction
 from semgs.evaluation.frames.protocols import neighbours
-from semgs.evaluation.frames.saved import SavedPredictions, views_in
+from semgs.evaluation.frames.saved import SavedPredictions, find_view_counts
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import write_png
 
@@ -148,7 +148,7 @@ def test_scenes_without_labels_ask_for_none(make_scene: MakeScene, tmp_path: Pat
 def test_the_numbers_of_views_are_read_off_the_folders(folder: Path, tmp_path: Path):
     (folder / "N12").mkdir()
     (folder / "Notes").mkdir()
-    assert views_in(folder) == (2, 3, 12)
+    assert find_view_counts(folder) == (2, 3, 12)
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="folders N2, N3"):
-        views_in(tmp_path / "empty")
+        find_view_counts(tmp_path / "empty")

@@ -8,7 +8,7 @@ import torch
 from semgs.data.scenes import open_scene
 from semgs.evaluation.frames.frame_plan import FramePlan, make_plan
 from semgs.evaluation.frames.protocols import neighbours
-from semgs.evaluation.page.paper_figure import chosen_tasks, torn
+from semgs.evaluation.page.paper_figure import choose_tasks, label_noise
 from semgs.rooms.sets.demo_room import demo_scene
 
 
@@ -19,26 +19,26 @@ def plan() -> FramePlan:
 
 
 def test_frames_are_spread_over_all_targets_or_named(plan: FramePlan):
-    assert [task.sample.target for task in chosen_tasks(plan, 3)] == [1, 3, 6]
-    assert chosen_tasks(plan, 99) == plan.tasks
-    assert chosen_tasks(plan, 1) == plan.tasks[:1]
+    assert [task.sample.target for task in choose_tasks(plan, 3)] == [1, 3, 6]
+    assert choose_tasks(plan, 99) == plan.tasks
+    assert choose_tasks(plan, 1) == plan.tasks[:1]
     names = [plan.tasks[4].truth_stem, plan.tasks[0].truth_stem]
-    assert chosen_tasks(plan, 3, names) == (plan.tasks[4], plan.tasks[0])
+    assert choose_tasks(plan, 3, names) == (plan.tasks[4], plan.tasks[0])
     with pytest.raises(ValueError, match=r"there is no target 'demo/009'; the first one is 'demo/001'"):
-        chosen_tasks(plan, 3, ["demo/009"])
+        choose_tasks(plan, 3, ["demo/009"])
 
 
 def test_a_map_is_torn_where_neighbours_of_one_true_class_differ():
     truth = torch.tensor([[0, 0, 1], [0, 0, 1], [255, 255, 1]], dtype=torch.uint8)
-    assert torn(truth, truth) == 0
+    assert label_noise(truth, truth) == 0
     predicted = truth.clone()
     predicted[0, 0] = 7  # differs from the pixel at its right and the one below, of 4 + 2 pairs of one true class
-    assert torn(predicted, truth) == 2 / 6
+    assert label_noise(predicted, truth) == 2 / 6
     everywhere = torch.full_like(truth, 3)
-    assert torn(everywhere, truth) == 0, "wrong, but smooth"
-    assert torn(predicted, torch.full_like(truth, 255)) is None
+    assert label_noise(everywhere, truth) == 0, "wrong, but smooth"
+    assert label_noise(predicted, torch.full_like(truth, 255)) is None
 
 
 def test_borders_between_true_regions_do_not_count():
     truth = torch.tensor([[0, 1, 0, 1]], dtype=torch.uint8)
-    assert torn(truth, truth) is None
+    assert label_noise(truth, truth) is None

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from semgs.data.views import Views
-from semgs.evaluation.scoring.baselines import copied, majority, warped
+from semgs.evaluation.scoring.baselines import copy_nearest, predict_majority, warp_contexts
 from semgs.geometry.cameras import Cameras, pixel_centres
 from semgs.geometry.rotations import matrix_from_quaternion
 
@@ -41,7 +41,7 @@ def look(shift: float, label_step: float = 0.25, post: bool = False) -> Views:
 
 def test_a_copy_is_the_context_itself():
     context = look(0.1)
-    found = copied(context)
+    found = copy_nearest(context)
     assert context.labels is not None
     assert context.depths is not None
     assert found.labels is not None
@@ -54,7 +54,7 @@ def test_a_copy_is_the_context_itself():
 
 def test_a_warped_wall_is_what_the_target_sees_where_a_context_sees_it():
     target, left, right = look(0.0), look(-0.25), look(0.25)
-    found = warped([left, right], target)
+    found = warp_contexts([left, right], target)
     assert found is not None
     assert found.labels is not None
     assert found.image is not None
@@ -64,7 +64,7 @@ def test_a_warped_wall_is_what_the_target_sees_where_a_context_sees_it():
     # A quarter of a metre is a shift of exactly four pixels: nothing is interpolated.
     assert torch.equal(found.labels, target.labels[0])
     assert (found.image - target.images[0]).abs().max() < 1e-6
-    alone = warped([left], target)
+    alone = warp_contexts([left], target)
     assert alone is not None
     assert alone.unseen is not None
     assert (alone.unseen.sum(1) == 4).all()
@@ -73,7 +73,7 @@ def test_a_warped_wall_is_what_the_target_sees_where_a_context_sees_it():
 
 def test_what_no_context_sees_is_the_nearest_ones_own_pixel():
     target, left = look(0.0), look(-0.25)
-    found = warped([left], target)
+    found = warp_contexts([left], target)
     assert found is not None
     assert found.labels is not None
     assert left.labels is not None
@@ -84,7 +84,7 @@ def test_what_no_context_sees_is_the_nearest_ones_own_pixel():
 
 def test_a_point_behind_a_post_is_not_taken_from_the_post():
     target, hidden, other = look(0.0, post=True), look(0.25, post=True), look(-0.5)
-    found = warped([hidden, other], target)
+    found = warp_contexts([hidden, other], target)
     assert found is not None
     assert found.labels is not None
     assert target.labels is not None
@@ -92,7 +92,7 @@ def test_a_point_behind_a_post_is_not_taken_from_the_post():
     seen = ~found.unseen
     wall = (target.labels[0] != 9) & seen
     assert torch.equal(found.labels[wall], target.labels[0][wall])
-    lone = warped([hidden], target)
+    lone = warp_contexts([hidden], target)
     assert lone is not None
     assert lone.unseen is not None
     # The wall behind the post in the nearer context is only in the other one.
@@ -105,7 +105,7 @@ def test_pixels_of_unknown_depth_are_copied():
     depths = target.depths.clone()
     depths[0, 5, 20] = 0
     holed = Views(target.images, target.cameras, target.depth_range, target.labels, depths)
-    found = warped([left], holed)
+    found = warp_contexts([left], holed)
     assert found is not None
     assert found.image is not None
     assert found.unseen is not None
@@ -115,13 +115,13 @@ def test_pixels_of_unknown_depth_are_copied():
 
 def test_without_true_depth_nothing_is_warped():
     target, left = look(0.0), look(-0.25)
-    assert warped([left], Views(target.images, target.cameras, target.depth_range)) is None
-    assert warped([Views(left.images, left.cameras, left.depth_range)], target) is None
+    assert warp_contexts([left], Views(target.images, target.cameras, target.depth_range)) is None
+    assert warp_contexts([Views(left.images, left.cameras, left.depth_range)], target) is None
 
 
 def test_the_majority_is_that_of_all_images_together():
     truths = [np.array([5, 3, 0]), np.array([0, 4, 1])]
-    first, second = majority(truths)
+    first, second = predict_majority(truths)
     assert first.tolist() == [[0, 5, 0], [0, 3, 0], [0, 0, 0]]
     assert second.tolist() == [[0, 0, 0], [0, 4, 0], [0, 1, 0]]
     assert (first.sum() + second.sum()) == pytest.approx(13)

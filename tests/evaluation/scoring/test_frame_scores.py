@@ -17,9 +17,9 @@ from semgs.evaluation.frames.predictions import Prediction
 from semgs.evaluation.frames.protocols import TargetSample
 from semgs.evaluation.frames.reading import read_frame
 from semgs.evaluation.scoring.frame_scores import score
-from semgs.evaluation.scoring.records import frame_of, record
+from semgs.evaluation.scoring.records import decode_scores, encode_scores
 from semgs.evaluation.scoring.similarity import ssim
-from semgs.evaluation.scoring.summary import summary
+from semgs.evaluation.scoring.summary import summarise
 from semgs.objectives.metrics import depth_scores
 from semgs.reconstruction.scores import by_measure, mean_scores, scores
 from semgs.rendering.rendering import Rendering, likeliest
@@ -110,8 +110,8 @@ def test_scores_over_the_seen_pixels_leave_the_others_out(target: tuple[Task, Vi
     assert found.depth is not None
     assert (found.depth_seen.abs_rel, found.depth_seen.pixels) == (pytest.approx(0.5), 18 * 48)
     assert found.depth.abs_rel == pytest.approx(0.75)
-    assert vars(frame_of(record(found), 20).depth_seen) == vars(found.depth_seen)
-    assert summary([found])["depth_abs_rel_seen"] == pytest.approx(0.5)
+    assert vars(decode_scores(encode_scores(found), 20).depth_seen) == vars(found.depth_seen)
+    assert summarise([found])["depth_abs_rel_seen"] == pytest.approx(0.5)
     silent = score(task, replace(prediction, unseen=None), view)
     assert (silent.psnr_seen, silent.miou_seen, silent.accuracy_seen, silent.depth_seen) == (None,) * 4
 
@@ -190,6 +190,6 @@ def test_a_reconstruction_and_an_evaluation_give_one_number_for_one_measure(make
         )
         shown += scores(rendering, truth)
         frames.append(score(task, prediction, truth))
-    reconstructed, evaluated = by_measure(mean_scores(shown)), summary(frames)
+    reconstructed, evaluated = by_measure(mean_scores(shown)), summarise(frames)
     assert len(reconstructed) == 9
     assert reconstructed == pytest.approx({name: evaluated[name] for name in reconstructed}, rel=1e-5)

@@ -10,9 +10,9 @@ import torch
 
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.intervals import intervals
-from semgs.evaluation.scoring.records import frame_of, record
+from semgs.evaluation.scoring.records import decode_scores, encode_scores
 from semgs.evaluation.scoring.risk_coverage import COVERAGES, risk_coverage
-from semgs.evaluation.scoring.summary import summary
+from semgs.evaluation.scoring.summary import summarise
 from semgs.objectives.selective import counts_by_confidence
 
 
@@ -30,7 +30,7 @@ def test_a_curve_is_over_the_pixels_of_all_targets_together() -> None:
     expected = {0.25: 0, 0.5: 0, 0.75: 0.4 * 5 / 15, 1.0: 0.2}
     assert {point.coverage: point.risk for point in points if point.coverage in expected} == pytest.approx(expected)
     assert [round(point.confidence, 1) for point in points] == [0.9] * 10 + [0.6] * 10
-    assert summary(frames) == {
+    assert summarise(frames) == {
         "aurc": pytest.approx(0.2 - 0.2 * math.log(2)),
         "ece": pytest.approx((10 * abs(0.9 - 1) + 10 * (0.6 - 0.6)) / 20, abs=0.003),
     }
@@ -56,14 +56,14 @@ def test_a_single_target_has_a_curve_without_intervals_and_none_has_none() -> No
     assert first.risk == pytest.approx(0.3)
     assert risk_coverage([FrameScores("a", "0.png", ("a", "b"))]) == ()
     assert risk_coverage([frame("a", 0.8, 0, count=0)]) == ()
-    assert "aurc" not in summary([frame("a", 0.8, 0, count=0)])
+    assert "aurc" not in summarise([frame("a", 0.8, 0, count=0)])
 
 
 def test_the_counts_are_read_back_from_a_report() -> None:
     one = frame("a", 0.8, 7)
-    again = frame_of(record(one), 20).confidences
+    again = decode_scores(encode_scores(one), 20).confidences
     assert again is not None
     assert (again == one.confidences).all()
-    old = record(one)
+    old = encode_scores(one)
     del old["confidences"]
-    assert frame_of(old, 20).confidences is None
+    assert decode_scores(old, 20).confidences is None

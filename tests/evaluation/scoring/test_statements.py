@@ -12,8 +12,8 @@ from semgs.data.scene import Scene
 from semgs.data.tables.classes import IGNORE
 from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.protocols import neighbours
-from semgs.evaluation.frames.reading import inputs_of, read_frame, read_views
-from semgs.evaluation.scoring.confidence_calibration import statements, temperature_effect
+from semgs.evaluation.frames.reading import make_inputs, read_frame, read_views
+from semgs.evaluation.scoring.confidence_calibration import collect_statements, measure_temperature
 from semgs.model.weights.load import load
 from semgs.rendering.render import render
 
@@ -28,9 +28,9 @@ def network() -> torch.nn.Module:
 def test_statements_are_what_is_rendered_and_what_each_gaussian_says_at_labelled_pixels(make_scene: MakeScene, network):
     plan = make_plan("neighbours", neighbours, [make_scene("a", frames=3)], [2], size=(32, 48))
     (task,) = plan.tasks
-    found = statements(plan, network, pixels=10**6)
+    found = collect_statements(plan, network, pixels=10**6)
     with torch.no_grad():
-        inputs = inputs_of(task, read_views(task))
+        inputs = make_inputs(task, read_views(task))
         encoding = network(inputs.contexts)
         rendering = render(encoding.gaussians, inputs.camera, near=float(inputs.contexts.depth_range[0, 0]))
         own = encoding.class_maps()
@@ -52,7 +52,7 @@ def test_some_pixels_of_each_view_are_drawn_by_the_seed_and_scenes_without_label
 ):
     scenes = [make_scene("a", frames=3), make_scene("b", frames=3, labels=False)]
     plan = make_plan("neighbours", neighbours, scenes, [2], size=(32, 48))
-    once, again, other = (statements(plan, network, pixels=50, seed=seed) for seed in (1, 1, 2))
+    once, again, other = (collect_statements(plan, network, pixels=50, seed=seed) for seed in (1, 1, 2))
     assert (len(once["rendered"].labels), len(once["gaussians"].labels)) == (50, 100)
     for kind in once:
         assert torch.equal(once[kind].distributions, again[kind].distributions)
@@ -61,13 +61,13 @@ def test_some_pixels_of_each_view_are_drawn_by_the_seed_and_scenes_without_label
 
 def test_a_fitted_temperature_does_not_raise_the_cost_and_a_given_one_is_kept(make_scene: MakeScene, network):
     plan = make_plan("neighbours", neighbours, [make_scene("a", frames=4)], [2], size=(32, 48))
-    said = statements(plan, network)["rendered"]
-    fitted = temperature_effect(said)
-    assert temperature_effect(said, 1.0).error_after == pytest.approx(fitted.error_before, abs=1e-6)
+    said = collect_statements(plan, network)["rendered"]
+    fitted = measure_temperature(said)
+    assert measure_temperature(said, 1.0).error_after == pytest.approx(fitted.error_before, abs=1e-6)
     # Labels here are noise that the network cannot know, so that it is too sure of itself.
     assert fitted.temperature > 1
     assert fitted.error_after < fitted.error_before
-    assert temperature_effect(said, 3.0).temperature == 3.0
+    assert measure_temperature(said, 3.0).temperature == 3.0
 
 
 def test_what_classify_says_of_each_pixel_is_what_its_gaussian_says_until_views_agree(network, monkeypatch):

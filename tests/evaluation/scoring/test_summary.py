@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.scoring.intervals import intervals, paired_differences, units
-from semgs.evaluation.scoring.summary import class_scores, extremes, summary
+from semgs.evaluation.scoring.intervals import choose_units, intervals, paired_differences
+from semgs.evaluation.scoring.summary import find_extremes, score_classes, summarise
 from semgs.objectives.metrics import DepthScores, confusion_matrix
 
 CLASSES = 5
@@ -58,7 +58,7 @@ def by_a_loop(pixels: Pixels) -> tuple[float, float, float]:
 
 def test_class_metrics_of_both_kinds_equal_loops_over_pixels():
     sets = {"attic": [drawn(0), drawn(1), drawn(2)], "hall": [drawn(3), [(2, 255)] * 7], "porch": [drawn(5)]}
-    found = summary([frame(scene, pixels) for scene, images in sets.items() for pixels in images])
+    found = summarise([frame(scene, pixels) for scene, images in sets.items() for pixels in images])
     everything = [pixel for images in sets.values() for pixels in images for pixel in pixels]
     for name, value in zip(("miou", "accuracy", "class_accuracy"), by_a_loop(everything), strict=True):
         assert found[name] == pytest.approx(value, rel=1e-12)
@@ -73,7 +73,7 @@ def test_class_metrics_of_both_kinds_equal_loops_over_pixels():
 def test_the_two_kinds_of_miou_differ_as_they_should():
     # One image is all right, the other has one wrong pixel of a class of its own.
     frames = [frame("a", [(0, 0)] * 99), frame("a", [(0, 1)])]
-    found = summary(frames)
+    found = summarise(frames)
     assert found["miou"] == pytest.approx((99 / 100 + 0) / 2)
     assert found["miou_per_image"] == pytest.approx((1 + 0) / 2)
     assert found["accuracy"] == pytest.approx(0.99)
@@ -82,17 +82,17 @@ def test_the_two_kinds_of_miou_differ_as_they_should():
 
 def test_images_count_in_their_scene_and_scenes_count_alike():
     frames = [frame("a", [(0, 0)])] + [frame("b", [(0, 1)])] * 3
-    assert summary(frames)["miou_per_image"] == pytest.approx((1 + 0) / 2)
+    assert summarise(frames)["miou_per_image"] == pytest.approx((1 + 0) / 2)
 
 
 def test_a_class_whose_pixels_have_no_prediction_at_all_counts_as_zero():
-    found = summary([frame("a", [(0, 0), (0, 0), (255, 1)])])
+    found = summarise([frame("a", [(0, 0), (0, 0), (255, 1)])])
     assert (found["miou"], found["class_accuracy"], found["accuracy"]) == (0.5, 0.5, 1.0)
     assert found["not_given"] == pytest.approx(1 / 3)
 
 
 def test_scores_per_class_tell_of_absent_and_of_only_predicted_classes():
-    wall, floor, cabinet, bed, chair = class_scores([frame("a", [(0, 0), (1, 0), (1, 1), (255, 2), (4, 0)])])
+    wall, floor, cabinet, bed, chair = score_classes([frame("a", [(0, 0), (1, 0), (1, 1), (255, 2), (4, 0)])])
     assert (wall.iou, wall.accuracy, wall.pixels, wall.predicted) == (1 / 3, 1 / 3, 3, 1)
     assert (floor.iou, floor.accuracy) == (1 / 2, 1)
     assert (cabinet.iou, cabinet.accuracy, cabinet.pixels) == (0, 0, 1)
@@ -106,14 +106,14 @@ def test_pictures_count_alike_and_depth_by_its_pixels():
         frame("a", None, psnr=23.0, depth=DepthScores(0.3, 0.5, 100)),
         frame("b", None, psnr=26.0, unseen=0.25),
     ]
-    found = summary(frames)
+    found = summarise(frames)
     assert found["psnr"] == pytest.approx(23)
     assert found["ssim"] == 0.5
     assert found["depth_abs_rel"] == pytest.approx((0.1 * 300 + 0.3 * 100) / 400)
     assert found["depth_delta_125"] == pytest.approx((0.9 * 300 + 0.5 * 100) / 400)
     assert found["unseen"] == 0.25
     assert "miou" not in found
-    assert math.isinf(summary([*frames, frame("b", None, psnr=math.inf)])["psnr"])
+    assert math.isinf(summarise([*frames, frame("b", None, psnr=math.inf)])["psnr"])
 
 
 def scenes_with(values: list[float]) -> list[FrameScores]:
@@ -123,8 +123,8 @@ def scenes_with(values: list[float]) -> list[FrameScores]:
 
 def test_intervals_are_over_scenes_from_five_on_and_over_frames_below():
     spread = [20.0, 22.0, 24.0, 26.0, 28.0]
-    assert units(scenes_with(spread)) == "scenes"
-    assert units(scenes_with(spread[:4])) == "frames"
+    assert choose_units(scenes_with(spread)) == "scenes"
+    assert choose_units(scenes_with(spread[:4])) == "frames"
     over_scenes = intervals(scenes_with(spread))["psnr"]
     assert over_scenes.value == pytest.approx(24)
     # The mean of five draws from these values has a standard deviation of 2.83 / sqrt(5) = 1.26.
@@ -140,7 +140,7 @@ def test_the_interval_of_miou_is_of_matrices_of_drawn_scenes_and_repeats_to_the_
     first, second = intervals(frames), intervals(frames)
     assert first == second
     rng = np.random.default_rng(1)
-    trials = [summary([frames[index] for index in rng.integers(0, 6, 6)])["miou"] for _ in range(150)]
+    trials = [summarise([frames[index] for index in rng.integers(0, 6, 6)])["miou"] for _ in range(150)]
     low, high = np.percentile(trials, (2.5, 97.5))
     assert first["miou"].low == pytest.approx(low, abs=0.04)
     assert first["miou"].high == pytest.approx(high, abs=0.04)
@@ -182,19 +182,21 @@ def test_the_best_and_the_worst_frames_are_those_of_a_sorted_list_whenever_they_
     """Of 30 PSNR that are told one after the other, where the list is cut to its ends after each."""
     values = np.random.default_rng(5).permutation(30)
     frames = [frame("attic", None, psnr=float(value)) for value in values]
-    best, worst = extremes(frames, 4)
+    best, worst = find_extremes(frames, 4)
     assert [values[place] for place in best] == [29, 28, 27, 26]
     assert [values[place] for place in worst] == [0, 1, 2, 3]
     kept: list[FrameScores] = []
     for one in frames:
         kept.append(one)
-        best, worst = extremes(kept, 4)
+        best, worst = find_extremes(kept, 4)
         kept = [kept[place] for place in sorted([*best, *worst])]
     assert {one.psnr for one in kept} == {0, 1, 2, 3, 26, 27, 28, 29}
 
 
 def test_few_frames_are_best_or_worst_never_both_and_equal_pictures_have_no_place():
     frames = [frame("attic", None, psnr=value) for value in (20.0, math.inf, 10.0, 30.0)]
-    assert extremes(frames, 10) == ([3, 0], [2])
+    assert find_extremes(frames, 10) == ([3, 0], [2])
     scored = frame("attic", [(1, 1)], psnr=1.0)
-    assert extremes([*frames, scored], 10) == ([4], []), "where classes are scored, frames without them have no place"
+    assert find_extremes([*frames, scored], 10) == ([4], []), (
+        "where classes are scored, frames without them have no place"
+    )

@@ -10,9 +10,9 @@ from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.tables.ablation import ROWS, ablation_grid, row_settings, steps_grid
 from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
 from semgs.evaluation.tables.table_grid import printed
+from semgs.model.switches import Switches
 from semgs.objectives.loss_weights import LossWeights
 from semgs.training.presets import small
-from semgs.training.training_settings import Switches
 
 PAPER = [  # the check marks of the paper's Table III: Sh-Layer, Sw-Trans, C-Inj, Sm-Loss
     (False, False, False, False),

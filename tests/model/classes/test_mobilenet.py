@@ -14,7 +14,7 @@ from safetensors.torch import load_file
 from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, conv2d, interpolate, linear, relu6
 
-from semgs.model.classes.mobilenet import InvertedResidual, MobileNetRefinement, MobileNetV2, SameConv2d, near_side
+from semgs.model.classes.mobilenet import InvertedResidual, MobileNetRefinement, MobileNetV2, SameConv2d, downsample
 from semgs.training.state import hold_statistics
 
 RED_FOX = 278
@@ -169,7 +169,7 @@ def test_shallow_features_are_not_read_and_features_are_linear_in_the_decoders_m
     torch.manual_seed(0)
     model, pictures = refinement(), torch.rand(1, 3, 48, 80, dtype=torch.float64)
     with torch.no_grad():
-        refined, decoded = model(pictures, not_asked), model.decoded(model.backbone(pictures))
+        refined, decoded = model(pictures, not_asked), model.decode(model.backbone(pictures))
     torch.testing.assert_close(refined.evidence, decoded)
     by_hand = torch.einsum("kc,nchw->nkhw", model.features.weight[..., 0, 0], decoded)
     torch.testing.assert_close(refined.features, by_hand + model.features.bias[:, None, None])
@@ -183,9 +183,9 @@ def test_pictures_are_averaged_down_by_the_whole_number_that_brings_their_shorte
         (480, 640): (240, 320),
         (736, 992): (248, 332),
     }
-    assert {size: near_side(torch.zeros(1, 3, *size), 4).shape[-2:] for size in sizes} == sizes
+    assert {size: downsample(torch.zeros(1, 3, *size), 4).shape[-2:] for size in sizes} == sizes
     pictures = torch.rand(1, 3, 480, 480)
-    assert torch.allclose(near_side(pictures, 4), avg_pool2d(pictures, 2), atol=1e-6)
+    assert torch.allclose(downsample(pictures, 4), avg_pool2d(pictures, 2), atol=1e-6)
 
 
 def test_a_picture_twice_as_large_has_the_maps_of_the_small_one_widened(monkeypatch):
@@ -202,7 +202,7 @@ def test_a_picture_twice_as_large_has_the_maps_of_the_small_one_widened(monkeypa
 
 def test_a_view_by_itself_has_the_backbones_classes_and_a_fresh_head_leaves_them_as_they_are():
     torch.manual_seed(3)
-    model = preset("small", class_backbone=True).eval()
+    model = preset("small_plain", class_backbone=True).eval()
     views = posed_views(2, (32, 48))
     with torch.inference_mode():
         torch.testing.assert_close(model.classify(views), model.classify(views, alone=True))
@@ -213,7 +213,7 @@ def test_a_view_by_itself_has_the_backbones_classes_and_a_fresh_head_leaves_them
 
 @pytest.mark.parametrize("backbone", [False, True], ids=["blocks", "backbone"])
 def test_what_teaches_a_view_by_itself_are_the_layers_that_see_it_alone(backbone: bool):
-    model = preset("small", class_backbone=backbone)
+    model = preset("small_plain", class_backbone=backbone)
     model.classify(posed_views(2, (32, 48)), alone=True).square().sum().backward()
     learned = {name for name, parameter in model.named_parameters() if parameter.grad is not None}
     assert learned == model.semantic_parameters(alone=True)
@@ -261,4 +261,4 @@ def test_the_decoder_sums_its_four_maps_from_coarse_to_fine():
     model.lateral, model.merged = (nn.ModuleList(nn.Identity() for _ in one) for one in (model.lateral, model.merged))
     model.last = nn.Identity()
     maps = [torch.full((1, 2, 24 // 2**k, 32 // 2**k), value) for k, value in enumerate((1.0, 20.0, 300.0, 4000.0))]
-    assert torch.equal(model.decoded(maps), torch.full((1, 2, 24, 32), 4321.0))
+    assert torch.equal(model.decode(maps), torch.full((1, 2, 24, 32), 4321.0))

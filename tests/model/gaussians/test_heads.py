@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from semgs.geometry.cameras import back_project
 from semgs.geometry.plane_sweep import depth_candidates, expected_depth
 from semgs.geometry.rotations import covariance
-from semgs.model.gaussians.heads import upsampled
 from semgs.model.gaussians.placing import Rays, colour_appearance, points, semantic_appearance, shapes
+from semgs.model.layers.branch_head import upsample
 from semgs.model.layers.conventions import OURS, Conventions
 from semgs.model.semgs import SemGS
 from semgs.rendering import reference
@@ -148,7 +148,7 @@ def test_depth_is_the_expectation_corrected_by_the_refinement_and_opacity_its_ot
     near, far = 0.5, 10.0
     p = seen["logits"][1].softmax(1)
     candidates = depth_candidates(views.depth_range, 8)
-    disparity = upsampled((1 / expected_depth(p, candidates))[:, None], 4, True)[:, 0]
+    disparity = upsample((1 / expected_depth(p, candidates))[:, None], 4, True)[:, 0]
     _, _, read, confidence, _ = seen["refinement"][0]
     _, raw = seen["refinement"][1]
     assert torch.allclose(read, disparity * near)
@@ -188,15 +188,15 @@ def test_the_paper_s_heads_are_its_text(sampling):
     candidates = depth_candidates(views.depth_range, 8, sampling)
     expectation = expected_depth(p, candidates, sampling)
     if sampling == "inverse":
-        depths = 1 / upsampled(1 / expectation[:, None], 4, True)[:, 0]
+        depths = 1 / upsample(1 / expectation[:, None], 4, True)[:, 0]
     else:
-        depths = upsampled(expectation[:, None], 4, True)[:, 0]
+        depths = upsample(expectation[:, None], 4, True)[:, 0]
     assert torch.allclose(encoding.depths, depths)
     assert torch.allclose(encoding.gaussians.means.reshape(2, 32, 48, 3), back_project(depths, views.cameras))
     (distribution,), logit = seen["opacity"]
-    assert torch.allclose(distribution, upsampled(p, 4, True))
+    assert torch.allclose(distribution, upsample(p, 4, True))
     assert torch.allclose(encoding.gaussians.opacities.reshape(2, 32, 48), logit[:, 0].sigmoid())
     for branch in ("colour", "semantic"):
         features = seen[f"{branch}_features"][1].flatten(0, 1)
-        expected = torch.cat((views.images, upsampled(features, 4, True)), 1)
+        expected = torch.cat((views.images, upsample(features, 4, True)), 1)
         assert torch.allclose(seen[branch][0][0], expected)

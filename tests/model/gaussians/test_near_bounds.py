@@ -13,7 +13,7 @@ from semgs.geometry.cameras import Cameras
 
 
 def test_permuting_views_of_different_bounds_permutes_the_output() -> None:
-    model = fill_golden(preset("small")).double()
+    model = fill_golden(preset("small_plain")).double()
     views = posed_views(3, (32, 48), dtype=torch.float64)
     bounds = torch.tensor([[0.9, 9.0], [0.4, 12.0], [0.6, 10.0]], dtype=torch.float64)
     views = replace(views, depth_range=bounds)
@@ -28,7 +28,7 @@ def test_permuting_views_of_different_bounds_permutes_the_output() -> None:
 
 
 def test_a_scene_in_other_units_has_the_same_depths_in_those() -> None:
-    model = fill_golden(preset("small")).double()
+    model = fill_golden(preset("small_plain")).double()
     views = posed_views(2, (32, 48), dtype=torch.float64)
     poses = views.cameras.world_from_camera.clone()
     poses[:, :3, 3] *= 7

@@ -15,12 +15,12 @@ from torch.nn.functional import normalize
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.harmonics import basis, colours_from_harmonics
-from semgs.geometry.harmonics_rotation import rotated_harmonics
+from semgs.geometry.harmonics_rotation import rotate_harmonics
 from semgs.geometry.plane_sweep import sweep
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.model.attention.swin import Windows
-from semgs.model.gaussians.heads import upsampled
 from semgs.model.gaussians.placing import Rays, points
+from semgs.model.layers.branch_head import upsample
 from semgs.model.layers.conventions import MVSPLAT, OURS, Conventions
 from semgs.model.semgs import SemGS
 from semgs.model.sweep.cost_volume import cost_volume
@@ -136,7 +136,7 @@ def e3nn_rotated(harmonics: torch.Tensor, rotation: torch.Tensor) -> torch.Tenso
 def test_d4_harmonics_of_ours_turn_with_the_camera():
     rotation = matrix_from_quaternion(torch.tensor([0.8, 0.3, -0.5, 0.2], dtype=torch.float64))
     harmonics, directions = 0.2 * draw(1, 50, 16, 3), normalize(draw(50, 3, seed=1), dim=-1)
-    turned = rotated_harmonics(harmonics, rotation[None])[0]
+    turned = rotate_harmonics(harmonics, rotation[None])[0]
     assert torch.allclose(
         colours_from_harmonics(turned, directions @ rotation.T), colours_from_harmonics(harmonics[0], directions)
     )
@@ -160,9 +160,9 @@ def test_d4_mvsplat_s_colours_render_the_same_after_conversion_to_the_standard_b
     def picture(harmonics: torch.Tensor) -> torch.Tensor:
         return render(Gaussians(means, opacities, Appearance(quaternions, scales, harmonics)), camera).images
 
-    converted = rotated_harmonics(predicted[None], rotation[None], mvsplat_basis=True)[0]
+    converted = rotate_harmonics(predicted[None], rotation[None], mvsplat_basis=True)[0]
     assert torch.allclose(picture(converted), picture(constant), atol=1e-10)
-    assert differs(picture(rotated_harmonics(predicted[None], rotation[None])[0]), picture(constant), 1e-2)
+    assert differs(picture(rotate_harmonics(predicted[None], rotation[None])[0]), picture(constant), 1e-2)
 
 
 @pytest.mark.parametrize("centres", [True, False])
@@ -183,7 +183,7 @@ def test_d6_texels_have_their_centres_at_a_half_and_theirs_at_integers(centres: 
 def test_d6_upsampling_keeps_the_corners_of_the_picture_and_theirs_the_centres_of_the_corner_texels(centres: bool):
     """A ramp over the columns, upsampled four times: ours has a texel's value at its centre, 1.5 pixels inside it."""
     ramp = torch.arange(5, dtype=torch.float64).expand(1, 1, 3, 5)
-    wide = upsampled(ramp, 4, centres)[0, 0, 6]
+    wide = upsample(ramp, 4, centres)[0, 0, 6]
     if centres:
         expected = [min(max((column + 0.5) / 4 - 0.5, 0), 4) for column in range(20)]
     else:

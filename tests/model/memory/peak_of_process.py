@@ -12,9 +12,9 @@ import json
 import sys
 from dataclasses import asdict
 
-from semgs.bench.bench_inputs import network
+from semgs.bench.bench_inputs import load_network
 from semgs.bench.peak_memory import peak_mb
-from semgs.data.choosing.choice import given
+from semgs.data.choosing.choice import choose_named
 from semgs.data.scenes import open_scene
 from semgs.model.memory import memory_plan
 from semgs.reconstruction.pipeline import reconstruct
@@ -28,8 +28,8 @@ def main(name: str, views: str, height: str, width: str, free_gb: str = "") -> N
     if free_gb:
         memory_plan.free_bytes = lambda: 1e9 * float(free_gb)
     scene, count = open_scene(demo_scene()), int(views)
-    choice = given(scene, list(range(count)))
-    result = reconstruct(scene, choice, network(name), (int(height), int(width)))
+    choice = choose_named(scene, list(range(count)))
+    result = reconstruct(scene, choice, load_network(name), (int(height), int(width)))
     assert result.plan is not None
     told = asdict(result.plan) | {"measured_bytes": 1e6 * peak_mb(), "mapped_bytes": process_bytes("RssFile")}
     print(json.dumps({key: value for key, value in told.items() if key != "available_bytes"}))

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -21,13 +22,14 @@ from posed import posed_views
 from torch.autograd.profiler import profile, record_function
 
 from semgs.cli.main import main
-from semgs.data.choosing.choice import given
+from semgs.data.choosing.choice import choose_named
 from semgs.data.scene import Scene
+from semgs.model.encode import Network
 from semgs.model.layers.chunks import WHOLE, Chunks
 from semgs.model.memory import memory_plan as planning
-from semgs.model.memory.memory_plan import NotEnoughMemoryError, Work, memory_plan, stage_bytes
+from semgs.model.memory.memory_plan import NotEnoughMemoryError, Work, stage_bytes
 from semgs.model.semgs import STAGES, SemGS
-from semgs.reconstruction.pipeline import Network, reconstruct
+from semgs.reconstruction.pipeline import reconstruct
 from semgs.runtime.free_memory import held_bytes
 
 NEVER_MORE, ALWAYS_MORE = 1.2, 1.0
@@ -37,6 +39,11 @@ NEVER_MORE, ALWAYS_MORE = 1.2, 1.0
 @cache
 def model_of(name: str) -> SemGS:
     return fill_golden(network(paper_heads=True) if name == "text" else preset(name))
+
+
+def work_of(model: SemGS, views: int, size: tuple[int, int], drawn: int) -> Work:
+    weight = model.cnn.conv1.weight
+    return Work(model.settings, model.class_count, model.fuses, weight.dtype, weight.device, views, size, drawn)
 
 
 @cache
@@ -73,9 +80,9 @@ def allocated(name: str, views: int, size: tuple[int, int], chunks: Chunks) -> d
 @pytest.mark.parametrize(
     ("name", "views", "size", "chunks"),
     [
-        ("small", 2, (112, 160), WHOLE),
-        ("small", 6, (96, 112), WHOLE),
-        ("small", 6, (96, 112), Chunks(2, 1)),
+        ("small_plain", 2, (112, 160), WHOLE),
+        ("small_plain", 6, (96, 112), WHOLE),
+        ("small_plain", 6, (96, 112), Chunks(2, 1)),
         pytest.param("base", 2, (64, 96), WHOLE, marks=pytest.mark.long),
         ("base", 3, (64, 80), Chunks(1, 1)),
         pytest.param("mvsplat", 2, (64, 96), WHOLE, marks=pytest.mark.long),
@@ -87,7 +94,7 @@ def test_the_fullest_stage_holds_what_its_terms_say(
 ) -> None:
     model = model_of(name)
     measured = allocated(name, views, size, chunks)
-    planned = stage_bytes(model, Work(views, size, views), chunks)
+    planned = stage_bytes(work_of(model, views, size, views), chunks)
     del planned["render"]
     # Where pictures are this small, weights in the convolutions' own layout weigh as much as features.
     weights = sum(one.numel() * one.element_size() for one in model.parameters())
@@ -104,16 +111,17 @@ def test_the_terms_of_small_are_those_worked_out_by_hand() -> None:
     known = 5 * 12_288
     cost = known + 256 * (96 + 128) + 256 * 64
     refinement = known + 2 * 256 * 64 + 2 * 1024 + 2 * 12_288 + 1024 * (1 + 32) + 1024 * (2 * 16 + 5 + 10 * 16)
-    planned = stage_bytes(model_of("small"), Work(2, (32, 64), 0))
+    planned = stage_bytes(work_of(model_of("small_plain"), 2, (32, 64), 0))
     assert planned["cnn"] == 4 * (3072 + cnn)
     assert planned["transformer_colour"] == 4 * (3072 + 12_288 + transformer)
     assert planned["transformer_semantic"] == 4 * (3072 + 3 * 12_288 + transformer)
     assert planned["cost_volume"] == 4 * (3072 + cost)
     assert planned["depth"] == 4 * (3072 + refinement)
-    backbone = stage_bytes(preset("small", class_backbone=True), Work(2, (32, 64), 0))
+    work = work_of(preset("small_plain", class_backbone=True), 2, (32, 64), 0)
+    backbone = stage_bytes(work)
     # At each of a texel's four positions at half the image, 16 channels in and 96 before and after padding; 96 out.
     assert backbone["transformer_semantic"] == 4 * (3072 + 3 * 12_288 + 256 * (4 * (16 + 2 * 96) + 96))
-    padded = stage_bytes(preset("small", class_backbone=True), Work(2, (32, 64), 0, padded=True))
+    padded = stage_bytes(replace(work, padded=True))
     assert padded["transformer_semantic"] - backbone["transformer_semantic"] == 4 * 3 * 4096
 
 
@@ -121,7 +129,7 @@ def test_kernels_gaps_and_small_tensors_are_added(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(
         planning, "stage_bytes", lambda *_: {"cnn": 1e9, "cost_volume": 1e8, "depth": 1e8, "heads": 1e8}
     )
-    found = planning.peaks(model_of("small"), Work(2, (32, 64), 0), WHOLE, 5e6)
+    found = planning.peaks(work_of(model_of("small_plain"), 2, (32, 64), 0), WHOLE, 5e6)
     # What the process held, 225 MB of libraries, 4 % more than the tensors, and gaps: 70 % up to 250 MB, 60 % in the heads, 20 % where tensors
     # are few.
     assert found == pytest.approx({"cnn": 1520e6, "cost_volume": 354e6, "depth": 404e6, "heads": 394e6})
@@ -129,25 +137,25 @@ def test_kernels_gaps_and_small_tensors_are_added(monkeypatch: pytest.MonkeyPatc
 
 def test_memory_grows_no_faster_than_views_and_pixels_where_views_come_one_at_a_time() -> None:
     one = Chunks(1, 1)
-    few, many = (allocated("small", views, (64, 96), one) for views in (3, 6))
+    few, many = (allocated("small_plain", views, (64, 96), one) for views in (3, 6))
     assert max(many.values()) < 2.1 * max(few.values())
-    larger = allocated("small", 3, (128, 192), one)
+    larger = allocated("small_plain", 3, (128, 192), one)
     assert max(larger.values()) < 4.2 * max(few.values())
 
 
 def test_no_warped_features_of_all_depths_are_ever_in_memory() -> None:
-    settings, (height, width) = model_of("small").settings, (112, 160)
+    settings, (height, width) = model_of("small_plain").settings, (112, 160)
     warped = 4 * settings.channels * settings.colour.depth.candidates * height * width / 16
-    assert allocated("small", 2, (height, width), WHOLE)["cost_volume"] < 0.5 * warped
+    assert allocated("small_plain", 2, (height, width), WHOLE)["cost_volume"] < 0.5 * warped
 
 
 def test_chunks_are_as_large_as_memory_allows() -> None:
-    model, views = model_of("small"), posed_views(8, (480, 640))
-    needed = [memory_plan(model, views, available_bytes=float("inf"))]
+    model, views = model_of("small_plain"), posed_views(8, (480, 640))
+    needed = [model.memory_plan(views, available_bytes=float("inf"))]
     assert not needed[0].short
     for _ in range(3):
         try:
-            needed.append(memory_plan(model, views, available_bytes=needed[-1].peak_bytes - 1))
+            needed.append(model.memory_plan(views, available_bytes=needed[-1].peak_bytes - 1))
         except NotEnoughMemoryError:
             break
         assert needed[-1].peak_bytes <= needed[-1].available_bytes
@@ -158,11 +166,11 @@ def test_chunks_are_as_large_as_memory_allows() -> None:
         assert (less.chunks.cost or 8, less.chunks.heads or 8) < (more.chunks.cost or 8, more.chunks.heads or 8)
 
 
-@pytest.mark.parametrize(("name", "size", "joined"), [("base", (240, 320), 1), ("small", (240, 320), None)])
+@pytest.mark.parametrize(("name", "size", "joined"), [("base", (240, 320), 1), ("small_plain", (240, 320), None)])
 def test_views_whose_maps_are_large_come_one_at_a_time_wherever_there_is_room(
     name: str, size: tuple[int, int], joined: int | None
 ) -> None:
-    planned = memory_plan(model_of(name), posed_views(2, size), available_bytes=float("inf"))
+    planned = model_of(name).memory_plan(posed_views(2, size), available_bytes=float("inf"))
     assert planned.chunks == Chunks(heads=joined)
     assert not planned.short
 
@@ -170,19 +178,19 @@ def test_views_whose_maps_are_large_come_one_at_a_time_wherever_there_is_room(
 def test_what_does_not_fit_is_told_with_what_would() -> None:
     model, views = model_of("base"), posed_views(4, (480, 640))
     with pytest.raises(NotEnoughMemoryError) as told:
-        memory_plan(model, views, available_bytes=held_bytes() + 1.5e9)
+        model.memory_plan(views, available_bytes=held_bytes() + 1.5e9)
     assert re.fullmatch(
         r"N = 4 at 480x640 needs about [\d.]+ GB, [\d.]+ GB are free; 240x320 needs [\d.]+ GB", str(told.value)
     )
     with pytest.raises(NotEnoughMemoryError, match="no size fits"):
-        memory_plan(model, views, available_bytes=1e6)
+        model.memory_plan(views, available_bytes=1e6)
 
 
 def test_a_picture_that_is_padded_needs_what_its_padded_size_needs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(planning, "held_bytes", lambda: 4e8)  # which changes while tests run
-    model = model_of("small")
+    model = model_of("small_plain")
     planned = [
-        memory_plan(model, posed_views(2, size), available_bytes=float("inf")).peak_bytes
+        model.memory_plan(posed_views(2, size), available_bytes=float("inf")).peak_bytes
         for size in ((97, 145), (112, 160))
     ]
     assert 0 <= planned[0] - planned[1] < 0.1e9
@@ -191,14 +199,14 @@ def test_a_picture_that_is_padded_needs_what_its_padded_size_needs(monkeypatch: 
 def test_reconstruction_follows_its_plan_and_says_so(
     wall_scene: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scene, model = wall_scene(), model_of("small")
-    choice = given(scene, [0, 1, 2, 3])
+    scene, model = wall_scene(), model_of("small_plain")
+    choice = choose_named(scene, [0, 1, 2, 3])
     whole = reconstruct(scene, choice, model)
     assert whole.plan is not None
     assert whole.plan.chunks == WHOLE
     assert not any("Memory" in note for note in whole.notes)
     few = planning.MemoryPlan(1e9, "heads", Chunks(1, 1), True, 1e9)
-    monkeypatch.setattr("semgs.model.encode.memory_plan", lambda *_: few)
+    monkeypatch.setattr("semgs.model.semgs.SemGS.memory_plan", lambda *_: few)
     given_chunks = []
     hook = model.register_forward_pre_hook(lambda _, arguments: given_chunks.append(arguments[1]))
     parts = reconstruct(scene, choice, model)
@@ -210,7 +218,7 @@ def test_reconstruction_follows_its_plan_and_says_so(
 
 def test_other_networks_are_run_without_a_plan(wall_scene: Callable[..., Scene], oracle: Network) -> None:
     scene = wall_scene()
-    assert reconstruct(scene, given(scene, [0, 3]), oracle).plan is None
+    assert reconstruct(scene, choose_named(scene, [0, 3]), oracle).plan is None
 
 
 def test_the_command_ends_with_one_line_and_code_2_where_nothing_fits(

@@ -31,7 +31,7 @@ def test_maps_join_a_u_net_where_its_maps_have_their_size():
 
 
 def test_the_cue_starts_without_a_say_and_has_one_once_it_learned():
-    model = fill_golden(preset("small", **CUED)).eval()
+    model = fill_golden(preset("small_plain", **CUED)).eval()
     views = posed_views(2, (32, 48))
     last = [layers[-1] for layers in model.colour.depth.regressor.cues]
     with torch.no_grad():
@@ -41,12 +41,12 @@ def test_the_cue_starts_without_a_say_and_has_one_once_it_learned():
             layer.bias.zero_()
         silent = model.sweep(views).depths
     assert not torch.equal(told, silent)
-    fresh = build(switched(networks.small(), CUED)).colour.depth.regressor.cues
+    fresh = build(switched(networks.small_plain(), CUED)).colour.depth.regressor.cues
     assert [(layers[0].num_channels, layers[-1].weight.abs().max().item()) for layers in fresh] == [(32, 0), (96, 0)]
 
 
 def test_depth_sees_the_cues_that_the_class_branch_gives_and_never_teaches_it():
-    model = fill_golden(preset("small", **CUED))
+    model = fill_golden(preset("small_plain", **CUED))
     views = posed_views(2, (32, 48))
     model.sweep(views).depths.sum().backward()
     taught = {name for name, one in model.named_parameters() if one.grad is not None}
@@ -55,7 +55,7 @@ def test_depth_sees_the_cues_that_the_class_branch_gives_and_never_teaches_it():
     pictures = torch.rand(1, 3, 32, 48)
     assert not any(
         cue.requires_grad
-        for cue in model.semantic.refinement.cues(pictures, model.semantic.refinement(pictures, model.cnn).seen)
+        for cue in model.semantic.refinement.cues(pictures, model.semantic.refinement(pictures, model.cnn).cue_maps)
     )
     backbone = model.pretrained_parameters()
     assert not taught & backbone
@@ -65,7 +65,7 @@ def test_depth_sees_the_cues_that_the_class_branch_gives_and_never_teaches_it():
 
 
 def test_the_sweep_alone_and_the_whole_network_see_the_same_cues():
-    model = fill_golden(preset("small", **CUED)).eval()
+    model = fill_golden(preset("small_plain", **CUED)).eval()
     views = posed_views(2, (32, 48))
     with torch.inference_mode():
         spread, coarse = model(views).depth_spread, model.sweep(views)
@@ -77,6 +77,6 @@ def test_the_sweep_alone_and_the_whole_network_see_the_same_cues():
 
 def test_a_cue_without_the_backbone_that_gives_it_is_refused():
     with pytest.raises(ValueError, match="depth_cue needs the class backbone"):
-        preset("small", depth_cue=True)
+        preset("small_plain", depth_cue=True)
     with pytest.raises(ValueError, match="depth_cue needs the class backbone"):
-        build(switched(networks.small(), CUED), None)
+        build(switched(networks.small_plain(), CUED), None)

@@ -35,7 +35,9 @@ def test_the_spread_is_that_of_the_logarithm():
 @pytest.mark.parametrize("name", ["small", "text"])
 @pytest.mark.parametrize("chunks", [WHOLE, Chunks(heads=1)])
 def test_every_pixel_has_the_spread_of_its_texel_in_the_size_of_its_view(name: str, chunks: Chunks):
-    model = fill_golden(preset("small") if name == "small" else network(paper_heads=True, candidates=8, channels=16))
+    model = fill_golden(
+        preset("small_plain") if name == "small" else network(paper_heads=True, candidates=8, channels=16)
+    )
     model = model.double()
     logits: list[torch.Tensor] = []
     model.colour.depth.regressor.register_forward_hook(lambda module, inputs, output: logits.append(output))

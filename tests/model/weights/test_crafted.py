@@ -13,7 +13,7 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from semgs.files.errors import InputError
-from semgs.files.tensor_files import opened_tensors
+from semgs.files.tensor_files import open_tensors
 from semgs.model import networks
 from semgs.model.weights.load import find, load, shipped
 from semgs.model.weights.weights_file import CHECKSUM, checksum, is_ours, read_header, read_tensors, restate
@@ -66,7 +66,7 @@ def test_one_flipped_bit_of_a_tensor_is_noticed_and_files_without_a_checksum_loa
     older = stored(tmp_path / "older", load_file(path))
     assert read_tensors(older)["a"].shape == (2, 3)
     restate(older, older, {"licence": "CC0"})
-    with opened_tensors(older, "weights") as file:
+    with open_tensors(older, "weights") as file:
         assert file.metadata()[CHECKSUM] == checksum(load_file(path))
 
 
@@ -78,17 +78,25 @@ def test_the_weights_that_ship_are_older_than_checksums_and_load():
 @pytest.mark.parametrize(
     ("keys", "value", "told"),
     [
-        (("colour", "transformer", "camera_aware"), "no", r"camera_aware is 'no'; expected bool"),
-        (("colour", "from_image"), 0, r"from_image is 0; expected bool"),
-        (("semantic", "own_cnn"), None, r"own_cnn is None; expected bool"),
-        (("channels",), 48.0, r"channels is 48\.0; expected int"),
-        (("channels",), True, "channels is True; expected int"),
-        (("channels",), 4097, "channels is 4097; expected int"),
-        (("cnn_widths",), [16, 32], r"cnn_widths is \(16, 32\); expected tuple"),
-        (("cnn_widths",), [16, 32, "48"], r"expected tuple\[int, int, int\]"),
-        (("colour", "depth", "initial_scale"), float("nan"), r"initial_scale is nan; expected float"),
-        (("conventions", "z_depth"), "false", r"z_depth is 'false'; expected bool"),
-        (("conventions", "candidates"), "log", r"candidates is 'log'; expected Literal"),
+        (
+            ("colour", "transformer", "camera_aware"),
+            "no",
+            r"colour\.transformer\.camera_aware: expected bool, found 'no'",
+        ),
+        (("colour", "from_image"), 0, r"colour\.from_image: expected bool, found 0"),
+        (("semantic", "own_cnn"), None, r"semantic\.own_cnn: expected bool, found None"),
+        (("channels",), 48.0, r"channels: expected int, found 48\.0"),
+        (("channels",), True, "channels: expected int, found True"),
+        (("channels",), 4097, r"channels: expected a whole number in 0\.\.4096, found 4097"),
+        (("cnn_widths",), [16, 32], r"cnn_widths: Not enough values in \[16, 32\]"),
+        (("cnn_widths",), [16, 32, "48"], r"cnn_widths\[2\]: expected int, found '48'"),
+        (
+            ("colour", "depth", "initial_scale"),
+            float("nan"),
+            r"colour\.depth\.initial_scale: expected a finite number, found nan",
+        ),
+        (("conventions", "z_depth"), "false", r"conventions\.z_depth: expected bool, found 'false'"),
+        (("conventions", "candidates"), "log", "conventions.candidates: expected inverse or linear"),
         (("colour", "heads"), 3, "expected settings and a class table"),
     ],
 )

@@ -16,7 +16,7 @@ from semgs.cli.main import main
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
 from semgs.model.weights.hub import HubId, is_hub_id
-from semgs.model.weights.initial_weights import start
+from semgs.model.weights.initial_weights import initial_network
 from semgs.model.weights.load import find, shipped
 
 ASKED = "hf://owner/rooms"
@@ -61,7 +61,7 @@ def test_a_hub_id_loads_as_a_file_does(hub: Callable[..., list[Any]], tmp_path: 
     assert asked == [("owner/rooms", "v1.0", True), ("owner/rooms", "w.safetensors", COMMIT)]
     assert find(ASKED) == ("small", tmp_path / "cached.safetensors")
     assert load("small", ASKED).origin.startswith("cached.safetensors: ")
-    assert start("small", ASKED).origin == f"cached.safetensors: all {len(same.state_dict())} tensors kept"
+    assert initial_network("small", ASKED).origin == f"cached.safetensors: all {len(same.state_dict())} tensors kept"
 
 
 def test_a_file_loads_by_its_path_alone(tmp_path: Path):

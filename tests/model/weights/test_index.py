@@ -66,7 +66,7 @@ def test_a_broken_index_is_told_of(folder: Path, text: str):
 
 def test_a_header_tells_its_scores_as_they_were_put_there(tmp_path: Path):
     path = tmp_path / "scored.safetensors"
-    model = preset("small", class_backbone=True)
+    model = preset("small_plain", class_backbone=True)
     save(path, model, {KEY: scores_text([SCORE])})
     assert read_scores(path) == (SCORE,)
     assert count_parameters(path) == sum(parameter.numel() for parameter in model.parameters())
@@ -77,7 +77,7 @@ def test_a_header_tells_its_scores_as_they_were_put_there(tmp_path: Path):
 @pytest.mark.parametrize("scores", ["{", "[1]", '[{"data": "rooms"}]', json.dumps([{"figures": {"miou": 0.5}}])])
 def test_scores_of_another_form_are_refused(tmp_path: Path, scores: str):
     path = tmp_path / "scored.safetensors"
-    save(path, preset("small"), {KEY: scores})
+    save(path, preset("small_plain"), {KEY: scores})
     with pytest.raises(InputError, match="scores: expected scores as JSON"):
         read_scores(path)
 
@@ -87,7 +87,7 @@ def test_the_hash_of_the_index_is_that_of_the_file(folder: Path):
 
 
 def test_restating_changes_the_header_alone(tmp_path: Path):
-    path, model = tmp_path / "a.safetensors", preset("small")
+    path, model = tmp_path / "a.safetensors", preset("small_plain")
     save(path, model, {"seed": "3", "licence": "none"})
     restate(path, tmp_path / "b.safetensors", {"licence": "Apache-2.0"})
     assert read_header(tmp_path / "b.safetensors").metadata == {"seed": "3", "licence": "Apache-2.0"}

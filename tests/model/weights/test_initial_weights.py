@@ -11,7 +11,7 @@ from posed import posed_views
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
 from semgs.model.switches import switched
-from semgs.model.weights.initial_weights import start
+from semgs.model.weights.initial_weights import initial_network
 from semgs.model.weights.load import load, shipped
 from semgs.model.weights.weights_file import save
 
@@ -19,7 +19,7 @@ FIVE = ClassTable("five", ("wall", "floor", "seat", "bed", "lamp"), tuple((k, k,
 
 
 def test_other_classes_keep_all_but_the_layers_that_predict_them():
-    model = start("small", "small", seed=3, classes=FIVE, own_classes=True)
+    model = initial_network("small", "small", seed=3, classes=FIVE, own_classes=True)
     there, here = load("small").state_dict(), model.state_dict()
     assert model.classes == FIVE
     other = [name for name in here if here[name].shape != there[name].shape or not torch.equal(here[name], there[name])]
@@ -33,12 +33,12 @@ def test_other_classes_keep_all_but_the_layers_that_predict_them():
         )
     assert f"{len(here) - 4} of {len(here)} tensors kept" in model.origin
     assert f"drawn anew for the 5 classes of five with seed 3: {', '.join(other)}" in model.origin
-    again = start("small", "small", seed=3, classes=FIVE, own_classes=True).state_dict()
+    again = initial_network("small", "small", seed=3, classes=FIVE, own_classes=True).state_dict()
     assert all(torch.equal(here[name], again[name]) for name in here)
 
 
 def test_the_same_classes_keep_everything():
-    model = start("small", str(shipped("small")), classes=SCANNET20, own_classes=True)
+    model = initial_network("small", str(shipped("small")), classes=SCANNET20, own_classes=True)
     there = load("small").state_dict()
     assert all(torch.equal(value, there[name]) for name, value in model.state_dict().items())
     assert model.origin == f"small.safetensors: all {len(there)} tensors kept"
@@ -46,7 +46,7 @@ def test_the_same_classes_keep_everything():
 
 def test_another_table_is_refused_unless_it_is_asked_for():
     with pytest.raises(InputError, match=r"class table five \(5 classes\), found scannet20 \(20 classes\)"):
-        start("small", "small", classes=FIVE)
+        initial_network("small", "small", classes=FIVE)
 
 
 @pytest.mark.parametrize(
@@ -55,13 +55,15 @@ def test_another_table_is_refused_unless_it_is_asked_for():
 )
 def test_weights_that_are_not_there_are_refused(init: str, told: str):
     with pytest.raises(InputError, match=told):
-        start("base", init)
+        initial_network("base", init)
 
 
 def test_weights_lend_a_network_with_another_semantic_branch_all_else(tmp_path: Path):
-    save(tmp_path / "small.safetensors", start("small", "random"), {})
-    given = load("small", tmp_path / "small.safetensors")
-    model = start("small", str(tmp_path / "small.safetensors"), seed=3, switches={"class_backbone": True, "windows": 2})
+    save(tmp_path / "small.safetensors", initial_network("small_plain", "random"), {})
+    given = load("small_plain", tmp_path / "small.safetensors")
+    model = initial_network(
+        "small_plain", str(tmp_path / "small.safetensors"), seed=3, switches={"class_backbone": True, "windows": 2}
+    )
     there, here = given.state_dict(), model.state_dict()
     assert model.settings == switched(given.settings, {"class_backbone": True})
     kept = {name for name in here if not name.startswith("semantic.")}
@@ -72,7 +74,7 @@ def test_weights_lend_a_network_with_another_semantic_branch_all_else(tmp_path: 
 
 
 def test_the_semantic_branch_is_drawn_anew_where_that_is_asked_for():
-    model = start("small", "small", seed=3, fresh_semantics=True)
+    model = initial_network("small", "small", seed=3, fresh_semantics=True)
     there = load("small").state_dict()
     drawn = {name for name, tensor in model.state_dict().items() if not torch.equal(tensor, there[name])}
     assert drawn
@@ -80,23 +82,23 @@ def test_the_semantic_branch_is_drawn_anew_where_that_is_asked_for():
 
 
 def test_a_branch_that_weights_have_is_kept_where_it_is_asked_for_again(tmp_path: Path):
-    model = load("small", plain(tmp_path))
+    model = load("small_plain", plain(tmp_path))
     for switches in ({}, {"class_backbone": True}, {"class_backbone": False}):
-        again = start("small", str(tmp_path / "plain.safetensors"), seed=4, switches=switches)
+        again = initial_network("small_plain", str(tmp_path / "plain.safetensors"), seed=4, switches=switches)
         assert all(torch.equal(tensor, model.state_dict()[name]) for name, tensor in again.state_dict().items())
 
 
 def plain(folder: Path) -> Path:
     """Weights of a network with a class backbone and nothing added to depth."""
-    save(folder / "plain.safetensors", start("small", "random", switches={"class_backbone": True}), {})
+    save(folder / "plain.safetensors", initial_network("small_plain", "random", switches={"class_backbone": True}), {})
     return folder / "plain.safetensors"
 
 
 def test_weights_lend_a_network_with_more_layers_in_depth_all_that_they_have(tmp_path: Path):
     more = {"cost_filter": 4, "depth_cue": True}
     path = plain(tmp_path)
-    model = start("small", str(path), seed=3, switches=more)
-    there, here = load("small", path).state_dict(), model.state_dict()
+    model = initial_network("small_plain", str(path), seed=3, switches=more)
+    there, here = load("small_plain", path).state_dict(), model.state_dict()
     assert all(torch.equal(here[name], tensor) for name, tensor in there.items())
     # Five 3D convolutions; two cues of a norm and two convolutions; weight and bias each.
     assert len(here) - len(there) == 2 * (5 + 2 * 3)
@@ -105,29 +107,31 @@ def test_weights_lend_a_network_with_more_layers_in_depth_all_that_they_have(tmp
     )
     views = posed_views(2, (32, 48))
     with torch.inference_mode():
-        torch.testing.assert_close(model.eval().sweep(views).depths, load("small", path).sweep(views).depths)
+        torch.testing.assert_close(model.eval().sweep(views).depths, load("small_plain", path).sweep(views).depths)
     save(tmp_path / "more.safetensors", model, {})
-    there = load("small", tmp_path / "more.safetensors").state_dict()
+    there = load("small_plain", tmp_path / "more.safetensors").state_dict()
     for switches in ({}, more):
-        again = start("small", str(tmp_path / "more.safetensors"), seed=4, switches=switches).state_dict()
+        again = initial_network(
+            "small_plain", str(tmp_path / "more.safetensors"), seed=4, switches=switches
+        ).state_dict()
         assert all(torch.equal(tensor, again[name]) for name, tensor in there.items())
     with pytest.raises(InputError, match="cost_filter = 8, found 4"):
-        start("small", str(tmp_path / "more.safetensors"), switches={"cost_filter": 8})
+        initial_network("small_plain", str(tmp_path / "more.safetensors"), switches={"cost_filter": 8})
 
 
 def test_more_layers_in_depth_and_other_classes_are_one_start(tmp_path: Path):
     path = str(plain(tmp_path))
-    model = start("small", path, seed=3, classes=FIVE, own_classes=True, switches={"cost_filter": 4})
+    model = initial_network("small_plain", path, seed=3, classes=FIVE, own_classes=True, switches={"cost_filter": 4})
     assert "the layers added to depth drawn with seed 3; drawn anew for the 5 classes of five" in model.origin
     with pytest.raises(InputError, match="class table five"):
-        start("small", path, seed=3, classes=FIVE, switches={"cost_filter": 4})
+        initial_network("small_plain", path, seed=3, classes=FIVE, switches={"cost_filter": 4})
 
 
 def test_whether_views_agree_on_classes_can_change_and_all_weights_are_kept(tmp_path: Path):
-    there = load("small", plain(tmp_path))
+    there = load("small_plain", plain(tmp_path))
     for fuses in (True, False):
         path = str(tmp_path / "plain.safetensors")
-        model = start("small", path, seed=3, switches={"class_fusion": fuses})
+        model = initial_network("small_plain", path, seed=3, switches={"class_fusion": fuses})
         count = len(there.state_dict())
         assert (model.fuses, model.settings.semantic.fusion) == (fuses, fuses)
         assert model.origin in (
@@ -140,22 +144,25 @@ def test_whether_views_agree_on_classes_can_change_and_all_weights_are_kept(tmp_
 
 def test_a_cue_without_a_backbone_is_refused_in_one_line():
     with pytest.raises(InputError, match="depth_cue needs the class backbone"):
-        start("small", "random", switches={"depth_cue": True})
+        initial_network("small_plain", "random", switches={"depth_cue": True})
 
 
 def test_weights_of_another_network_are_refused():
     with pytest.raises(InputError, match='weights of "base", found weights of "small"'):
-        start("base", "small")
+        initial_network("base", "small")
     with pytest.raises(InputError, match='weights of "base", found weights of "small"'):
-        start("base", "small", classes=FIVE, own_classes=True)
+        initial_network("base", "small", classes=FIVE, own_classes=True)
 
 
 def test_switches_make_another_network_and_must_be_those_of_the_weights(tmp_path: Path):
-    plain, full = start("small", "random", seed=2), start("small", "random", seed=2, switches={"windows": 1})
+    plain, full = (
+        initial_network("small_plain", "random", seed=2),
+        initial_network("small_plain", "random", seed=2, switches={"windows": 1}),
+    )
     assert switched(plain.settings, {"windows": 1}) == full.settings
     assert all(torch.equal(value, full.state_dict()[name]) for name, value in plain.state_dict().items())
     save(tmp_path / "full.safetensors", full, {})
-    again = start("small", str(tmp_path / "full.safetensors"))
+    again = initial_network("small_plain", str(tmp_path / "full.safetensors"))
     assert again.settings == full.settings
     with pytest.raises(InputError, match="weights of a network with windows = 2, found 1"):
-        start("small", str(tmp_path / "full.safetensors"), switches={"windows": 2})
+        initial_network("small_plain", str(tmp_path / "full.safetensors"), switches={"windows": 2})

@@ -83,7 +83,7 @@ def test_no_weights_ship_for_base():
 
 
 def test_an_unknown_name_lists_the_known():
-    with pytest.raises(ValueError, match="small, base, base_text, mvsplat"):
+    with pytest.raises(ValueError, match="small, small_plain, base, base_text, mvsplat"):
         load("large")
 
 

@@ -10,7 +10,7 @@ from safetensors.torch import save_file
 
 from semgs.files.errors import InputError
 from semgs.model.classes.mobilenet import MobileNetV2
-from semgs.model.weights.initial_weights import start
+from semgs.model.weights.initial_weights import initial_network
 from semgs.model.weights.load import load, shipped
 from semgs.model.weights.published_backbones import fill_backbone, is_published
 
@@ -95,8 +95,8 @@ def test_the_published_files_beside_the_project_are_such(shared: Path):
 def test_a_training_starts_from_a_published_file_alone_or_beside_weights(tmp_path: Path):
     path = tmp_path / "backbone.safetensors"
     tensors = published(path)
-    alone = start("small", str(path), seed=2)
-    beside = start("small", "small", seed=2, switches={"class_backbone": True}, backbone=str(path))
+    alone = initial_network("small", str(path), seed=2)
+    beside = initial_network("small", "small", seed=2, switches={"class_backbone": True}, backbone=str(path))
     for model in (alone, beside):
         assert all(
             torch.equal(model.semantic.refinement.backbone.state_dict()[name], one.float())
@@ -107,4 +107,4 @@ def test_a_training_starts_from_a_published_file_alone_or_beside_weights(tmp_pat
     lent = beside.parts()["depth"] | beside.parts()["colour"]
     assert all(torch.equal(beside.state_dict()[name], shipped[name]) for name in lent)
     with pytest.raises(InputError, match="expected a network with a MobileNetV2 class backbone, found one without"):
-        start("small", "random", backbone=str(path))
+        initial_network("small_plain", "random", backbone=str(path))

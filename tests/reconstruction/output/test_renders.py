@@ -7,12 +7,13 @@ import numpy as np
 import torch
 from PIL import Image
 
-from semgs.data.choosing.choice import given
+from semgs.data.choosing.choice import choose_named
 from semgs.data.scene import Scene
 from semgs.figures.depth_images import millimetres
 from semgs.files.images.pictures import read_rgb, read_uint8, read_uint16
+from semgs.model.encode import Network
 from semgs.reconstruction.output.renders import per_thousand, percent, write_renders
-from semgs.reconstruction.pipeline import Network, reconstruct
+from semgs.reconstruction.pipeline import reconstruct
 from semgs.rendering.rendering import label_maps
 
 
@@ -20,7 +21,7 @@ def test_each_view_has_its_files_and_they_hold_what_was_rendered(
     wall_scene: Callable[..., Scene], oracle: Network, tmp_path: Path
 ) -> None:
     scene = wall_scene()
-    result = reconstruct(scene, given(scene, [0, 2]), oracle)
+    result = reconstruct(scene, choose_named(scene, [0, 2]), oracle)
     (tmp_path / "renders").mkdir()
     write_renders(tmp_path / "renders", result)
     written = sorted(path.name for path in (tmp_path / "renders").iterdir())
@@ -51,7 +52,7 @@ def test_without_a_known_unit_depth_is_floating_point_and_no_millimetres_are_wri
     wall_scene: Callable[..., Scene], oracle: Network, tmp_path: Path
 ) -> None:
     scene = wall_scene(metric=False)
-    result = reconstruct(scene, given(scene, [0, 2]), oracle)
+    result = reconstruct(scene, choose_named(scene, [0, 2]), oracle)
     (tmp_path / "renders").mkdir()
     write_renders(tmp_path / "renders", result)
     assert not list((tmp_path / "renders").glob("*depth.png"))
@@ -65,7 +66,7 @@ def test_a_colour_only_network_leaves_the_class_maps_out(
 ) -> None:
     scene = wall_scene()
     (tmp_path / "renders").mkdir()
-    write_renders(tmp_path / "renders", reconstruct(scene, given(scene, [0, 1]), colour_oracle))
+    write_renders(tmp_path / "renders", reconstruct(scene, choose_named(scene, [0, 1]), colour_oracle))
     names = {path.name for path in (tmp_path / "renders").iterdir()}
     assert "context_000_image.png" in names
     assert not any(
@@ -78,7 +79,7 @@ def test_thresholds_of_the_files_separate_the_pixels_that_the_option_separates(
 ) -> None:
     scene = wall_scene()
     (tmp_path / "renders").mkdir()
-    result = reconstruct(scene, given(scene, [0, 2]), oracle, min_confidence=0.7)
+    result = reconstruct(scene, choose_named(scene, [0, 2]), oracle, min_confidence=0.7)
     write_renders(tmp_path / "renders", result)
     stem = "context_000"
     labels, confidence = (read_uint8(tmp_path / f"renders/{stem}_{name}.png") for name in ("labels", "confidence"))

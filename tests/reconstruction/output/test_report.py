@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import pytest
 
-from semgs.data.choosing.choice import given
+from semgs.data.choosing.choice import choose_named
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import ClassTable
+from semgs.model.encode import Network
 from semgs.reconstruction.output.report import Origin, outputs, report_numbers, rounded
 from semgs.reconstruction.output.report_page import report_page
 from semgs.reconstruction.output.score_table import score_lines, score_table
-from semgs.reconstruction.pipeline import Network, reconstruct
+from semgs.reconstruction.pipeline import reconstruct
 from semgs.reconstruction.scores import ViewScores, mean_scores
 from semgs.rendering.temperatures import Temperatures
 
@@ -27,7 +28,7 @@ def text_of(html: str) -> str:
 
 def test_the_numbers_are_those_of_the_result(wall_scene: Callable[..., Scene], oracle: Network) -> None:
     scene = wall_scene()
-    result = reconstruct(scene, given(scene, [0, 3]), oracle)
+    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle)
     numbers = json.loads(json.dumps(report_numbers(result, ORIGIN, SECONDS), allow_nan=False))
     assert numbers["scene"]["unit"] == "metric"
     assert numbers["choice"]["context"] == [0, 3]
@@ -55,7 +56,7 @@ def test_unknown_is_not_unseen_and_the_report_has_the_share_of_both(
 ) -> None:
     """With a temperature of 4 the oracle's 0.81 becomes 3 / (3 + 19) of 20 classes, 0.136, because 0.81 / 0.01 is 3^4."""
     scene = wall_scene()
-    usual, choice = oracle.forward, given(scene, [0, 3])
+    usual, choice = oracle.forward, choose_named(scene, [0, 3])
     oracle.forward = lambda views: replace(usual(views), temperatures=Temperatures(rendered=4.0, gaussians=1.0))
     for threshold, unknown in ((0.13, 0.0), (0.14, 1.0)):
         result = reconstruct(scene, choice, oracle, min_confidence=threshold)
@@ -78,16 +79,16 @@ def test_a_least_confidence_needs_classes_and_a_number_for_unknown(
 ) -> None:
     scene = wall_scene()
     with pytest.raises(ValueError, match="colour only; expected one with classes"):
-        reconstruct(scene, given(scene, [0, 3]), colour_oracle, min_confidence=0.5)
+        reconstruct(scene, choose_named(scene, [0, 3]), colour_oracle, min_confidence=0.5)
     names = tuple(f"class {number}" for number in range(255))
     colour_oracle.classes = ClassTable("many", names, ((1, 2, 3),) * 255, tuple(range(255)))
     with pytest.raises(ValueError, match="255 classes; expected at most 254"):
-        reconstruct(scene, given(scene, [0, 3]), colour_oracle, min_confidence=0.5)
+        reconstruct(scene, choose_named(scene, [0, 3]), colour_oracle, min_confidence=0.5)
 
 
 def test_the_page_tells_what_was_read_chosen_and_found(wall_scene: Callable[..., Scene], oracle: Network) -> None:
     scene = wall_scene()
-    result = reconstruct(scene, given(scene, [0, 3]), oracle)
+    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle)
     html = report_page(result, ORIGIN, SECONDS)
     text = text_of(html)
     for part in (
@@ -107,7 +108,7 @@ def test_the_scores_are_those_of_input_views_too_in_the_words_of_an_evaluation(
     wall_scene: Callable[..., Scene], oracle: Network
 ) -> None:
     scene = wall_scene()
-    result = reconstruct(scene, given(scene, [0, 3]), oracle)
+    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle)
     table = score_table(result)
     assert table.head == (
         "view", "mIoU/image", "mIoU/image (seen)", "acc./image", "acc./image (seen)", "PSNR", "PSNR (seen)", "depth error",
@@ -130,14 +131,16 @@ def test_where_much_is_not_seen_the_scores_over_the_seen_pixels_have_a_line_of_t
     wall_scene: Callable[..., Scene], colour_oracle: Network
 ) -> None:
     scene = wall_scene(shifts=(0.0, 0.08))
-    result = reconstruct(scene, given(scene, [0, 1]), colour_oracle)
-    lines = score_lines(replace(result, target=replace(result.context, scores=(ViewScores(9.7, 0.66, 19.1),) * 2)))
+    result = reconstruct(scene, choose_named(scene, [0, 1]), colour_oracle)
+    lines = score_lines(
+        replace(result, target=replace(result.context, role="target", scores=(ViewScores(9.7, 0.66, 19.1),) * 2))
+    )
     assert lines[:2] == ["held-out views: PSNR 9.70 dB", "held-out views, the 66 % that is seen: PSNR (seen) 19.10 dB"]
 
 
 def test_pictures_come_first_and_details_last(wall_scene: Callable[..., Scene], oracle: Network) -> None:
     scene = wall_scene()
-    html = report_page(reconstruct(scene, given(scene, [0, 3]), oracle), ORIGIN, SECONDS)
+    html = report_page(reconstruct(scene, choose_named(scene, [0, 3]), oracle), ORIGIN, SECONDS)
     assert re.findall(r"<h2>([^<]*)</h2>", html) == [
         "Please note", "Input views", "Held-out views", "Scores", "Files", "Details", "Time",
     ]  # fmt: skip
@@ -151,7 +154,7 @@ def test_pictures_come_first_and_details_last(wall_scene: Callable[..., Scene], 
 
 def test_all_files_but_the_page_itself_are_links(wall_scene: Callable[..., Scene], oracle: Network) -> None:
     scene = wall_scene()
-    html = report_page(reconstruct(scene, given(scene, [0, 3]), oracle), ORIGIN, SECONDS)
+    html = report_page(reconstruct(scene, choose_named(scene, [0, 3]), oracle), ORIGIN, SECONDS)
     assert re.findall(r'href="([^"]*)"', html) == [
         "report.json", "gaussians.ply", "semantics.ply", "export.json", "scene.safetensors", "renders/",
     ]  # fmt: skip
@@ -159,7 +162,7 @@ def test_all_files_but_the_page_itself_are_links(wall_scene: Callable[..., Scene
 
 def test_where_the_unit_is_unknown_no_metre_is_mentioned(wall_scene: Callable[..., Scene], oracle: Network) -> None:
     scene = wall_scene(metric=False)
-    result = reconstruct(scene, given(scene, [0, 3]), oracle)
+    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle)
     text = text_of(report_page(result, ORIGIN, SECONDS))
     assert not re.search(r"\d\s?(m|mm|cm|metres|meters)\b", text)
     assert "metres" not in text
@@ -171,7 +174,7 @@ def test_where_the_unit_is_unknown_no_metre_is_mentioned(wall_scene: Callable[..
 
 def test_a_colour_only_result_has_no_classes_anywhere(wall_scene: Callable[..., Scene], colour_oracle: Network) -> None:
     scene = wall_scene()
-    result = reconstruct(scene, given(scene, [0, 3]), colour_oracle)
+    result = reconstruct(scene, choose_named(scene, [0, 3]), colour_oracle)
     numbers = report_numbers(result, ORIGIN, SECONDS)
     assert numbers["classes"] == []
     assert numbers["unseen"] is None
@@ -182,7 +185,7 @@ def test_a_colour_only_result_has_no_classes_anywhere(wall_scene: Callable[..., 
 
 def test_without_held_out_views_the_page_has_no_such_part(wall_scene: Callable[..., Scene], oracle: Network) -> None:
     scene = wall_scene(shifts=(0.0, 0.1))
-    result = reconstruct(scene, given(scene, [0, 1]), oracle)
+    result = reconstruct(scene, choose_named(scene, [0, 1]), oracle)
     assert report_numbers(result, ORIGIN, SECONDS)["means"]["target"] is None
     assert "Held-out views" not in text_of(report_page(result, ORIGIN, SECONDS))
 

@@ -13,7 +13,7 @@ from semgs.data.tables.classes import IGNORE
 from semgs.rooms.assets.asset_library import Library, open_library
 from semgs.rooms.assets.catalogue import read_catalogue
 from semgs.rooms.assets.coverings import Coverings
-from semgs.rooms.assets.swaps import RULES, Rule, Swaps, fit
+from semgs.rooms.assets.swaps import RULES, Rule, Swaps, fit_scale
 from semgs.rooms.assets.used import UsedAssets
 from semgs.rooms.drawing.room import build_room
 from semgs.rooms.drawing.shading import look
@@ -60,7 +60,7 @@ def test_no_mesh_is_stretched_beyond_its_rule(asset_folder):
         rule = Rule(row.label, low=0.8, high=1.2, stretch=1.1)
         for _ in range(50):
             box = np.array(row.extents) * rng.uniform(0.5, 2.0, 3)
-            scale = fit(row, box, rule)
+            scale = fit_scale(row, box, rule)
             if scale is not None and row.mount == "floor":
                 assert scale.max() / scale.min() <= 1.1**2 + 1e-9
                 assert scale.min() >= 0.8 / 1.1

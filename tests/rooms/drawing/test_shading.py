@@ -4,11 +4,11 @@ import pytest
 pytest.importorskip("embreex")
 
 from semgs.rooms.drawing.room import build_room
-from semgs.rooms.drawing.shading import centres, look, photograph, pixel_directions
+from semgs.rooms.drawing.shading import RoomCamera, centres, look, photograph, pixel_directions
 from semgs.rooms.pieces import materials, texture_kernels
 from semgs.rooms.sets.room_stream import generator
 
-INTRINSICS = np.array([[41.0, 0, 30.5], [0, 46.0, 25.2], [0, 0, 1]])
+CAMERA = RoomCamera(np.array([[41.0, 0, 30.5], [0, 46.0, 25.2], [0, 0, 1]]), (48, 60))
 
 
 def corner_view(room) -> np.ndarray:
@@ -28,8 +28,8 @@ def test_depths_are_z_depths_of_pixel_centres():
     """The ray-caster's own distance, in float32, along rays through pixel centres."""
     room = build_room(generator(0, 1))
     pose = corner_view(room)
-    frame = photograph(room, pose, INTRINSICS, (48, 60))
-    directions = pixel_directions(pose, INTRINSICS, centres((48, 60)))
+    frame = photograph(room, pose, CAMERA)
+    directions = pixel_directions(pose, CAMERA.intrinsics, centres((48, 60)))
     np.testing.assert_allclose(directions @ pose[:3, 2], 1, atol=1e-12)
     triangles, distances = room.caster.cast(np.broadcast_to(pose[:3, 3], directions.shape), directions)
     np.testing.assert_allclose(frame.depths.ravel(), distances, rtol=2e-4)
@@ -39,8 +39,8 @@ def test_depths_are_z_depths_of_pixel_centres():
 def test_looking_without_colours_sees_the_same_labels_and_depths():
     room = build_room(generator(0, 2))
     pose = corner_view(room)
-    frame = photograph(room, pose, INTRINSICS, (48, 60))
-    labels, depths = look(room, pose, pixel_directions(pose, INTRINSICS, centres((48, 60))))
+    frame = photograph(room, pose, CAMERA)
+    labels, depths = look(room, pose, pixel_directions(pose, CAMERA.intrinsics, centres((48, 60))))
     assert (labels == frame.labels.ravel()).all()
     np.testing.assert_allclose(depths, frame.depths.ravel(), rtol=1e-6)
 
@@ -48,7 +48,7 @@ def test_looking_without_colours_sees_the_same_labels_and_depths():
 def test_radiance_is_finite_and_nowhere_negative():
     for index in range(8):
         room = build_room(generator(0, index))
-        frame = photograph(room, corner_view(room), INTRINSICS, (48, 60))
+        frame = photograph(room, corner_view(room), CAMERA)
         assert np.isfinite(frame.radiance).all()
         assert frame.radiance.min() >= 0
         assert frame.radiance.std() > 0.005

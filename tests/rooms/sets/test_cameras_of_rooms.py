@@ -6,16 +6,16 @@ import pytest
 pytest.importorskip("embreex")
 
 from semgs.rooms.drawing.room import build_room
-from semgs.rooms.drawing.shading import look, pixel_directions
+from semgs.rooms.drawing.shading import RoomCamera, look, pixel_directions
 from semgs.rooms.pieces.furniture import LABEL
 from semgs.rooms.pieces.solids import block, gather
 from semgs.rooms.sets import carried_cameras as cameras
-from semgs.rooms.sets.carried_cameras import USUAL, Habit, draw_habit, draw_intrinsics, draw_path, overlap
-from semgs.rooms.sets.room_stream import fitted, generator
+from semgs.rooms.sets.carried_cameras import USUAL, Habit, draw_camera, draw_habit, draw_path, view_overlap
+from semgs.rooms.sets.room_stream import generator, keep_overlap
 
-SIZE = (30, 40)
 PIXELS = np.stack(np.meshgrid(np.arange(40) + 0.5, np.arange(30) + 0.5), -1).reshape(-1, 2)
 K = np.array([[36.0, 0, 19.0], [0, 35.0, 16.0], [0, 0, 1]])
+CAMERA = RoomCamera(K, (30, 40))
 
 
 def test_the_held_out_world_has_the_usual_cameras_and_no_number_is_spent_on_it():
@@ -51,7 +51,7 @@ def test_other_lenses_have_other_fields_of_view(focal, degrees):
     """An image of 400 px by a focal length of 0.5 of it is seen under 2 atan(1) = 90 degrees."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        intrinsics = draw_intrinsics(rng, (300, 400), Habit(focal=focal))
+        intrinsics = draw_camera(rng, (300, 400), Habit(focal=focal)).intrinsics
         across = np.degrees(2 * np.arctan(200 / np.sqrt(intrinsics[0, 0] * intrinsics[1, 1])))
         assert degrees[0] - 0.1 < across < degrees[1]
 
@@ -77,7 +77,7 @@ def test_close_cameras_are_within_90_cm_of_their_subject_and_fill_the_frame_with
     for index in range(10):
         rng = generator(31, index)
         room = build_room(rng)
-        path = draw_path(rng, room, K, SIZE, 0.5, Habit(close=True))
+        path = draw_path(rng, room, CAMERA, 0.5, Habit(close=True))
         subject, place = subjects[-1], path.middle
         away = np.linalg.norm(np.maximum(0, np.maximum(subject.low - place, place - subject.high)))
         assert away <= 0.9
@@ -97,10 +97,10 @@ def test_long_steps_are_up_to_a_third_of_the_depth_and_turning_away_leaves_less_
         for index in range(6):
             rng = generator(32, index)
             room = build_room(rng)
-            path = fitted(rng, room, draw_path(rng, room, K, SIZE, 1.0, wide), K, SIZE, wide.overlap)
+            path = keep_overlap(rng, room, draw_path(rng, room, CAMERA, 1.0, wide), CAMERA, wide.overlap)
             one, other = path.pose(-0.5), path.pose(0.5)
             _, z = look(room, one, pixel_directions(one, K, PIXELS))
-            shares[row, index] = overlap(room, one, other, K, SIZE)
+            shares[row, index] = view_overlap(room, one, other, CAMERA)
             baselines[row, index] = np.linalg.norm(one[:3, 3] - other[:3, 3]) / np.median(z)
     assert shares.min() > 0.25
     assert np.median(shares[0]) > 0.7 > np.median(shares[1])

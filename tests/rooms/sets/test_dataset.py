@@ -13,7 +13,7 @@ from semgs import __version__
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError
-from semgs.files.folders import alone
+from semgs.files.folders import lock_folder
 from semgs.rooms.assets.asset_library import Library
 from semgs.rooms.assets.lock import make_lock, write_lock
 from semgs.rooms.sets import dataset
@@ -168,7 +168,7 @@ def test_a_folder_that_another_process_fills_is_refused_and_nothing_in_it_is_cle
     part = tmp_path / "rooms" / ".scene_00000.0123abcd.part"
     part.mkdir()
     with (
-        alone(tmp_path / "rooms" / "settings.json", "", ""),
+        lock_folder(tmp_path / "rooms" / "settings.json", "", ""),
         pytest.raises(InputError, match="another process is filling"),
     ):
         write_dataset(tmp_path / "rooms", RECIPE, 1)

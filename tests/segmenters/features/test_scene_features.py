@@ -29,7 +29,7 @@ from semgs.segmenters.features.scene_features import (
     _Tally,
     load_features,
     save_features,
-    units,
+    unit_features,
 )
 
 NUMBERS = 6
@@ -60,7 +60,7 @@ def encoding(views: Views, depths: tuple[float, ...], stride: int = 1) -> Encodi
     shape = Appearance(torch.tensor([1.0, 0, 0, 0]).expand(count, 4), torch.full((count, 3), 0.1), torch.zeros(count, 1, 3))  # fmt: skip
     gaussians = Gaussians(torch.zeros(count, 3), torch.full((count,), 0.5), shape)
     maps = torch.ones(len(views), height, width) * torch.tensor(depths)[:, None, None]
-    return Encoding(gaussians, maps, maps, torch.full_like(maps, 1e-3), views.depth_range)
+    return Encoding(gaussians, maps, maps, torch.full_like(maps, 1e-3), views.depth_range, stride=stride)
 
 
 def columns(name: str, size: tuple[int, int]) -> np.ndarray:
@@ -184,9 +184,9 @@ def test_no_embedding_deviates_more_than_the_bound(scene: Scene):
 
 def test_features_of_any_float_type_and_length_become_units():
     values = np.array([[[3.0, 0.0, 1e-30]], [[4.0, 0.0, 0.0]]])
-    (found,) = units(values)
+    (found,) = unit_features(values)
     torch.testing.assert_close(found, torch.tensor([[0.6, 0.8], [0, 0], [1, 0]]))
-    (half,) = units(np.array([[[60000.0]], [[60000.0]]], np.float16))
+    (half,) = unit_features(np.array([[[60000.0]], [[60000.0]]], np.float16))
     torch.testing.assert_close(half, torch.full((1, 2), math.sqrt(0.5)))
 
 

@@ -17,15 +17,15 @@ from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import ClassTable
 from semgs.segmenters.class_map_files import MadeBy, MapFiles
 from semgs.segmenters.networks.cost import Cost, cost_of
-from semgs.segmenters.opening import Opened
-from semgs.segmenters.tables import table_of
+from semgs.segmenters.opening import ViewSegmenter
+from semgs.segmenters.tables import make_class_table
 
 
 @dataclass
 class Slow:
     """A network that takes 50 ms and 64 million bytes."""
 
-    classes: ClassTable = field(default_factory=lambda: table_of("two", ("wall", "chair")))
+    classes: ClassTable = field(default_factory=lambda: make_class_table("two", ("wall", "chair")))
     made_by: MadeBy = field(default_factory=lambda: MadeBy("slow", "0"))
     images: list[np.ndarray] = field(default_factory=list)
 
@@ -55,7 +55,7 @@ def test_time_adds_up_and_memory_does_not():
 def test_the_cost_of_frames_is_that_of_a_grey_image_for_each_frame_without_a_map(tmp_path: Path):
     scene = open_scene(write_labelled(tmp_path / "scene", 3))
     network = Slow()
-    source = Opened(network).source(scene, tmp_path / "maps")
+    source = ViewSegmenter(network).source(scene, tmp_path / "maps")
     source.of(scene.frames[0], SIZE)
     cost = cost_of(source, scene.frames)
     (_, grey) = network.images
@@ -64,7 +64,7 @@ def test_the_cost_of_frames_is_that_of_a_grey_image_for_each_frame_without_a_map
     assert grey.min() == grey.max() == 128
     assert 0.3 <= cost.seconds < 5, "six frames"
 
-    later = Opened(network).source(scene, earlier=tmp_path / "maps")
+    later = ViewSegmenter(network).source(scene, earlier=tmp_path / "maps")
     cost = cost_of(later, scene.frames[:3])
     assert cost is not None
     assert 0.1 <= cost.seconds < 5, "two frames"
@@ -74,23 +74,25 @@ def test_the_cost_of_frames_is_that_of_a_grey_image_for_each_frame_without_a_map
 
 
 @pytest.mark.parametrize(
-    "other", [Slow(made_by=MadeBy("slow", "1")), Slow(classes=table_of("two", ("wall", "sofa")))], ids=["hash", "names"]
+    "other",
+    [Slow(made_by=MadeBy("slow", "1")), Slow(classes=make_class_table("two", ("wall", "sofa")))],
+    ids=["hash", "names"],
 )
 def test_maps_of_another_network_or_of_other_classes_are_made_anew(tmp_path: Path, other: Slow):
     scene = open_scene(write_labelled(tmp_path / "scene", 3))
-    Opened(Slow()).source(scene, tmp_path / "maps").of(scene.frames[0], SIZE)
-    Opened(other).source(scene, earlier=tmp_path / "maps").of(scene.frames[0], SIZE)
+    ViewSegmenter(Slow()).source(scene, tmp_path / "maps").of(scene.frames[0], SIZE)
+    ViewSegmenter(other).source(scene, earlier=tmp_path / "maps").of(scene.frames[0], SIZE)
     assert len(other.images) == 1
 
 
 def test_maps_of_other_photos_with_the_same_names_are_made_anew(tmp_path: Path):
     """The output folder may have been another scene's before."""
     scene = open_scene(write_labelled(tmp_path / "scene", 3))
-    Opened(Slow()).source(scene, tmp_path / "maps").of(scene.frames[0], SIZE)
+    ViewSegmenter(Slow()).source(scene, tmp_path / "maps").of(scene.frames[0], SIZE)
     photo = tmp_path / "scene" / scene.frames[0].name
     Image.fromarray(255 - np.asarray(Image.open(photo))).save(photo)
     network = Slow()
-    later = Opened(network).source(scene, earlier=tmp_path / "maps")
+    later = ViewSegmenter(network).source(scene, earlier=tmp_path / "maps")
     assert cost_of(later, scene.frames[:1]) is not None
     later.of(scene.frames[0], SIZE)
     assert len(network.images) == 2, "a grey image, and the photo"

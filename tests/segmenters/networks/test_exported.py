@@ -17,7 +17,7 @@ import torch
 
 from semgs.files.errors import InputError
 from semgs.segmenters.networks.exported import Exported, open_exported, read_description
-from semgs.segmenters.opening import network
+from semgs.segmenters.opening import open_network
 
 WEIGHT = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, -1, 0.25]])
 BIAS = np.array([0.0, 0, 0, 0.1])
@@ -70,7 +70,7 @@ def by_hand(image: np.ndarray) -> np.ndarray:
 
 def test_logits_become_probabilities_by_softmax(tmp_path):
     """Red 51, green 153, blue 255 are 0, 1 and 2 after scaling; the fourth logit is -1 + 0.5 + 0.1 = -0.4."""
-    segmenter = network(onnx(tmp_path))
+    segmenter = open_network(onnx(tmp_path))
     found = segmenter(np.broadcast_to(np.array([51, 153, 255], np.uint8), (*SIZE, 3)))
     raised = [1, math.e, math.e**2, math.exp(-0.4)]
     assert found.shape == (4, *SIZE)
@@ -225,18 +225,18 @@ def test_logits_that_are_not_finite_are_refused(tmp_path):
 
 def test_missing_and_damaged_files_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"net\.onnx: expected an exported network, found nothing"):
-        network(described(tmp_path / "net.onnx"))
+        open_network(described(tmp_path / "net.onnx"))
     path = onnx(tmp_path)
     path.write_bytes(path.read_bytes()[:100])
     with pytest.raises(InputError, match=r"net\.onnx: expected a network that onnxruntime can run"):
-        network(path)
+        open_network(path)
     path = litert(tmp_path)
     path.write_bytes(b"no network")
     with pytest.raises(InputError, match=r"net\.tflite: expected a network that LiteRT can run"):
-        network(path)
+        open_network(path)
     path.with_suffix(".json").unlink()
     with pytest.raises(InputError, match=r"net\.json: expected the description of an exported network"):
-        network(path)
+        open_network(path)
 
 
 def test_several_outputs_need_a_name(tmp_path):
@@ -244,8 +244,8 @@ def test_several_outputs_need_a_name(tmp_path):
     outputs = {"logits": "float32", "numbers": "int64"}
     onnx_writer.write_pixelwise(path, WEIGHT, BIAS, shape=(1, 3, *SIZE), outputs=outputs)
     with pytest.raises(InputError, match="expected one output, found logits, numbers; name one in the JSON"):
-        network(path)
-    np.testing.assert_allclose(network(described(path, tensor="logits"))(photo()), by_hand(photo()), atol=2e-6)
+        open_network(path)
+    np.testing.assert_allclose(open_network(described(path, tensor="logits"))(photo()), by_hand(photo()), atol=2e-6)
 
 
 def test_an_image_that_the_network_cannot_take_is_refused(tmp_path, monkeypatch):
@@ -264,4 +264,4 @@ def test_a_missing_library_is_named_with_its_extra(tmp_path, monkeypatch, write,
     monkeypatch.setitem(sys.modules, library, None)
     monkeypatch.setitem(sys.modules, f"{library}.interpreter", None)
     with pytest.raises(ImportError, match=rf"pip install '\.\[{extra}\]'"):
-        network(path)
+        open_network(path)

@@ -23,7 +23,7 @@ from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError
 from semgs.segmenters.networks.huggingface import ClipSeg, Pretrained, licence_of
 from semgs.segmenters.networks.words import TEMPERATURE, Words
-from semgs.segmenters.opening import network, open_segmenter
+from semgs.segmenters.opening import open_network, open_segmenter
 
 HALF = (0.5, 0.5, 0.5)
 IMAGENET = ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
@@ -87,7 +87,7 @@ def test_models_with_logits_give_their_softmax(written, kind):
         logits = model(pixels(kind, photo())).logits[0].double().numpy()
     raised = np.exp(logits - logits.max(0))
     expected = raised / raised.sum(0)
-    found = network(folder)(photo())
+    found = open_network(folder)(photo())
     assert found.shape == expected.shape
     np.testing.assert_allclose(found, expected, atol=2e-5)
     assert expected.std(axis=(1, 2)).max() > 1e-3
@@ -113,7 +113,7 @@ def test_models_with_masks_give_the_sum_over_masks_divided_by_that_over_classes(
         for label in range(5):
             scores[label] += raised[label] / raised.sum() / (1 + (-mask).exp())
     expected = (scores / scores.sum(0)).numpy()
-    np.testing.assert_allclose(network(folder)(photo()), expected, atol=2e-5)
+    np.testing.assert_allclose(open_network(folder)(photo()), expected, atol=2e-5)
     assert expected.std(axis=(1, 2)).max() > 1e-3
 
 
@@ -125,7 +125,7 @@ def test_words_and_none_of_these_share_a_softmax(written):
         logits = model(pixel_values=pixels("clipseg", photo()).expand(3, -1, -1, -1), **tokens).logits.double().numpy()
     raised = np.exp(logits)
     assert TEMPERATURE == 1
-    segmenter = network(folder, words)
+    segmenter = open_network(folder, words)
     found = segmenter(photo())
     np.testing.assert_allclose(found[:3], raised / (1 + raised.sum(0)), atol=1e-4)
     np.testing.assert_allclose(found[3], 1 / (1 + raised.sum(0)), atol=1e-4)
@@ -173,11 +173,11 @@ def test_words_are_for_text_prompted_models_and_these_need_them(written, tmp_pat
     with pytest.raises(
         InputError, match=r"clipseg: expected words, as clipseg has no classes of its own, found none; give --words"
     ):
-        network(written("clipseg")[0])
+        open_network(written("clipseg")[0])
     with pytest.raises(InputError, match="expected a text-prompted model for --words: clipseg, found segformer"):
-        network(written("segformer")[0], ("chair",))
+        open_network(written("segformer")[0], ("chair",))
     with pytest.raises(InputError, match="expected a text-prompted model for --words, such as CLIPSeg"):
-        network(tmp_path / "net.onnx", ("chair",))
+        open_network(tmp_path / "net.onnx", ("chair",))
 
 
 def test_classes_are_the_models_own_or_scannets(written):
@@ -194,7 +194,7 @@ def test_a_model_whose_class_names_say_nothing_is_refused_with_the_list(copied):
 
 def test_the_record_names_folder_hashes_and_licence(copied):
     (copied / "README.md").write_text("---\ntags: [vision]\nlicense: apache-2.0\n---\n# A model\nlicense: mit\n")
-    made_by = network(copied).made_by
+    made_by = open_network(copied).made_by
     assert made_by.title == "model (licence apache-2.0)"
     assert [len(one) for one in made_by.digest.split()] == [64, 64, 64]
 
@@ -218,17 +218,17 @@ def test_the_licence_is_in_the_front_matter(tmp_path, readme, licence):
 def test_pickled_weights_are_refused_with_the_command_that_converts_them(copied):
     from safetensors.torch import load_file
 
-    expected = network(copied)(photo())
+    expected = open_network(copied)(photo())
     torch.save(load_file(copied / "model.safetensors"), copied / "pytorch_model.bin")
     (copied / "model.safetensors").unlink()
     with pytest.raises(
         InputError, match=r"model: expected weights in model\.safetensors, found pytorch_model\.bin"
     ) as caught:
-        network(copied)
+        open_network(copied)
     command = re.search(r'python -c "(.*)"', str(caught.value))
     assert command is not None
     exec(command[1], {})
-    np.testing.assert_array_equal(network(copied)(photo()), expected)
+    np.testing.assert_array_equal(open_network(copied)(photo()), expected)
 
 
 def test_weights_in_several_files_are_read(written, tmp_path):
@@ -237,7 +237,7 @@ def test_weights_in_several_files_are_read(written, tmp_path):
     (tmp_path / "model" / "model.safetensors").unlink()
     model.save_pretrained(tmp_path / "model", max_shard_size="100KB")
     assert len(list((tmp_path / "model").glob("*.safetensors"))) > 1
-    np.testing.assert_array_equal(network(tmp_path / "model")(photo()), network(folder)(photo()))
+    np.testing.assert_array_equal(open_network(tmp_path / "model")(photo()), open_network(folder)(photo()))
 
 
 def without_a_weight(folder: Path) -> None:
@@ -268,7 +268,7 @@ def without_a_weight(folder: Path) -> None:
 def test_what_is_no_segmenter_or_damaged_is_refused(copied, spoil, expected):
     spoil(copied)
     with pytest.raises(InputError, match=re.escape(expected)) as caught:
-        network(copied)
+        open_network(copied)
     assert str(caught.value).startswith(str(copied))
     assert "\n" not in str(caught.value)
 
@@ -277,11 +277,11 @@ def test_a_list_of_weights_outside_the_folder_is_refused(copied):
     (copied / "model.safetensors").unlink()
     (copied / "model.safetensors.index.json").write_text('{"weight_map": {"a": "../other.safetensors"}}')
     with pytest.raises(InputError, match="weight_map: expected the names of safetensors files"):
-        network(copied)
+        open_network(copied)
 
 
 def test_an_image_that_the_model_cannot_take_is_refused(written):
-    segmenter = network(written("segformer")[0])
+    segmenter = open_network(written("segformer")[0])
     assert isinstance(segmenter, Pretrained)
     segmenter.processor.do_resize = False
     with pytest.raises(
@@ -291,7 +291,7 @@ def test_an_image_that_the_model_cannot_take_is_refused(written):
 
 
 def test_words_that_the_model_cannot_take_are_refused(written):
-    segmenter = network(written("clipseg")[0], ("a word longer than the model can read",))
+    segmenter = open_network(written("clipseg")[0], ("a word longer than the model can read",))
     assert isinstance(segmenter, Words)
     assert isinstance(segmenter.model, ClipSeg)
     with pytest.raises(InputError, match=r"clipseg: expected a model that can take an image of 30x51"):
@@ -301,7 +301,7 @@ def test_words_that_the_model_cannot_take_are_refused(written):
 def test_a_missing_library_is_named_with_its_extra(copied, monkeypatch):
     monkeypatch.setitem(sys.modules, "transformers", None)
     with pytest.raises(ImportError, match=r"pip install '\.\[segment\]'"):
-        network(copied)
+        open_network(copied)
 
 
 @pytest.fixture
@@ -316,7 +316,7 @@ def offline(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 def test_without_a_network_the_error_says_what_to_fetch_by_hand(offline):
     with pytest.raises(InputError, match=r"hf:owner/name: expected a model that can be downloaded, found .*https://huggingface.co/owner/name by other means and name its folder: --segmenter FOLDER"):  # fmt: skip
-        network("hf:owner/name")
+        open_network("hf:owner/name")
 
 
 def test_retries_of_the_download_are_not_shown(monkeypatch: pytest.MonkeyPatch):
@@ -332,7 +332,7 @@ def test_retries_of_the_download_are_not_shown(monkeypatch: pytest.MonkeyPatch):
 
     monkeypatch.setattr(transformers.utils, "cached_file", failing)
     with pytest.raises(InputError, match="found no connection"):
-        network("hf:owner/name")
+        open_network("hf:owner/name")
     assert shown.buffer == []
     log.warning("later")
     assert [record.getMessage() for record in shown.buffer] == ["later"]
@@ -341,7 +341,7 @@ def test_retries_of_the_download_are_not_shown(monkeypatch: pytest.MonkeyPatch):
 @pytest.mark.parametrize("name", ["hf:name", "hf:owner/name/more", "hf:owner/name@", "hf:../name", "hf:"])
 def test_other_names_of_the_hub_are_refused(name):
     with pytest.raises(InputError, match="expected hf:OWNER/NAME, optionally followed by @REVISION"):
-        network(name)
+        open_network(name)
 
 
 @pytest.mark.parametrize("name", ["hf:owner/tiny", "hf://owner/tiny", "hf:owner/tiny@v1"])
@@ -353,6 +353,6 @@ def test_a_model_in_the_cache_of_the_hub_needs_no_network(offline, written, name
     (cached / "refs").mkdir()
     for revision in ("main", "v1"):
         (cached / "refs" / revision).write_text(commit)
-    segmenter = network(name)
+    segmenter = open_network(name)
     assert segmenter.made_by.name == name
-    np.testing.assert_array_equal(segmenter(photo()), network(folder)(photo()))
+    np.testing.assert_array_equal(segmenter(photo()), open_network(folder)(photo()))

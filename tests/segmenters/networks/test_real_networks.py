@@ -13,7 +13,7 @@ import pytest
 import semgs
 from semgs.cli.main import main
 from semgs.data.scenes import open_scene
-from semgs.segmenters.opening import network, open_segmenter
+from semgs.segmenters.opening import open_network, open_segmenter
 
 NAMES = (
     "background", "wall", "building", "sky", "floor", "tree", "ceiling", "road", "bed", "window", "grass", "cabinet", "sidewalk",
@@ -44,8 +44,8 @@ def beside(shared: Path, folder: Path, name: str, **changed: Any) -> Path:
 def test_the_logits_lead_to_the_class_numbers(shared: Path, tmp_path: Path, name: str):
     """Up to rounding: the network interpolates logits that it has rounded to 8 bits."""
     image = open_scene(shared / "data/hololens_office").frames[0].read_undistorted()
-    soft = network(beside(shared, tmp_path, name))(image)
-    hard = network(beside(shared, tmp_path, name, output="class numbers", tensor=None))(image)
+    soft = open_network(beside(shared, tmp_path, name))(image)
+    hard = open_network(beside(shared, tmp_path, name, output="class numbers", tensor=None))(image)
     assert soft.shape == (32, 128, 128)
     assert hard.shape == (32, 512, 512)
     places = np.arange(128) * 4 + 2

@@ -25,12 +25,12 @@ from semgs.model.weights.index import SHOWN, read_index
 from tools.release.failures import (
     BEGIN,
     END,
-    Judged,
-    Mistake,
+    ClassMistake,
+    ScoredTarget,
     caption,
-    judged,
     mistakes,
     mistakes_table,
+    score_targets,
     sheet,
     worst,
 )
@@ -55,11 +55,11 @@ class WallIsFloor:
 
 
 @pytest.fixture
-def found(make_scene: Callable[..., Scene]) -> tuple[Judged, ...]:
+def found(make_scene: Callable[..., Scene]) -> tuple[ScoredTarget, ...]:
     """Two targets in each of a good scene, a bad one, and one without labels."""
     scenes = [make_scene(name, frames=4, labels=name != "unknown") for name in ("good", "bad", "unknown")]
     plan = make_plan("neighbours", neighbours, scenes, [2], (36, 48))
-    return judged(FigurePart("", plan, (WallIsFloor(),), SCANNET20).compare())
+    return score_targets(FigurePart("", plan, (WallIsFloor(),), SCANNET20).compare())
 
 
 def scores(confusion: list[list[int]], truth: list[int]) -> FrameScores:
@@ -72,17 +72,17 @@ def test_mistakes_are_shares_of_all_labelled_pixels_given_a_class_or_not_and_the
     one = scores([[5, 1, 0], [0, 4, 0], [0, 0, 0]], [6, 4, 0])
     two = scores([[0, 0, 0], [6, 2, 0], [0, 0, 1]], [0, 9, 1])  # a pixel was given no class
     assert mistakes([one, two], SCANNET20) == (
-        Mistake("floor", "wall", 6 / 20, 6 / 13),
-        Mistake("wall", "floor", 1 / 20, 1 / 6),
+        ClassMistake("floor", "wall", 6 / 20, 6 / 13),
+        ClassMistake("wall", "floor", 1 / 20, 1 / 6),
     )
     assert mistakes([scores([[3, 0, 0], [0, 2, 0], [0, 0, 1]], [3, 2, 1])], SCANNET20) == ()
 
 
-def test_targets_without_labels_cannot_fail(found: tuple[Judged, ...]):
+def test_targets_without_labels_cannot_fail(found: tuple[ScoredTarget, ...]):
     assert [one.scores.scene for one in found] == ["good"] * 2 + ["bad"] * 2
 
 
-def test_the_worst_targets_are_one_of_each_scene_and_the_worst_is_first(found: tuple[Judged, ...]):
+def test_the_worst_targets_are_one_of_each_scene_and_the_worst_is_first(found: tuple[ScoredTarget, ...]):
     for order in (found, found[::-1]):
         first, second = worst(order, 5)
         assert (first.scores.scene, second.scores.scene) == ("bad", "good")
@@ -91,7 +91,7 @@ def test_the_worst_targets_are_one_of_each_scene_and_the_worst_is_first(found: t
     assert len(worst(found, 1)) == 1
 
 
-def test_a_caption_says_how_bad_it_is_and_what_was_taken_for_what(found: tuple[Judged, ...]):
+def test_a_caption_says_how_bad_it_is_and_what_was_taken_for_what(found: tuple[ScoredTarget, ...]):
     bad, good = worst(found, 2)
     (only,) = mistakes([bad.scores], SCANNET20)
     assert caption(bad) == (
@@ -101,14 +101,14 @@ def test_a_caption_says_how_bad_it_is_and_what_was_taken_for_what(found: tuple[J
     assert caption(good) == "mIoU 1.00, accuracy 1.00, depth error 0.10"
 
 
-def test_the_table_has_the_mistakes_of_all_targets_together(found: tuple[Judged, ...]):
+def test_the_table_has_the_mistakes_of_all_targets_together(found: tuple[ScoredTarget, ...]):
     (only,) = mistakes([one.scores for one in found], SCANNET20)
     assert only.of_class < 0.5, "half of the walls of one scene, and none of the other"
     *_, row = mistakes_table(found, 8).splitlines()
     assert row == f"| wall | floor | {100 * only.share:.1f} % | {100 * only.of_class:.0f} % |"
 
 
-def test_a_sheet_is_the_best_jpeg_that_is_small_enough_and_the_same_each_time(found: tuple[Judged, ...]):
+def test_a_sheet_is_the_best_jpeg_that_is_small_enough_and_the_same_each_time(found: tuple[ScoredTarget, ...]):
     rows = worst(found, 2)
     large, small = sheet(rows, 10**6), sheet(rows, 80_000)
     assert len(small) <= 80_000 < len(large)

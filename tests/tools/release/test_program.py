@@ -9,7 +9,7 @@ import pytest
 
 from semgs.files.images.pictures import write_png
 from tools.release.__main__ import main
-from tools.release.demo import drawn
+from tools.release.demo import demo_picture
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_the_picture_of_a_demo_has_a_row_for_each_view_and_four_columns(tmp_path
         for name, value in ((photo, 200), ("image", 100), ("classes", 50)):
             write_png(renders / f"{stem}_{name}.png", np.full((24, 32, 3), value, np.uint8))
         write_png(renders / f"{stem}_depth.png", np.full((24, 32), 2000, np.uint16))
-    picture = drawn(tmp_path)
+    picture = demo_picture(tmp_path)
     assert picture.shape == (2 * 180, 4 * 240, 3)
     assert [picture[90, 240 * column + 120].tolist() for column in range(3)] == [[200] * 3, [100] * 3, [50] * 3]
     assert len(np.unique(picture[:, 720:].reshape(-1, 3), axis=0)) == 1

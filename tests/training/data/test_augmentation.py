@@ -10,9 +10,9 @@ import torch
 from posed import posed_views
 
 from semgs.data.views import Views
-from semgs.training.data.augmentation import Variation, exposed, flipped, recoloured, rolled, window
+from semgs.training.data.augmentation import Variation, crop_to_size, flip, recolour, roll, vary_exposure
+from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.data.teacher import coordinates
-from semgs.training.training_settings import Augmentation
 
 SIZE = (48, 70)
 
@@ -35,7 +35,7 @@ def test_a_window_keeps_points_on_their_pixels():
     views = posed_views(2, SIZE, seed=4)
     points = in_front(views)
     before = projected(views, points)
-    cut = window(views, (30, 40), share=0.75, place=(0.2, 0.9))
+    cut = crop_to_size(views, (30, 40), share=0.75, place=(0.2, 0.9))
     scale = 48 * 0.75 / 30
     width, height = 40 * scale, 30 * scale
     corner = torch.tensor([round(0.9 * (70 - width)), round(0.2 * (48 - height))])
@@ -47,8 +47,8 @@ def test_a_window_keeps_points_on_their_pixels():
 
 def test_without_a_crop_the_middle_of_the_largest_window_is_kept():
     views = posed_views(2, SIZE, seed=4)
-    assert window(views, SIZE) is views
-    cut = window(views, (24, 24))
+    assert crop_to_size(views, SIZE) is views
+    cut = crop_to_size(views, (24, 24))
     expected = views.cameras.intrinsics[..., 0, 2] / 2 - 5.5
     torch.testing.assert_close(cut.cameras.intrinsics[..., 0, 2], expected)
     torch.testing.assert_close(cut.cameras.focal_px, views.cameras.focal_px / 2)
@@ -57,12 +57,12 @@ def test_without_a_crop_the_middle_of_the_largest_window_is_kept():
 def test_a_flipped_world_is_seen_in_mirrored_pictures():
     views = posed_views(2, SIZE, seed=4)
     points = in_front(views)
-    mirrored = flipped(views)
+    mirrored = flip(views)
     there = projected(mirrored, points * torch.tensor([-1.0, 1.0, 1.0], dtype=torch.float64))
     here = projected(views, points)
     torch.testing.assert_close(there, torch.stack((SIZE[1] - here[..., 0], here[..., 1]), -1))
     assert torch.equal(mirrored.images, views.images.flip(-1))
-    twice = flipped(mirrored)
+    twice = flip(mirrored)
     torch.testing.assert_close(twice.cameras.world_from_camera, views.cameras.world_from_camera)
     torch.testing.assert_close(twice.cameras.intrinsics, views.cameras.intrinsics)
 
@@ -74,7 +74,7 @@ def test_labels_and_depths_are_mirrored_with_their_picture():
         labels=torch.randint(0, 20, (2, *SIZE), generator=generator).to(torch.uint8),
         depths=1 + torch.rand(2, *SIZE, generator=generator),
     )
-    mirrored = flipped(views)
+    mirrored = flip(views)
     for column in range(SIZE[1]):
         there = SIZE[1] - 1 - column
         assert torch.equal(mirrored.labels[..., there], views.labels[..., column])
@@ -85,7 +85,7 @@ def test_factors_of_a_grey_picture_are_within_their_bounds_and_come_near_them():
     """Saturation leaves grey alone; what is left is exposure, exp(+-0.3), times white balance, exp(+-0.1) in each channel."""
     grey = posed_views(1, (1, 2), seed=4)
     grey = replace(grey, images=torch.full_like(grey.images, 0.4))
-    changed = [recoloured(grey, 0.3, np.random.default_rng(seed)).images[0, :, 0, 0] for seed in range(300)]
+    changed = [recolour(grey, 0.3, np.random.default_rng(seed)).images[0, :, 0, 0] for seed in range(300)]
     logs = (torch.stack(changed).double() / 0.4).log()
     apart = logs.amax(1) - logs.amin(1)  # of the channels of one picture: at most 2 * 0.1
     assert 0.18 < apart.max() < 0.2 + 1e-6
@@ -97,7 +97,7 @@ def test_factors_of_a_grey_picture_are_within_their_bounds_and_come_near_them():
 def test_a_roll_turns_image_and_camera_together():
     """A point of the world stays on its pixel: an image of the places of its own pixels says where they came from."""
     views = posed_views(1, (48, 70), seed=4)
-    turned = rolled(coordinates(views), 20.0)
+    turned = roll(coordinates(views), 20.0)
     pixel = torch.tensor([41.5, 20.5, 1.0], dtype=torch.float64)
     ray = turned.cameras.intrinsics[0].inverse() @ pixel
     point = turned.cameras.world_from_camera[0] @ torch.cat((3 * ray, torch.ones(1, dtype=torch.float64)))
@@ -105,19 +105,19 @@ def test_a_roll_turns_image_and_camera_together():
     there = seen[:2] / seen[2] / torch.tensor([70, 48])
     assert torch.allclose(turned.images[0, :2, 20, 41].double(), there, atol=1e-3)
     labelled = views.changed(labels=torch.zeros(1, 48, 70, dtype=torch.uint8))
-    labels = rolled(labelled, 20.0).labels
+    labels = roll(labelled, 20.0).labels
     assert labels is not None
     assert set(labels.unique().tolist()) == {0, 255}
-    assert torch.equal(rolled(labelled, 0.0).images, views.images)
+    assert torch.equal(roll(labelled, 0.0).images, views.images)
 
 
 def test_colours_change_alike_in_all_views_and_stay_colours():
     views = posed_views(2, SIZE, seed=4)
     rng = np.random.default_rng(1)
-    changed = recoloured(views, 0.3, rng)
+    changed = recolour(views, 0.3, rng)
     assert not torch.allclose(changed.images, views.images, atol=0.02)
     assert (changed.images.min() >= 0, changed.images.max() <= 1) == (True, True)
-    one = recoloured(views.select([1]), 0.3, np.random.default_rng(1))
+    one = recolour(views.select([1]), 0.3, np.random.default_rng(1))
     torch.testing.assert_close(one.images, changed.images[1:])
 
 
@@ -125,7 +125,7 @@ def test_exposure_changes_each_view_by_itself():
     """Two views of the same grey: exposures of exp(+-0.3) differ by 0.2 in the mean of their logs (a third of the range of 0.6)."""
     grey = posed_views(2, (1, 2), seed=4)
     grey = replace(grey, images=torch.full_like(grey.images, 0.4))
-    changed = [exposed(grey, 0.3, np.random.default_rng(seed)).images for seed in range(300)]
+    changed = [vary_exposure(grey, 0.3, np.random.default_rng(seed)).images for seed in range(300)]
     logs = (torch.stack(changed)[..., 0, 0].double() / 0.4).log().mean(-1)
     assert 0.18 < (logs[:, 0] - logs[:, 1]).abs().mean() < 0.22
     varied = Variation(Augmentation(exposure=0.3), 3, 7)(grey, (1, 2)).images

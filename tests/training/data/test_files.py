@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 from scenes_on_disk import labelled_views, unlabel, write_labelled, write_table
+from training_data import run_data, run_portions, run_validation
 
 from semgs.data.scenes import open_scene
 from semgs.data.tables.class_files import read_class_file
@@ -21,17 +22,18 @@ from semgs.evaluation.frames import protocols
 from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.reading import read_frame
 from semgs.files.errors import InputError
-from semgs.training.data.batches import Portion, surveyed, training_batches, validation_batches
+from semgs.training.data.augmentation_settings import Augmentation
+from semgs.training.data.batches import Portion
 from semgs.training.data.data_check.counts import inverse_frequency
 from semgs.training.data.data_check.open_sources import check_bad
 from semgs.training.data.data_sources import Source
-from semgs.training.data.samples import Folder, Form, Mixture, Samples, completed, relabelled
+from semgs.training.data.samples import Folder, Form, Mixture, Samples, convert_labels, fill_missing_maps
 from semgs.training.loop import Feed, fit
 from semgs.training.run.faults import BadScenes
 from semgs.training.run.session import Session
-from semgs.training.training_settings import Augmentation, TrainingSettings
+from semgs.training.training_settings import TrainingSettings
 
-SETTINGS = TrainingSettings(model="small", steps=4, batch=2, size=(16, 24), contexts=(2, 3), targets=2, seed=3)
+SETTINGS = TrainingSettings(model="small_plain", steps=4, batch=2, size=(16, 24), contexts=(2, 3), targets=2, seed=3)
 
 
 @pytest.fixture(scope="session")
@@ -45,7 +47,7 @@ def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def portions(settings: TrainingSettings, run: Path, start: int = 0) -> list[Portion]:
     run.mkdir(exist_ok=True)
-    return list(training_batches(settings, surveyed(settings, run), start, workers=0, pool=run / "rooms"))
+    return list(run_portions(settings, run, start))
 
 
 def batches(settings: TrainingSettings, run: Path, start: int = 0) -> list[Batch]:
@@ -90,7 +92,7 @@ def test_consecutive_samples_are_a_frame_and_those_around_it_in_training_and_val
     settings = replace(
         SETTINGS, data=(str(scans),), validation=str(scans), contexts=(2, 2), targets=1, steps=8, frames="consecutive"
     )
-    samples = [*batches(settings, tmp_path), *validation_batches(settings, surveyed(settings, tmp_path))]
+    samples = [*batches(settings, tmp_path), *run_validation(settings, tmp_path)]
     assert len(samples) > 8
     for one in samples:
         for index, name in enumerate(one.scenes):
@@ -145,9 +147,9 @@ def test_more_than_5_percent_bad_scenes_end_a_training():
 
 def test_bad_scenes_that_a_worker_found_end_the_loop(network, batch, settings, tmp_path):
     from semgs.training.state import TrainingState
-    from semgs.training.supervision.supervision import supervision_of
+    from semgs.training.supervision.supervision import make_supervision
 
-    state = TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
+    state = TrainingState.begin(network(), make_supervision(settings), settings.learning_rate, settings.average_decay)
     seen = [Portion((batch(0),)), Portion((batch(1),), bad=(("x", "cut short"),)), Portion((batch(2),))]
     with pytest.raises(InputError, match="bad scenes"):
         fit(state, settings, tmp_path, Feed(seen, scenes=19), Session())
@@ -159,25 +161,25 @@ def test_bad_scenes_that_a_worker_found_end_the_loop(network, batch, settings, t
 def test_a_training_needs_scenes_with_as_many_frames_as_a_sample(scans, tmp_path):
     settings = replace(SETTINGS, data=(str(scans),), contexts=(2, 5))
     with pytest.raises(InputError, match=r"found 3 of 3; of this one: .*at least 7 usable frames .* found 6"):
-        surveyed(settings, tmp_path)
+        run_data(settings, tmp_path)
 
 
 def test_a_folder_without_scenes_is_refused(tmp_path):
     with pytest.raises(InputError, match="a scene or a folder of scenes"):
-        surveyed(replace(SETTINGS, data=(str(tmp_path),)), tmp_path)
+        run_data(replace(SETTINGS, data=(str(tmp_path),)), tmp_path)
 
 
 def test_scenes_without_labels_are_refused_unless_classes_are_not_learned_or_others_have_some(scans, tmp_path):
     plain = write_labelled(tmp_path / "plain", 5, change=unlabel)
     settings = replace(SETTINGS, data=(str(plain),))
     with pytest.raises(InputError, match=r"--losses.semantic 0"):
-        surveyed(settings, tmp_path)
+        run_data(settings, tmp_path)
     with pytest.raises(InputError, match=r"--supervision rendered"):
-        surveyed(replace(settings, supervision="labels"), tmp_path)
+        run_data(replace(settings, supervision="labels"), tmp_path)
     blind = replace(settings, losses=replace(settings.losses, semantic=0.0, smoothness=0.0))
     (first, *_) = batches(blind, tmp_path / "blind")
     assert (first.target.labels == IGNORE).all()
-    mixed = surveyed(replace(SETTINGS, data=(str(plain), str(scans))), tmp_path)
+    mixed = run_data(replace(SETTINGS, data=(str(plain), str(scans))), tmp_path)
     assert mixed.notes == ("1 of 4 scenes have no labels and only teach colour",)
 
 
@@ -189,10 +191,10 @@ def test_scenes_without_depth_are_refused_by_name_if_depth_is_learned_wherever_t
     plain = write_labelled(tmp_path / "plain", 5, change=bare)
     settings = replace(SETTINGS, data=(str(scans), str(plain)), supervision="depth", validation_scenes=2)
     with pytest.raises(InputError, match=r"plain.*with depth.*1 of 4 scenes.*leave them out, or give --supervision"):
-        surveyed(settings, tmp_path)
+        run_data(settings, tmp_path)
     with pytest.raises(InputError, match=r"plain.*with depth.*1 of 1 scenes"):
-        surveyed(replace(settings, data=(str(scans),), validation=str(plain)), tmp_path)
-    assert surveyed(replace(settings, supervision="rendered"), tmp_path).scenes == 4
+        run_data(replace(settings, data=(str(scans),), validation=str(plain)), tmp_path)
+    assert run_data(replace(settings, supervision="rendered"), tmp_path).scenes == 4
 
 
 def test_depth_is_learned_from_scenes_whose_labels_are_of_any_table_or_missing(tmp_path):
@@ -200,17 +202,17 @@ def test_depth_is_learned_from_scenes_whose_labels_are_of_any_table_or_missing(t
     own = write_labelled(tmp_path / "own", 6, change=lambda scene: scene.update(label_set="../three.json"))
     plain = write_labelled(tmp_path / "plain", 5, change=unlabel)
     settings = replace(SETTINGS, data=(str(own), str(plain)), supervision="depth")
-    found = surveyed(settings, tmp_path)
+    found = run_data(settings, tmp_path)
     assert (found.scenes, found.notes) == (2, ())
     assert all((one.context.depths > 0).any() for one in batches(settings, tmp_path / "run"))
 
 
 def test_a_run_does_not_go_on_with_other_scenes_but_does_elsewhere(scans, tmp_path):
     settings = replace(SETTINGS, data=(str(scans),))
-    surveyed(settings, tmp_path)
+    run_data(settings, tmp_path)
     write_labelled(tmp_path / "more" / "scene0", 0)
     with pytest.raises(InputError, match=r"the 3 scenes that the run started with, found 1, of which scene1 differs"):
-        surveyed(replace(settings, data=(str(tmp_path / "more"),)), tmp_path)
+        run_data(replace(settings, data=(str(tmp_path / "more"),)), tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -218,7 +220,7 @@ def test_a_run_does_not_go_on_with_other_scenes_but_does_elsewhere(scans, tmp_pa
 )
 def test_weights_of_classes_are_measured_in_the_data(rule, power, scans, tmp_path):
     settings = replace(SETTINGS, data=(str(scans),), class_weights=rule)
-    found = surveyed(settings, tmp_path).class_weights
+    found = run_data(settings, tmp_path).class_weights
     # Half of each scene is wall; two scenes of three have floor beside it, the third bookshelf.
     shares = np.zeros(20)
     shares[[0, 1, 9]] = 1 / 2, 1 / 3, 1 / 6
@@ -227,7 +229,7 @@ def test_weights_of_classes_are_measured_in_the_data(rule, power, scans, tmp_pat
     assert [scene["name"] for scene in record["scenes"]] == ["scene0", "scene1", "scene2"]
     record["scenes"][2]["pixels"] = [0.0] * 20
     (tmp_path / "data.json").write_text(json.dumps(record))
-    assert surveyed(settings, tmp_path).class_weights != found, "what was measured once is kept"
+    assert run_data(settings, tmp_path).class_weights != found, "what was measured once is kept"
 
 
 def test_a_mean_pixel_has_weight_one_and_a_class_never_seen_that_of_the_rarest():
@@ -240,27 +242,27 @@ def test_a_mean_pixel_has_weight_one_and_a_class_never_seen_that_of_the_rarest()
 
 
 def test_balanced_sampling_prefers_scenes_with_rare_classes(scans, tmp_path):
-    even = surveyed(replace(SETTINGS, data=(str(scans),)), tmp_path / "a") if (tmp_path / "a").mkdir() is None else None
+    even = run_data(replace(SETTINGS, data=(str(scans),)), tmp_path / "a") if (tmp_path / "a").mkdir() is None else None
     (tmp_path / "b").mkdir()
-    balanced = surveyed(replace(SETTINGS, data=(str(scans),), sampling="balanced"), tmp_path / "b")
+    balanced = run_data(replace(SETTINGS, data=(str(scans),), sampling="balanced"), tmp_path / "b")
     assert even is not None
     assert even.folders[0].chances == pytest.approx([1 / 3] * 3)
     first, second, third = balanced.folders[0].chances
     assert first == pytest.approx(second, rel=0.1)
     assert third > 1.2 * first
     with pytest.raises(InputError, match="only rooms"):
-        surveyed(replace(SETTINGS, sampling="balanced"), tmp_path)
+        run_data(replace(SETTINGS, sampling="balanced"), tmp_path)
 
 
 def test_labels_are_brought_to_another_table_by_name(tmp_path):
     table = read_class_file(write_table(tmp_path / "three.json")).table
     views = labelled_views(1, labels=(0, 1, 4))
-    there = relabelled(views, table)
+    there = convert_labels(views, table)
     assert there.classes == table
     assert torch.equal(there.labels == 0, views.labels == SCANNET20.index("wall"))
     assert torch.equal(there.labels == 2, views.labels == SCANNET20.index("floor"))
     assert torch.equal(there.labels == IGNORE, views.labels == SCANNET20.index("chair"))
-    bare = completed(replace(views, labels=None, depths=None))
+    bare = fill_missing_maps(replace(views, labels=None, depths=None))
     assert (bare.labels == IGNORE).all()
     assert (bare.depths == 0).all()
 
@@ -269,10 +271,10 @@ def test_scenes_of_another_table_need_one_to_be_named(scans, tmp_path):
     write_table(tmp_path / "three.json")
     own = write_labelled(tmp_path / "own", 6, change=lambda scene: scene.update(label_set="../three.json"))
     with pytest.raises(InputError, match=r"labels of class table scannet20, found labels of three; .*--classes FILE"):
-        surveyed(replace(SETTINGS, data=(str(own),)), tmp_path)
+        run_data(replace(SETTINGS, data=(str(own),)), tmp_path)
     table = read_class_file(tmp_path / "three.json").table
     settings = replace(SETTINGS, data=(str(own), str(scans)), classes=table)
-    found = surveyed(settings, tmp_path)
+    found = run_data(settings, tmp_path)
     assert found.notes == (
         "labels of scannet20: 2 of 20 classes are in three; pixels of the other classes are ignored",
         "labels of rooms: 2 of 20 classes are in three; pixels of the other classes are ignored",
@@ -282,7 +284,7 @@ def test_scenes_of_another_table_need_one_to_be_named(scans, tmp_path):
 
 def test_validation_scenes_come_from_a_folder_if_asked(scans, tmp_path):
     settings = replace(SETTINGS, data=(str(scans),), validation=str(scans), validation_scenes=3)
-    found = validation_batches(settings, surveyed(settings, tmp_path))
+    found = run_validation(settings, tmp_path)
     assert [len(one.context) for one in found] == [2, 2, 2]
     assert {scene for one in found for scene in one.scenes} <= {"scene0", "scene1", "scene2"}
 
@@ -294,7 +296,7 @@ def test_validation_rooms_have_the_fewest_input_views_of_the_training(tmp_path, 
 
     monkeypatch.setattr("semgs.training.data.batches.RoomSamples.__getitem__", drawn)
     settings = replace(SETTINGS, contexts=(2, 4), validation_scenes=12)
-    found = validation_batches(settings, surveyed(settings, tmp_path))
+    found = run_validation(settings, tmp_path)
     assert [len(one.context) for one in found] == 12 * [2]
     assert [len(one.target) for one in found] == 12 * [2]
 
@@ -305,9 +307,9 @@ def test_validation_scenes_are_looked_at_before_the_first_step(scans, tmp_path):
     write_labelled(tmp_path / "short" / "a", 6, frames=3)
     settings = replace(SETTINGS, data=(str(scans),))
     with pytest.raises(InputError, match="found labels of three"):
-        surveyed(replace(settings, validation=str(tmp_path / "own")), tmp_path)
+        run_data(replace(settings, validation=str(tmp_path / "own")), tmp_path)
     with pytest.raises(InputError, match="at least 4 usable frames"):
-        surveyed(replace(settings, validation=str(tmp_path / "short")), tmp_path)
+        run_data(replace(settings, validation=str(tmp_path / "short")), tmp_path)
 
 
 def test_sources_are_paths_with_weights():

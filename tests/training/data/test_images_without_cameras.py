@@ -11,13 +11,14 @@ import pytest
 import torch
 from image_sets import random_numbers, write_image_set
 from scenes_on_disk import write_labelled
+from training_data import run_data, run_portions, run_validation
 
 from semgs.files.errors import InputError
-from semgs.training.data.batches import surveyed, training_batches, validation_batches
-from semgs.training.training_settings import Augmentation, TrainingSettings
+from semgs.training.data.augmentation_settings import Augmentation
+from semgs.training.training_settings import TrainingSettings
 
 SETTINGS = TrainingSettings(
-    model="small", steps=6, batch=4, size=(16, 24), contexts=(1, 1), targets=0, supervision="pictures", seed=3,
+    model="small_plain", steps=6, batch=4, size=(16, 24), supervision="pictures", seed=3,
     validation_scenes=0, augmentation=Augmentation(crop=0.5, flip=True, roll=10.0),
 )  # fmt: skip
 
@@ -38,7 +39,7 @@ def scenes(tmp_path: Path) -> Path:
 
 def batches(settings: TrainingSettings, run: Path) -> list:
     run.mkdir()
-    portions = list(training_batches(settings, surveyed(settings, run), 0, workers=0, pool=run / "rooms"))
+    portions = list(run_portions(settings, run))
     assert [portion.failure for portion in portions] == [None] * len(portions)
     return [batch for portion in portions for batch in portion.pieces]
 
@@ -66,7 +67,7 @@ def test_classes_are_counted_in_every_image(tmp_path: Path):
     photos = write_image_set(tmp_path / "photos", numbers)
     (tmp_path / "run").mkdir()
     settings = replace(SETTINGS, data=(str(photos),), class_weights="inverse_root_frequency")
-    weights = surveyed(settings, tmp_path / "run").class_weights
+    weights = run_data(settings, tmp_path / "run").class_weights
     # Walls are nine tenths of all pixels and floor one: factors in the ratio of 1 to 3, with a mean of 1 over pixels.
     assert weights is not None
     assert weights[1] / weights[0] == pytest.approx(3, rel=1e-3)
@@ -79,19 +80,18 @@ def test_classes_are_counted_in_every_image(tmp_path: Path):
         {"supervision": "rendered", "contexts": (2, 2), "targets": 1},
         {"supervision": "labels", "contexts": (2, 2), "targets": 1},
         {"supervision": "depth", "contexts": (2, 2), "targets": 1},
-        {"supervision": "pictures", "contexts": (2, 2), "targets": 0},
     ],
 )
 def test_any_other_supervision_refuses_them_by_name(photos: Path, scenes: Path, tmp_path: Path, others: dict):
     settings = replace(SETTINGS, augmentation=Augmentation(), **others)
-    told = f"images with cameras, for --supervision {others['supervision']}, found labelled images.*--contexts 1 1"
+    told = f"images with cameras, for --supervision {others['supervision']}, found labelled images.*give --supervision pictures"
     with pytest.raises(InputError, match=told):
-        surveyed(replace(settings, data=(str(photos),)), tmp_path)
+        run_data(replace(settings, data=(str(photos),)), tmp_path)
     with pytest.raises(InputError, match=told):
-        surveyed(replace(settings, data=(str(scenes),), validation=str(photos), validation_scenes=1), tmp_path)
+        run_data(replace(settings, data=(str(scenes),), validation=str(photos), validation_scenes=1), tmp_path)
 
 
 def test_validation_shows_each_image_once(photos: Path, tmp_path: Path):
     settings = replace(SETTINGS, data=("rooms",), validation=str(photos), validation_scenes=3)
-    found = validation_batches(settings, surveyed(settings, tmp_path))
+    found = run_validation(settings, tmp_path)
     assert len({different(batch.context.images) for batch in found}) == 3

@@ -7,7 +7,16 @@ import pytest
 import torch
 from posed import posed_views
 
-from semgs.training.data.photo_camera import Photo, blurred, compressed, greyed, noisy, photographed, shaken, vignetted
+from semgs.training.data.photo_camera import (
+    Photo,
+    add_noise,
+    blur,
+    compress,
+    darken_corners,
+    photograph,
+    remove_colour,
+    shake,
+)
 
 
 def flat(value: float, height: int = 60, width: int = 80) -> np.ndarray:
@@ -23,7 +32,7 @@ def dot() -> np.ndarray:
 
 
 def test_vignetting_keeps_the_middle_and_takes_its_share_from_the_corners():
-    seen = vignetted(flat(0.8, 61, 81), 0.4)
+    seen = darken_corners(flat(0.8, 61, 81), 0.4)
     assert seen[30, 40, 1] == pytest.approx(0.8)
     edge_y, edge_x = 60 / 61, 80 / 81  # where the centre of a corner's pixel is, the corner itself at 1
     assert seen[0, 80] == pytest.approx(0.8 * (1 - 0.2 * (edge_x**2 + edge_y**2)), rel=1e-5)
@@ -31,7 +40,7 @@ def test_vignetting_keeps_the_middle_and_takes_its_share_from_the_corners():
 
 
 def test_noise_has_the_standard_deviation_that_it_says_and_no_bias():
-    seen = noisy(flat(0.5, 200, 300), 0.03, np.random.default_rng(4))
+    seen = add_noise(flat(0.5, 200, 300), 0.03, np.random.default_rng(4))
     assert float(seen.std()) == pytest.approx(0.03, rel=0.01)
     assert float(seen.mean()) == pytest.approx(0.5, abs=3e-4)
 
@@ -39,13 +48,13 @@ def test_noise_has_the_standard_deviation_that_it_says_and_no_bias():
 def test_grey_has_equal_channels_of_the_brightness():
     image = flat(0.0)
     image[..., 0], image[..., 1], image[..., 2] = 0.5, 0.25, 1.0
-    seen = greyed(image)
+    seen = remove_colour(image)
     assert seen == pytest.approx(0.299 * 0.5 + 0.587 * 0.25 + 0.114)
     assert (seen[..., 0] == seen[..., 1]).all()
 
 
 def test_blur_spreads_a_dot_by_its_standard_deviation_and_keeps_its_light():
-    seen = blurred(dot(), 2.0)[..., 0].astype(np.float64)
+    seen = blur(dot(), 2.0)[..., 0].astype(np.float64)
     assert seen.sum() == pytest.approx(1, abs=1e-4)
     rows, columns = np.indices(seen.shape)
     assert (seen * rows).sum() == pytest.approx(20, abs=1e-3)
@@ -53,17 +62,17 @@ def test_blur_spreads_a_dot_by_its_standard_deviation_and_keeps_its_light():
 
 
 def test_a_shake_draws_a_dot_into_a_line():
-    seen = shaken(dot(), 8.0, 0.0)[..., 0]
+    seen = shake(dot(), 8.0, 0.0)[..., 0]
     assert seen[20, 26:35] == pytest.approx(1 / 9)  # four pixels to either side
     assert seen.sum() == pytest.approx(1)
-    assert shaken(dot(), 8.0, np.pi / 2)[16:25, 30, 0] == pytest.approx(1 / 9)
+    assert shake(dot(), 8.0, np.pi / 2)[16:25, 30, 0] == pytest.approx(1 / 9)
 
 
 def test_jpeg_changes_less_the_better_it_is():
     image = np.random.default_rng(2).uniform(0, 1, (60, 80, 3)).astype(np.float32)
-    good, bad = (float(np.abs(compressed(image, quality) - image).mean()) for quality in (95, 20))
+    good, bad = (float(np.abs(compress(image, quality) - image).mean()) for quality in (95, 20))
     assert 0 < good < bad
-    assert compressed(flat(51 / 255), 100) == pytest.approx(0.2, abs=1 / 255)
+    assert compress(flat(51 / 255), 100) == pytest.approx(0.2, abs=1 / 255)
 
 
 def test_gamma_and_balance_are_powers_and_factors():
@@ -95,9 +104,9 @@ def test_views_stay_in_range_keep_labels_and_depend_on_the_generator_alone():
     views = posed_views(2, (48, 70), seed=4)
     views = views.changed(labels=torch.ones(2, 48, 70, dtype=torch.uint8))
     for seed in range(20):
-        one, same = (photographed(views, 1.0, np.random.default_rng(seed)) for _ in range(2))
+        one, same = (photograph(views, 1.0, np.random.default_rng(seed)) for _ in range(2))
         assert torch.equal(one.images, same.images)
         assert 0 <= float(one.images.min()) <= float(one.images.max()) <= 1
         assert one.labels is views.labels
         assert one.cameras is views.cameras
-    assert len(photographed(views.select([]), 1.0, np.random.default_rng(0))) == 0
+    assert len(photograph(views.select([]), 1.0, np.random.default_rng(0))) == 0

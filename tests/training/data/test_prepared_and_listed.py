@@ -9,19 +9,20 @@ from pathlib import Path
 import pytest
 import torch
 from scenes_on_disk import SIZE, write_labelled
+from training_data import run_data, run_portions, run_validation
 
 from semgs.data.preparation.archive import Preparation
-from semgs.data.preparation.prepared_set import PreparedSet, Reading, sources
+from semgs.data.preparation.prepared_set import PreparedSet, Reading, find_sources
 from semgs.data.views import Batch, Views
 from semgs.files.errors import InputError
 from semgs.model.weights.load import load, trained_scenes
 from semgs.model.weights.weights_file import read_header, save
-from semgs.training.data.batches import surveyed, training_batches, validation_batches
+from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.data.data_check.scene_record import RECORD, scenes_of
-from semgs.training.training_settings import Augmentation, TrainingSettings
+from semgs.training.training_settings import TrainingSettings
 
 SETTINGS = TrainingSettings(
-    model="small", steps=3, batch=2, size=(16, 32), contexts=(2, 3), targets=1, seed=3, validation_scenes=0
+    model="small_plain", steps=3, batch=2, size=(16, 32), contexts=(2, 3), targets=1, seed=3, validation_scenes=0
 )
 NAMES = ("scene0001_00", "scene0001_01", "scene0002_00", "scan")
 
@@ -39,13 +40,13 @@ def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def archives(scans: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same, prepared: a folder with an archive each, and an index beside them."""
     out = tmp_path_factory.mktemp("prepared") / "set"
-    PreparedSet(out, Preparation(SIZE), Reading()).prepare(sources(scans))
+    PreparedSet(out, Preparation(SIZE), Reading()).prepare(find_sources(scans))
     return out
 
 
 def batches(settings: TrainingSettings, run: Path) -> list[Batch]:
     run.mkdir(exist_ok=True)
-    portions = training_batches(settings, surveyed(settings, run), 0, workers=0, pool=run / "rooms")
+    portions = run_portions(settings, run)
     return [batch for portion in portions for batch in portion.pieces]
 
 
@@ -70,7 +71,7 @@ def test_archives_give_the_samples_of_the_folders_that_they_were_made_of(scans: 
 def test_archives_serve_for_validation_too(archives: Path, tmp_path: Path):
     scenes = listed(tmp_path, "scan")
     settings = replace(SETTINGS, data=(str(archives),), scenes=scenes, validation=str(archives), validation_scenes=2)
-    found = validation_batches(settings, surveyed(settings, tmp_path))
+    found = run_validation(settings, tmp_path)
     assert {one.scenes[0] for one in found} <= set(NAMES)
 
 
@@ -80,47 +81,49 @@ def test_a_list_says_which_scenes_of_all_folders_are_trained_on(scans: Path, arc
     assert seen == {"scene0002_00", "scan"}
     assert scenes_of(tmp_path / "run" / RECORD) == ("scan", "scene0002_00")
     with pytest.raises(InputError, match=r"list\.txt: 1 of 1 names: .* found scene0003_00, which is missing"):
-        surveyed(replace(settings, scenes=listed(tmp_path, "scene0003_00")), tmp_path)
+        run_data(replace(settings, scenes=listed(tmp_path, "scene0003_00")), tmp_path)
     write_labelled(tmp_path / "other" / "room", 9)
     both = replace(settings, data=(str(archives), str(tmp_path / "other")), scenes=listed(tmp_path, "scan"))
     with pytest.raises(InputError, match=r"other: expected scenes of .*list\.txt, found none"):
-        surveyed(both, tmp_path)
+        run_data(both, tmp_path)
 
 
 def test_validation_in_rooms_that_are_trained_in_is_refused_and_names_them(scans: Path, tmp_path: Path):
     write_labelled(tmp_path / "held" / "scene0001_02", 7)
     settings = replace(SETTINGS, data=(str(scans),), validation=str(tmp_path / "held"), validation_scenes=1)
     with pytest.raises(InputError, match=r"held: .* found 1 that were: scene0001_02 \(as scene0001_0[01]\)"):
-        surveyed(settings, tmp_path)
+        run_data(settings, tmp_path)
     kept = replace(settings, scenes=listed(tmp_path, "scene0002_00", "scan"))
-    assert validation_batches(kept, surveyed(kept, tmp_path))
+    assert run_validation(kept, tmp_path)
 
 
 def test_a_run_remembers_its_scenes_and_those_that_its_first_weights_had_seen(archives: Path, tmp_path: Path):
     first = tmp_path / "first.safetensors"
-    save(first, load("small", "random"), {"scenes": json.dumps(["scene0009_00", "scan"])})
+    save(first, load("small_plain", "random"), {"scenes": json.dumps(["scene0009_00", "scan"])})
     scenes = listed(tmp_path, "scene0002_00", "scan")
     settings = replace(SETTINGS, data=(str(archives),), scenes=scenes, init=str(first))
-    surveyed(settings, tmp_path)
+    run_data(settings, tmp_path)
     first.unlink()  # a run goes on without the weights that it began with
-    surveyed(settings, tmp_path)
+    run_data(settings, tmp_path)
     assert scenes_of(tmp_path / RECORD) == ("scene0009_00", "scan", "scene0002_00")
-    save(first, load("small", "random"), {"scenes": json.dumps(["scene0009_00"])})
+    save(first, load("small_plain", "random"), {"scenes": json.dumps(["scene0009_00"])})
     write_labelled(tmp_path / "held" / "scene0009_01", 7)
     held = replace(settings, validation=str(tmp_path / "held"), validation_scenes=1)
     with pytest.raises(InputError, match=r"scene0009_01 \(as scene0009_00\)"):
-        surveyed(held, tmp_path / "anew")
+        run_data(held, tmp_path / "anew")
 
 
 def test_rooms_that_semgs_drew_leave_no_names(tmp_path: Path):
     listed = [{"name": "attic"}, {"name": "scene_00000", "drawn": True}, {"name": "hall", "drawn": False}]
-    (tmp_path / "data.json").write_text(json.dumps({"scenes": listed, "before": ["cellar"]}))
+    scenes = [{"frames": 1, "pixels": None, **scene} for scene in listed]
+    record = {"scenes": scenes, "rooms": {"pixels": None}, "before": ["cellar"]}
+    (tmp_path / "data.json").write_text(json.dumps(record))
     assert scenes_of(tmp_path / "data.json") == ("cellar", "attic", "hall")
 
 
 def test_weights_that_saw_no_files_name_none(tmp_path: Path):
     assert trained_scenes("small") == ()
-    save(tmp_path / "odd.safetensors", load("small", "random"), {"scenes": '{"a": 1}'})
+    save(tmp_path / "odd.safetensors", load("small_plain", "random"), {"scenes": '{"a": 1}'})
     assert "scenes" in read_header(tmp_path / "odd.safetensors").metadata
     with pytest.raises(InputError, match=r"odd\.safetensors: scenes: expected a list of names"):
         trained_scenes(tmp_path / "odd.safetensors")
@@ -132,7 +135,7 @@ def test_the_frames_of_a_sample_are_checked_once_and_together(
     """Six samples of 3 or 4 views, cut, mirrored and recoloured: six checks."""
     varied = Augmentation(colour=0.2, crop=0.7, flip=True)
     settings = replace(SETTINGS, data=(str(scans),), augmentation=varied)
-    portions = training_batches(settings, surveyed(settings, tmp_path), 0, workers=0, pool=tmp_path / "rooms")
+    portions = run_portions(settings, tmp_path)
     checks, constructor = [0], Views.__init__
 
     def counting(self: Views, *arguments: object, **named: object) -> None:

@@ -9,15 +9,16 @@ from pathlib import Path
 import pytest
 import torch
 from scenes_on_disk import write_labelled
+from training_data import run_data, run_portions, run_validation
 
 from semgs.rooms.sets.pool import WINDOW, PooledSamples
 from semgs.rooms.sets.room_stream import RoomSamples
-from semgs.training.data.batches import surveyed, training_batches, validation_batches
-from semgs.training.data.image_schedule import Turn, Turns, frame_of
-from semgs.training.training_settings import Augmentation, TrainingSettings
+from semgs.training.data.augmentation_settings import Augmentation
+from semgs.training.data.image_schedule import ImageSchedule, Turn, frame_of
+from semgs.training.training_settings import TrainingSettings
 
 SETTINGS = TrainingSettings(
-    model="small", steps=5, batch=4, size=(16, 24), contexts=(1, 1), targets=0, supervision="pictures", seed=3,
+    model="small_plain", steps=5, batch=4, size=(16, 24), supervision="pictures", seed=3,
     validation_scenes=2,
 )  # fmt: skip
 
@@ -33,13 +34,13 @@ def five(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def batches(settings: TrainingSettings, run: Path, start: int = 0) -> list:
     run.mkdir(exist_ok=True)
-    portions = list(training_batches(settings, surveyed(settings, run), start, workers=0, pool=run / "rooms"))
+    portions = list(run_portions(settings, run, start))
     assert [portion.failure for portion in portions] == [None] * len(portions)
     return [batch for portion in portions for batch in portion.pieces]
 
 
 def test_in_each_round_every_scene_has_one_turn_and_none_comes_twice_in_a_batch():
-    turns = Turns(3, [1.0], [10], gap=7, length=70)
+    turns = ImageSchedule(3, [1.0], [10], gap=7, length=70)
     scenes = [turns[k].scene for k in range(70)]
     assert all(sorted(scenes[start : start + 10]) == list(range(10)) for start in range(0, 70, 10))
     assert all(len(set(scenes[start : start + 7])) == 7 for start in range(64))  # also where rounds meet
@@ -48,13 +49,13 @@ def test_in_each_round_every_scene_has_one_turn_and_none_comes_twice_in_a_batch(
 
 
 def test_with_fewer_scenes_than_a_batch_all_come_before_one_comes_again():
-    turns = Turns(3, [1.0], [3], gap=16, length=30)
+    turns = ImageSchedule(3, [1.0], [3], gap=16, length=30)
     scenes = [turns[k].scene for k in range(30)]
     assert all(len(set(scenes[start : start + 3])) == 3 for start in range(28))
 
 
 def test_sources_come_by_their_weights_in_every_batch():
-    turns = Turns(3, [3.0, 1.0], [0, 6], gap=16, length=320)
+    turns = ImageSchedule(3, [3.0, 1.0], [0, 6], gap=16, length=320)
     for start in range(0, 320, 16):
         counts = Counter(turns[k].source for k in range(start, start + 16))
         assert abs(counts[0] - 12) <= 1, "three quarters of 16, to one"
@@ -64,10 +65,10 @@ def test_sources_come_by_their_weights_in_every_batch():
 
 
 def test_a_turn_depends_on_seed_and_number_alone():
-    long, late = (Turns(3, [1.0, 2.0], [5, 9], 4, length) for length in (300, 200))
+    long, late = (ImageSchedule(3, [1.0, 2.0], [5, 9], 4, length) for length in (300, 200))
     assert late[150] == long[150]  # asked for first, and of a shorter run
     assert [long[k] for k in range(40)] == [late[k] for k in range(40)]
-    assert [Turns(4, [1.0, 2.0], [5, 9], 4, 40)[k] for k in range(40)] != [long[k] for k in range(40)]
+    assert [ImageSchedule(4, [1.0, 2.0], [5, 9], 4, 40)[k] for k in range(40)] != [long[k] for k in range(40)]
 
 
 def test_a_scene_shows_each_of_its_frames_before_one_comes_again():
@@ -99,13 +100,13 @@ def test_the_first_steps_have_half_the_size_and_validation_never(five: Path, tmp
     assert [batch.context.images.shape[-2:] for batch in found] == [(16, 24)] * 3 + [(32, 48)] * 2
     resumed = batches(settings, tmp_path / "again", start=2)
     assert all(torch.equal(a.context.images, b.context.images) for a, b in zip(found[2:], resumed, strict=True))
-    scored = validation_batches(settings, surveyed(settings, tmp_path / "run"))
+    scored = run_validation(settings, tmp_path / "run")
     assert all(batch.context.images.shape[-2:] == (32, 48) for batch in scored)
 
 
 def test_validation_shows_one_picture_of_each_scene(five: Path, tmp_path: Path):
     settings = replace(SETTINGS, data=("rooms",), validation=str(five), validation_scenes=5)
-    found = validation_batches(settings, surveyed(settings, tmp_path))
+    found = run_validation(settings, tmp_path)
     assert {name for batch in found for name in batch.scenes} == {f"scene{n}" for n in range(5)}
     assert all(batch.context.images.shape == (1, 1, 3, 16, 24) for batch in found)
 
@@ -117,10 +118,10 @@ def test_a_scene_that_breaks_gives_its_turn_to_another(tmp_path: Path):
     settings = replace(SETTINGS, data=(str(folder),), batch=4, steps=1)
     run = tmp_path / "run"
     run.mkdir()
-    data = surveyed(settings, run)
+    data = run_data(settings, run)
     for picture in (folder / "scene2" / "images").iterdir():
         picture.unlink()
-    (portion,) = training_batches(settings, data, 0, workers=0, pool=run)
+    (portion,) = run_portions(settings, run, data=data)
     assert len(portion.pieces[0].scenes) == 4
     assert "scene2" not in portion.pieces[0].scenes
     assert len(portion.bad) == 1
@@ -142,21 +143,18 @@ def test_a_pooled_scene_serves_no_two_single_pictures_of_a_batch(tmp_path: Path)
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"supervision": "rendered"}, "contexts is"),
-        ({"supervision": "labels"}, "contexts is"),
-        ({"supervision": "labels", "contexts": (2, 2)}, "targets is"),
+        ({"contexts": (1, 1)}, "contexts is"),
+        ({"contexts": (1, 2)}, "contexts is"),
+        ({"targets": 0}, "targets is"),
+        ({"supervision": "labels", "augmentation": Augmentation(roll=5.0)}, "augmentation.roll is 5.0; expected 0"),
         (
-            {"supervision": "labels", "contexts": (2, 2), "targets": 1, "augmentation": Augmentation(roll=5.0)},
-            "augmentation.roll is 5.0; expected 0",
-        ),
-        (
-            {"supervision": "rendered", "contexts": (2, 2), "targets": 1, "augmentation": Augmentation(exposure=0.1)},
+            {"supervision": "rendered", "augmentation": Augmentation(exposure=0.1)},
             "augmentation.exposure is 0.1; expected 0",
         ),
         ({"sampling": "balanced"}, "take turns"),
         ({"half_size": 0.5}, "0 if a side is below 32 pixels"),
         ({"half_size": 1.5, "size": (32, 48)}, "half_size is 1.5; expected a share in 0..1"),
-        ({"teacher": "somewhere", "targets": 1}, "single pictures"),
+        ({"teacher": "somewhere", "supervision": "labels"}, "supervision pictures"),
         ({"teacher_weight": 0.0}, "teacher_weight is"),
     ],
 )

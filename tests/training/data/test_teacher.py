@@ -11,23 +11,23 @@ import pytest
 import torch
 from posed import posed_views
 from scenes_on_disk import write_labelled
+from training_data import run_portions
 
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
-from semgs.model.weights.initial_weights import start
-from semgs.training import presets
+from semgs.model.weights.initial_weights import initial_network
 from semgs.training.data.augmentation import Variation
-from semgs.training.data.batches import surveyed, training_batches
-from semgs.training.data.teacher import Teacher, coordinates, divergence, teacher_of
+from semgs.training.data.augmentation_settings import Augmentation
+from semgs.training.data.teacher import Teacher, coordinates, divergence
 from semgs.training.loop import train
 from semgs.training.run.checkpoints import newest_checkpoint
 from semgs.training.run.execution import Execution
 from semgs.training.state import averaged_weights
-from semgs.training.supervision.supervision import Pictures, supervision_of
-from semgs.training.training_settings import Augmentation, TrainingSettings
+from semgs.training.supervision.supervision import Pictures
+from semgs.training.training_settings import TrainingSettings
 
 SETTINGS = TrainingSettings(
-    model="small", steps=2, batch=2, size=(32, 48), contexts=(1, 1), targets=0, supervision="pictures", seed=3,
+    model="small_plain", steps=2, batch=2, size=(32, 48), supervision="pictures", seed=3,
     validation_scenes=0,
 )  # fmt: skip
 
@@ -58,9 +58,9 @@ def test_what_is_said_follows_the_picture(tmp_path: Path):
     mirrored = 0
     for sample in range(8):
         vary = Variation(Augmentation(crop=0.5, flip=True, roll=25.0), 3, sample)
-        said = teacher.followed(maps, vary.placed(coordinates(views), (40, 56)))
+        said = teacher.augmented_maps(maps, vary.move(coordinates(views), (40, 56)))
         assert said.shape == (1, 2, 5, 7)
-        marked = torch.nn.functional.avg_pool2d(vary.placed(picture, (40, 56)).images[:, :1], 8)
+        marked = torch.nn.functional.avg_pool2d(vary.move(picture, (40, 56)).images[:, :1], 8)
         assert torch.allclose(said[:, :1], marked, atol=0.01)
         mirrored += bool(marked[0, 0, 2, 0] > marked[0, 0, 2, -1])
     assert 0 < mirrored < 8
@@ -68,8 +68,8 @@ def test_what_is_said_follows_the_picture(tmp_path: Path):
 
 def test_without_any_variation_each_eighth_has_what_was_said_of_it(tmp_path: Path):
     views, maps = posed_views(1, (16, 24), seed=4), torch.rand(1, 5, 2, 3)
-    assert torch.allclose(Teacher(tmp_path, 5).followed(maps, coordinates(views)), maps, atol=1e-6)
-    assert not Teacher(tmp_path, 5).followed(None, coordinates(views)).any()
+    assert torch.allclose(Teacher(tmp_path, 5).augmented_maps(maps, coordinates(views)), maps, atol=1e-6)
+    assert not Teacher(tmp_path, 5).augmented_maps(None, coordinates(views)).any()
 
 
 def test_the_divergence_of_an_undecided_head_is_what_the_teacher_knows():
@@ -85,10 +85,7 @@ def test_the_divergence_of_an_undecided_head_is_what_the_teacher_knows():
 
 def test_a_teacher_in_the_home_folder(scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("HOME", str(tmp_path))
-    single = replace(presets.small(), supervision="pictures", contexts=(1, 1), targets=0, teacher="~/teacher")
-    teacher = teacher_of(single)
-    assert teacher is not None
-    assert teacher.folder == tmp_path / "teacher"
+    assert Teacher.open("~/teacher").folder == tmp_path / "teacher"
 
 
 def test_maps_are_found_by_the_names_of_scene_and_source(scans: Path, tmp_path: Path):
@@ -107,14 +104,13 @@ def test_maps_are_found_by_the_names_of_scene_and_source(scans: Path, tmp_path: 
 
 def test_a_folder_that_says_nothing_is_refused(tmp_path: Path):
     with pytest.raises(InputError, match=r"scripts/teach.py writes them"):
-        supervision_of(replace(SETTINGS, teacher=str(tmp_path)))
+        Teacher.open(str(tmp_path))
 
 
 def test_a_batch_has_zeros_where_the_teacher_says_nothing(scans: Path, tmp_path: Path):
     settings = replace(SETTINGS, data=(str(scans),), teacher=str(tmp_path / "teacher"))
-    assert supervision_of(settings) == Pictures(teacher_classes=3)
     (tmp_path / "run").mkdir()
-    for portion in training_batches(settings, surveyed(settings, tmp_path / "run"), 0, workers=0, pool=tmp_path):
+    for portion in run_portions(settings, tmp_path / "run"):
         (batch,) = portion.pieces
         assert batch.taught.shape == (2, 1, 3, 4, 6)
         sums = dict(zip(batch.scenes, batch.taught.sum(2).flatten(1).mean(1).tolist(), strict=True))
@@ -124,7 +120,7 @@ def test_a_batch_has_zeros_where_the_teacher_says_nothing(scans: Path, tmp_path:
 
 def test_a_network_that_does_not_classify_by_itself_has_no_place_for_a_head():
     with pytest.raises(InputError, match="class-backbone"):
-        Pictures(teacher_classes=3).head(start("small", "random"))
+        Pictures(teacher_classes=3).head(initial_network("small_plain", "random"))
 
 
 def test_a_run_with_a_teacher_resumes_exactly_and_keeps_its_head_to_itself(scans: Path, tmp_path: Path):

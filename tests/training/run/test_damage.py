@@ -14,16 +14,23 @@ from semgs.training.loop import train
 from semgs.training.run.checkpoints import best_checkpoint, newest_checkpoint, save_checkpoint
 from semgs.training.run.execution import Execution
 from semgs.training.run.log import DAMAGED, RunLog
-from semgs.training.run.run_folder import BEST, SETTINGS, WEIGHTS, claim, hold_assets, read_settings
-from semgs.training.run.run_folder import network as network_of_a_run
+from semgs.training.run.run_folder import (
+    BEST,
+    SETTINGS,
+    WEIGHTS,
+    claim_folder,
+    read_settings,
+    record_assets,
+    run_network,
+)
 from semgs.training.state import TrainingState
-from semgs.training.supervision.supervision import supervision_of
+from semgs.training.supervision.supervision import make_supervision
 from semgs.training.supervision.validation import validation_of_views
 
 
 @pytest.fixture
 def state(network, settings) -> TrainingState:
-    return TrainingState.begin(network(), supervision_of(settings), settings.learning_rate, settings.average_decay)
+    return TrainingState.begin(network(), make_supervision(settings), settings.learning_rate, settings.average_decay)
 
 
 def save_at(folder: Path, state: TrainingState, *steps: int) -> None:
@@ -45,7 +52,7 @@ def content(folder: Path) -> dict[Path, bytes]:
 
 def test_a_run_whose_checkpoints_are_all_damaged_is_refused_and_left_as_it_is(state, settings, tmp_path):
     out = tmp_path / "run"
-    claim(out, settings)
+    claim_folder(out, settings)
     save_at(out / "checkpoints", state, 3, 6, 9)
     (out / "log.jsonl").write_text('{"step": 9}\n')
     for name in (WEIGHTS, BEST):
@@ -68,7 +75,7 @@ def test_a_run_that_lost_its_checkpoints_keeps_its_weights(settings, tmp_path):
     with pytest.raises(
         InputError, match=rf"found none, but weights\.safetensors; .* --init {tmp_path / WEIGHTS} to keep"
     ):
-        network_of_a_run(tmp_path, settings)
+        run_network(tmp_path, settings)
 
 
 def test_damaged_checkpoints_do_not_count_among_the_last_three(state, tmp_path):
@@ -129,7 +136,7 @@ def test_broken_settings_are_refused_in_one_line(text, tmp_path):
 def test_broken_locks_of_assets_are_refused(tmp_path):
     (tmp_path / "assets.json").write_text('["a"')
     with pytest.raises(InputError, match=r"assets\.json: expected the locks of the assets of a run"):
-        hold_assets(tmp_path, [])
+        record_assets(tmp_path, [])
 
 
 def test_damaged_lines_of_a_log_are_set_aside_and_the_run_goes_on(tmp_path):
@@ -161,7 +168,7 @@ def test_a_run_that_begins_again_has_one_validation_of_its_first_weights(tmp_pat
 
 
 def test_leftovers_of_killed_processes_go_before_a_run_resumes(settings, tmp_path):
-    claim(tmp_path, settings)
+    claim_folder(tmp_path, settings)
     for name in ("checkpoints/.00000003.json.1a2b3c4d.part", "validation/.00000002.png.1a2b3c4d.part"):
         (tmp_path / name).parent.mkdir()
         (tmp_path / name).write_bytes(b"half")

@@ -15,102 +15,113 @@ import pytest
 
 from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError
+from semgs.model.switches import Switches
 from semgs.model.weights.load import load
 from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
 from semgs.rooms.sets import demo_room as demo
+from semgs.training.data.augmentation_settings import Augmentation
+from semgs.training.data.data_settings import VALIDATION_SEED
 from semgs.training.loop import train
 from semgs.training.presets import PRESETS
 from semgs.training.run.checkpoints import save_checkpoint
 from semgs.training.run.differences import differences
 from semgs.training.run.execution import Execution
-from semgs.training.run.run_folder import NETWORK, alone, claim, export_weights, network, prolong, read_settings
+from semgs.training.run.run_folder import (
+    NETWORK,
+    claim_folder,
+    export_weights,
+    extend_run,
+    lock_run,
+    read_settings,
+    run_network,
+)
 from semgs.training.state import TrainingState
-from semgs.training.supervision.supervision import supervision_of
-from semgs.training.training_settings import VALIDATION_SEED, Augmentation, Switches, TrainingSettings
+from semgs.training.supervision.supervision import make_supervision
+from semgs.training.training_settings import TrainingSettings
 
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_settings_survive_json(name: str, tmp_path):
     settings = replace(PRESETS[name](), class_weights=(1.0,) * 20)
-    claim(tmp_path / "run", settings)
+    claim_folder(tmp_path / "run", settings)
     assert read_settings(tmp_path / "run") == settings
     own = replace(
         settings, classes=replace(SCANNET20, name="own"), class_weights="inverse_root_frequency", data=("rooms=2", "a"),
         augmentation=Augmentation(crop=0.5), network=Switches(windows=1), losses=LossWeights(smoothness=0.0),
         depth_losses=DepthLossWeights(gradients=0.0),
     )  # fmt: skip
-    claim(tmp_path / "own", own)
+    claim_folder(tmp_path / "own", own)
     assert read_settings(tmp_path / "own") == own
 
 
 def test_a_run_that_began_before_some_settings_existed_goes_on(tmp_path):
     """They have their defaults then."""
     (tmp_path / "settings.json").write_text(
-        """{"model": "small", "steps": 12000, "batch": 2, "size": [96, 128], "contexts": [2, 3], "targets": 2,
+        """{"model": "small_plain", "steps": 12000, "batch": 2, "size": [96, 128], "contexts": [2, 3], "targets": 2,
         "context_targets": true, "learning_rate": 0.001, "warmup": 0.05, "clip": 0.5, "average_decay": 0.998,
         "losses": {"semantic": 0.1, "colour": 1.0, "smoothness": 0.001}, "class_weights": null, "depth_weight": 0.1,
         "init": "random", "seed": 0, "scene_reuse": 1, "validate_every": 1000,
         "validation_scenes": 16}"""
     )
-    claim(tmp_path, PRESETS["small"]())
+    claim_folder(tmp_path, PRESETS["small_plain"]())
 
 
 def test_data_weights_and_assets_may_lie_elsewhere_on_another_machine(settings, tmp_path):
     here = replace(settings, data=("rooms", "/data/scans=2"), init="/w/mine.safetensors")
-    claim(tmp_path, here)
-    claim(tmp_path, replace(here, data=("rooms", "../scans=2"), init="mine.safetensors"))
+    claim_folder(tmp_path, here)
+    claim_folder(tmp_path, replace(here, data=("rooms", "../scans=2"), init="mine.safetensors"))
     for change in ({"data": ("rooms", "/data/scans=3")}, {"data": ("rooms", "/data/others=2")}, {"init": "random"}):
         with pytest.raises(ValueError, match=next(iter(change))):
-            claim(tmp_path, replace(here, **change))
+            claim_folder(tmp_path, replace(here, **change))
 
 
 def test_a_run_of_other_settings_is_refused_with_the_difference(settings, tmp_path):
-    claim(tmp_path, settings)
-    claim(tmp_path, settings)
+    claim_folder(tmp_path, settings)
+    claim_folder(tmp_path, settings)
     with pytest.raises(ValueError, match=r"batch = 2 there, 3 requested.* only steps may change, and only grow"):
-        claim(tmp_path, replace(settings, batch=3, steps=13))
+        claim_folder(tmp_path, replace(settings, batch=3, steps=13))
     with pytest.raises(ValueError, match=r"steps = 12 there, 11 requested"):
-        claim(tmp_path, replace(settings, steps=11))
+        claim_folder(tmp_path, replace(settings, steps=11))
 
 
 def test_a_run_becomes_longer_once_somebody_trains_it_and_then_not_shorter(settings, tmp_path):
-    claim(tmp_path, settings)
+    claim_folder(tmp_path, settings)
     longer = replace(settings, steps=20)
-    claim(tmp_path, longer)
+    claim_folder(tmp_path, longer)
     assert read_settings(tmp_path) == settings
-    with alone(tmp_path):
-        prolong(tmp_path, longer)
+    with lock_run(tmp_path):
+        extend_run(tmp_path, longer)
         assert read_settings(tmp_path) == longer
-        prolong(tmp_path, settings)
-        with pytest.raises(InputError, match="another process is training"), alone(tmp_path):
+        extend_run(tmp_path, settings)
+        with pytest.raises(InputError, match="another process is training"), lock_run(tmp_path):
             pass
     assert read_settings(tmp_path) == longer
     with pytest.raises(ValueError, match=r"steps = 20 there, 12 requested"):
-        claim(tmp_path, settings)
+        claim_folder(tmp_path, settings)
 
 
 def test_a_folder_of_something_else_is_refused(settings, tmp_path):
     (tmp_path / "thesis.tex").write_text("mine")
     with pytest.raises(InputError, match="something else"):
-        claim(tmp_path, settings)
+        claim_folder(tmp_path, settings)
     with pytest.raises(InputError, match="no such file"):
         read_settings(tmp_path)
 
 
 def test_a_start_that_was_killed_at_once_does_not_block_the_next(settings, tmp_path):
     (tmp_path / ".settings.json.1a2b3c4d.part").write_text("{")
-    claim(tmp_path, settings)
+    claim_folder(tmp_path, settings)
     assert read_settings(tmp_path) == settings
 
 
 def test_a_run_without_a_checkpoint_has_no_weights(settings, tmp_path):
-    claim(tmp_path, settings)
+    claim_folder(tmp_path, settings)
     with pytest.raises(InputError, match="train first"):
         export_weights(tmp_path, tmp_path / "weights.safetensors")
 
 
 def test_unknown_fields_of_a_newer_version_are_named(settings):
-    with pytest.raises(ValueError, match="does not know the settings curriculum"):
+    with pytest.raises(ValueError, match="does not know curriculum"):
         TrainingSettings.from_json({**settings.as_json(), "curriculum": True})
 
 
@@ -138,8 +149,8 @@ def test_differences_name_both_values(settings):
 
 def test_a_folder_that_another_process_trains_into_is_refused_until_that_ends(settings, tmp_path):
     out = tmp_path / "run"
-    claim(out, settings)
-    hold = "import sys, pathlib; from semgs.training.run.run_folder import alone\nwith alone(pathlib.Path(sys.argv[1])): print('held', flush=True); input()"
+    claim_folder(out, settings)
+    hold = "import sys, pathlib; from semgs.training.run.run_folder import lock_run\nwith lock_run(pathlib.Path(sys.argv[1])): print('held', flush=True); input()"
     with subprocess.Popen(
         [sys.executable, "-c", hold, str(out)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as other:
@@ -150,7 +161,7 @@ def test_a_folder_that_another_process_trains_into_is_refused_until_that_ends(se
             train(settings, out, Execution(workers=0))
         assert {file: file.read_bytes() for file in out.iterdir()} == before
         other.kill()
-    with alone(out):
+    with lock_run(out):
         pass
 
 
@@ -160,7 +171,7 @@ def test_only_a_file_system_without_locks_goes_without_one(tmp_path: Path, monke
         raise OSError(number, os.strerror(number))
 
     monkeypatch.setattr("semgs.training.run.run_folder.FileLock.acquire", refused)
-    with nullcontext() if number == errno.EOPNOTSUPP else pytest.raises(PermissionError), alone(tmp_path):
+    with nullcontext() if number == errno.EOPNOTSUPP else pytest.raises(PermissionError), lock_run(tmp_path):
         pass
 
 
@@ -174,14 +185,15 @@ def test_only_a_file_system_without_locks_goes_without_one(tmp_path: Path, monke
 )
 @pytest.mark.filterwarnings("ignore:Initializing zero-element tensors")
 def test_a_run_with_settings_that_make_no_network_is_refused_with_one_line(tmp_path: Path, damage):
-    settings = TrainingSettings(model="small", steps=1)
+    settings = TrainingSettings(model="small_plain", steps=1)
     (tmp_path / "checkpoints").mkdir()
     save_checkpoint(
-        tmp_path / "checkpoints", TrainingState.begin(load("small", "random"), supervision_of(settings), 1e-3, 0.9)
+        tmp_path / "checkpoints",
+        TrainingState.begin(load("small_plain", "random"), make_supervision(settings), 1e-3, 0.9),
     )
-    (tmp_path / NETWORK).write_text(json.dumps(damage(load("small", "random").settings.as_json())))
+    (tmp_path / NETWORK).write_text(json.dumps(damage(load("small_plain", "random").settings.as_json())))
     with pytest.raises(
         InputError, match="another version of semgs wrote it; resume with that version, or name a new folder"
     ) as told:
-        network(tmp_path, settings)
+        run_network(tmp_path, settings)
     assert len(str(told.value).splitlines()) == 1

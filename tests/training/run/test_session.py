@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from semgs.training.run.session import Session, timed
+from semgs.training.run.session import Session, time_waiting
 
 
 @pytest.fixture
@@ -25,12 +25,12 @@ def clock(monkeypatch):
 def test_it_ends_before_a_step_and_a_checkpoint_that_would_take_too_long(clock):
     session = Session(minutes=2.0, save_minutes=0.5, before=1000.0)
     clock.pass_by(10)
-    assert session.stepped() == 1010
+    assert session.end_step() == 1010
     assert not session.save_due
     clock.pass_by(25)
-    assert session.stepped() == 1035
+    assert session.end_step() == 1035
     assert session.save_due
-    session.saved(lambda: clock.pass_by(20))
+    session.time_save(lambda: clock.pass_by(20))
     assert not session.save_due
     # 55 s have passed; the longest step took 25 and the checkpoint 20, which the weights may take again: 120 - 25 - 40 = 55.
     assert session.over
@@ -51,7 +51,7 @@ def test_waiting_is_measured_and_working_is_not(clock):
             yield number
 
     waited = []
-    for _, seconds in timed(items()):
+    for _, seconds in time_waiting(items()):
         clock.pass_by(50)
         waited.append(seconds)
     assert waited == [3, 3]

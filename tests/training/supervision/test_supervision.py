@@ -17,7 +17,7 @@ from torch import nn
 from semgs.data.views import Batch, Views
 from semgs.files.images.colours import NOTHING
 from semgs.model.classes.semantic import ClassMaps
-from semgs.model.weights.initial_weights import start
+from semgs.model.weights.initial_weights import initial_network
 from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
 from semgs.objectives.losses import losses
 from semgs.scene.coarse_depth import CoarseDepth
@@ -28,7 +28,9 @@ from semgs.training.run.session import Session
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
 from semgs.training.supervision.objective import TERMS, Objective, Supervision, render_targets
-from semgs.training.supervision.supervision import Depth, Labels, Pictures, Rendered, rate_shares, supervision_of
+from semgs.training.supervision.rates import Rates, relative_rates
+from semgs.training.supervision.supervision import Depth, Labels, Pictures, Rendered, make_supervision
+from semgs.training.supervision.supervision_settings import SupervisionSettings
 from semgs.training.supervision.validation import Validation, validation_of_depth, validation_of_views
 from semgs.training.training_settings import TrainingSettings
 
@@ -61,26 +63,11 @@ class Undecided(nn.Module):
 
 def test_the_settings_name_one_of_four(settings):
     weights = (2.0,) * 20
-    settings = replace(settings, class_weights=weights)
-    assert supervision_of(settings) == Rendered(LossWeights(0.5, 1.0, 0.1), weights, 0.1, True)
-    held = replace(settings, supervision="labels", hold_shared=True)
-    assert supervision_of(held) == Labels(weights, hold_shared=True)
-    assert supervision_of(replace(held, supervision="pictures", hold_shared=False)) == Pictures(weights)
-    assert supervision_of(replace(held, supervision="depth")) == Depth(
-        DepthLossWeights(1.3, 0.5, 0.1), hold_shared=True
-    )
-
-
-def test_rendered_views_need_all_layers_so_none_is_held(settings):
-    with pytest.raises(
-        ValueError, match="hold_shared is True; expected False, unless supervision is labels, pictures or"
-    ):
-        replace(settings, hold_shared=True)
-
-
-def test_weights_of_classes_that_are_not_numbers_yet_are_refused(settings):
-    with pytest.raises(ValueError, match="expected numbers, which the survey of the data computes"):
-        supervision_of(replace(settings, class_weights="inverse_root_frequency"))
+    assert make_supervision(settings, weights) == Rendered(LossWeights(0.5, 1.0, 0.1), weights, 0.1, True)
+    assert make_supervision(replace(settings, supervision="labels"), weights) == Labels(weights)
+    taught = replace(settings, supervision="pictures", teacher_weight=2.0)
+    assert make_supervision(taught, weights, 7) == Pictures(weights, 7, 2.0)
+    assert make_supervision(replace(settings, supervision="depth"), weights) == Depth(DepthLossWeights(1.3, 0.5, 0.1))
 
 
 @pytest.mark.parametrize(
@@ -157,34 +144,37 @@ def test_without_true_depth_a_validation_of_depth_has_no_score(batch):
 
 
 def test_scenes_without_labels_will_do_only_where_colour_and_depth_learn_alone():
-    assert Rendered(LossWeights(semantic=0.0, smoothness=0.0)).without_labels is None
-    assert "--losses.semantic 0" in (Rendered().without_labels or "")
-    assert Labels().without_labels == Pictures().without_labels == "give --supervision rendered"
-    assert Depth().without_labels is None
+    assert SupervisionSettings(losses=LossWeights(semantic=0.0, smoothness=0.0)).without_labels is None
+    assert "--losses.semantic 0" in (SupervisionSettings().without_labels or "")
+    for kind in ("labels", "pictures"):
+        assert SupervisionSettings(supervision=kind).without_labels == "give --supervision rendered"
+    assert SupervisionSettings(supervision="depth").without_labels is None
 
 
 def test_scenes_without_depth_will_do_for_all_but_depth():
-    assert Rendered(depth_weight=0.1).without_depth is Labels().without_depth is Pictures().without_depth is None
-    assert "leave them out" in (Depth().without_depth or "")
+    for kind in ("rendered", "labels", "pictures"):
+        assert SupervisionSettings(supervision=kind, depth_weight=0.1).without_depth is None
+    assert "leave them out" in (SupervisionSettings(supervision="depth").without_depth or "")
 
 
 @pytest.mark.parametrize(
-    ("supervision", "classify_with", "measures"),
+    ("supervision", "shared_rate", "classify_with", "measures"),
     [
-        (Rendered(), None, False),
-        (Labels(), {"shared": True, "alone": False}, False),
-        (Labels(hold_shared=True), {"shared": False, "alone": False}, False),
-        (Pictures(), {"shared": True, "alone": True}, True),
-        (Pictures(hold_shared=True), {"shared": False, "alone": True}, True),
+        (Rendered(), 1.0, None, False),
+        (Labels(), 1.0, {"shared": True, "alone": False}, False),
+        (Labels(), 0.0, {"shared": False, "alone": False}, False),
+        (Pictures(), 1.0, {"shared": True, "alone": True}, True),
+        (Pictures(), 0.0, {"shared": False, "alone": True}, True),
     ],
     ids=["rendered", "labels", "labels held", "pictures", "pictures held"],
 )
 @pytest.mark.parametrize("backbone", [False, True], ids=["blocks", "backbone"])
 def test_a_training_begins_with_all_frozen_that_does_not_learn(
-    supervision, classify_with, measures: bool, backbone: bool
+    supervision, shared_rate: float, classify_with, measures: bool, backbone: bool
 ):
-    model = start("small", "random", switches={"class_backbone": backbone})
-    state = TrainingState.begin(model, supervision, 1e-3, 0.99)
+    model = initial_network("small_plain", "random", switches={"class_backbone": backbone})
+    rates = relative_rates(model, Rates(shared_rate=shared_rate))
+    state = TrainingState.begin(model, supervision, 1e-3, 0.99, rates=rates)
     everything = {name for name, _ in model.named_parameters()}
     learning = {name for name, parameter in model.named_parameters() if parameter.requires_grad}
     assert learning == (everything if classify_with is None else model.semantic_parameters(**classify_with))
@@ -216,7 +206,8 @@ def test_every_parameter_that_learns_by_depth_gets_a_gradient_and_no_other(held:
     """Processes that share a step wait for the gradient of each parameter that learns."""
     model = network_of(channels=16, cnn_widths=(8, 8, 16), candidates=8, semantic_blocks=1, colour_blocks=1,
                        cost_width=16, upsampled_channels=16, harmonics=4, shared_layers=not own)  # fmt: skip
-    state = TrainingState.begin(model, Depth(hold_shared=held), 1e-3, 0.99)
+    rates = relative_rates(model, Rates(shared_rate=0.0 if held else 1.0))
+    state = TrainingState.begin(model, Depth(), 1e-3, 0.99, rates=rates)
     views = replace(posed_views(2, (16, 32)), depths=torch.full((2, 16, 32), 2.0))
     state.objective(Batch(views, views, ("a",)))["total"].backward()
     reached = {name for name, one in model.named_parameters() if one.grad is not None}
@@ -233,13 +224,13 @@ def test_supervision_by_depth_trains_without_rendering_and_keeps_the_validation_
         "semgs.training.supervision.supervision.validate_depth",
         lambda *given: validation_of_depth(next(errors), 0.5, None),
     )
-    state = TrainingState.begin(sweeping(), Depth(hold_shared=True), settings.learning_rate, 0.9)
+    state = TrainingState.begin(sweeping(), Depth(), settings.learning_rate, 0.9, rates={"layer.bias": 0.0})
     before = {name: value.clone() for name, value in state.model.named_parameters()}
     first = training_step(state, [batch(0)], settings)
     assert first.total == pytest.approx(1.3 * first.depth + 0.5 * first.gradients + 0.1 * first.distribution, rel=1e-5)
     assert min(first.depth, first.gradients, first.distribution) > 0
     portions = (Portion((batch(step),)) for step in range(1, 12))
-    fit(state, replace(settings, validate_every=3), tmp_path, Feed(portions, [batch(1000)]), Session())
+    fit(state, settings, tmp_path, Feed(portions, [batch(1000)]), Session(), validate_every=3)
     moved = {name for name, value in state.model.named_parameters() if (value != before[name]).any()}
     assert moved == {"layer.weight"}
     best = best_checkpoint(tmp_path / "checkpoints")
@@ -262,9 +253,9 @@ def test_a_pixel_that_is_too_bright_is_compared_as_bright_as_it_is(network, batc
 
 
 def test_rates_are_shares_of_the_setting_by_what_the_parameters_are_for():
-    model = preset("small", class_backbone=True)
-    settings = TrainingSettings(model="small", steps=1, class_rate=0.5, sweep_rate=0.25, backbone_rate=0.1)
-    shares = rate_shares(model, settings)
+    model = preset("small_plain", class_backbone=True)
+    settings = TrainingSettings(model="small_plain", steps=1, class_rate=0.5, sweep_rate=0.25, backbone_rate=0.1)
+    shares = relative_rates(model, settings)
     assert {shares[name] for name in model.pretrained_parameters()} == {0.05}
     assert {shares[name] for name in model.depth_parameters()} == {0.25}
     for name, expected in {
@@ -273,19 +264,19 @@ def test_rates_are_shares_of_the_setting_by_what_the_parameters_are_for():
     }.items():  # fmt: skip
         assert shares.get(name, 1.0) == expected
         assert name in dict(model.named_parameters())
-    plain = TrainingSettings(model="small", steps=1)
-    assert rate_shares(preset("small"), plain) == {}, "the paper's network learns at one rate"
+    plain = TrainingSettings(model="small_plain", steps=1)
+    assert relative_rates(preset("small_plain"), plain) == {}, "the paper's network learns at one rate"
 
 
 def test_a_rate_of_zero_freezes_what_it_is_for_and_nothing_else():
-    model = preset("small", class_backbone=True)
-    settings = TrainingSettings(model="small", steps=10, class_rate=0.0, sweep_rate=0.5)
-    state = TrainingState.begin(model, supervision_of(settings), 1e-3, 0.9, shares=rate_shares(model, settings))
+    model = preset("small_plain", class_backbone=True)
+    settings = TrainingSettings(model="small_plain", steps=10, class_rate=0.0, sweep_rate=0.5)
+    state = TrainingState.begin(model, make_supervision(settings), 1e-3, 0.9, rates=relative_rates(model, settings))
     frozen = {name for name, one in model.named_parameters() if not one.requires_grad}
     refinement = {name for name in frozen if name.startswith("semantic.refinement.")}
     assert frozen == refinement
     assert {name.split(".")[2] for name in frozen} == {"backbone", "lateral", "merged", "last", "classifier"}
-    assert sorted(group["share"] for group in state.optimizer.param_groups) == [0, 0.5, 1]
+    assert sorted(group["relative_rate"] for group in state.optimizer.param_groups) == [0, 0.5, 1]
 
 
 @pytest.mark.parametrize(
@@ -293,4 +284,4 @@ def test_a_rate_of_zero_freezes_what_it_is_for_and_nothing_else():
 )
 def test_a_rate_of_zero_that_would_leave_nothing_to_learn_is_refused(name: str, supervision: str):
     with pytest.raises(ValueError, match=f"{name} is 0.*above 0 with supervision by"):
-        TrainingSettings(model="small", steps=1, supervision=supervision, **{name: 0.0})
+        TrainingSettings(model="small_plain", steps=1, supervision=supervision, **{name: 0.0})

@@ -44,8 +44,8 @@ class Ablate:
     and ablation.md, the table. To resume, repeat the command.
 
     Examples
-    - semgs ablate small --out ablation --steps 3000 --dry-run
-    - semgs ablate small --out ablation --steps 3000 --seeds 1 2
+    - semgs ablate small_plain --out ablation --steps 3000 --dry-run
+    - semgs ablate small_plain --out ablation --steps 3000 --seeds 1 2
     - semgs ablate paper --out ablation --data scannet/train --init re10k.ckpt --test scans --test-scenes scannet-sray-test --protocol peers
     """
 
@@ -116,27 +116,29 @@ class Ablate:
 
     def _check_unseen(self) -> None:
         """Refuse, before anything is trained, to train on rooms that are also used for evaluation."""
-        from semgs.data.scene_lists import calls, check_unseen, read_list
+        from semgs.data.scene_lists import check_unseen, read_list, scenes_by_name
         from semgs.data.scenes import scene_paths
         from semgs.training.data.data_check.open_sources import training_paths
 
         if self.test is None:
             return
-        trained = [name for source, paths in training_paths(self.settings) for name in calls(Path(source.path), paths)]
+        trained = [
+            name for source, paths in training_paths(self.settings) for name in scenes_by_name(Path(source.path), paths)
+        ]
         wanted = read_list(self.test_scenes) if self.test_scenes else None
-        tested = calls(self.test, scene_paths(self.test, wanted))
+        tested = scenes_by_name(self.test, scene_paths(self.test, wanted))
         check_unseen(self.test, trained, tested, "train without these (--scenes), or evaluate on others")
 
     def _check_full(self, settings: TrainingSettings) -> None:
         """Refuse --full if that run has other settings or is not finished."""
         if self.full is None:
             return
-        from semgs.training.run.differences import changed, listed
-        from semgs.training.run.run_folder import finished, read_settings
+        from semgs.training.run.differences import find_changes, list_changes
+        from semgs.training.run.run_folder import is_finished, read_settings
 
-        if other := changed(settings, read_settings(self.full)):
-            raise UsageError(f"--full {self.full} has other settings: {listed(other, 'here')}")
-        if not finished(self.full):
+        if other := find_changes(settings, read_settings(self.full)):
+            raise UsageError(f"--full {self.full} has other settings: {list_changes(other, 'here')}")
+        if not is_finished(self.full):
             raise UsageError(f"--full {self.full} is not finished; repeat its semgs train command first")
 
     def _folder(self, row: AblationRow, seed: int) -> Path:
@@ -157,7 +159,7 @@ class Ablate:
 
     def _evaluate(self, row: AblationRow, settings: TrainingSettings, device: str) -> None:
         """Evaluate a trained variant, unless that was done before."""
-        from semgs.evaluation.run import Job, evaluate_into, labelled_scenes, network_candidate, plan_of
+        from semgs.evaluation.run import Job, load_candidate, open_labelled_scenes, plan_targets, run_evaluation
         from semgs.training.run.run_folder import WEIGHTS
 
         folder = self._folder(row, settings.seed)
@@ -165,21 +167,19 @@ class Ablate:
             return
         path = self._rooms(settings) if self.test is None else self.test
         with show_stage("Reading scenes"):
-            data = labelled_scenes(path, wanted=self.test_scenes)
-        if data.classes is None:
-            raise InputError(path, "labelled scenes", "none with labels")
-        plan = plan_of((self.protocol,), data.scenes, (self.views,), settings.size)
+            data = open_labelled_scenes(path, wanted=self.test_scenes, needs_labels=True)
+        plan = plan_targets((self.protocol,), data.scenes, (self.views,), settings.size)
         weights = self._run(row, settings.seed) / WEIGHTS
         with what_the_user_gave():
-            candidate = network_candidate(weights, data.classes, device, row.title)
+            candidate = load_candidate(weights, data.classes, device, row.title)
         with what_fits(), show_progress(f"Evaluating {row.title}", len(plan.tasks)) as done:
-            evaluate_into(folder / EVALUATION, Job(data, plan, candidate), done=done)
+            run_evaluation(folder / EVALUATION, Job(data, plan, candidate), done=done)
 
     def _rooms(self, settings: TrainingSettings) -> Path:
         """Rooms to evaluate on; they are generated if they do not exist yet."""
         from semgs.rooms.assets.asset_library import Library
         from semgs.rooms.sets.dataset import Recipe, write_dataset
-        from semgs.training.training_settings import VALIDATION_SEED
+        from semgs.training.data.data_settings import VALIDATION_SEED
 
         library = Library(settings.assets, "validation", check=False) if settings.assets else None
         recipe = Recipe(VALIDATION_SEED, settings.size, library=library)

@@ -57,14 +57,14 @@ class Bench:
             import torch
 
             from semgs.bench.bench_file import numbers
-            from semgs.bench.run_bench import run_bench, steps
+            from semgs.bench.run_bench import count_steps, run_bench
             from semgs.cli.commands.networks.bench_tables import bench_table
             from semgs.evaluation.tables.environment import hardware, versions
             from semgs.files.atomic import write_json
 
         machine = {**hardware("cuda" if torch.cuda.is_available() else "cpu"), "versions": versions()}
         count = 0
-        with show_progress(f"Measuring {len(rows)} rows", steps(rows)) as shown:
+        with show_progress(f"Measuring {len(rows)} rows", count_steps(rows)) as shown:
 
             def done() -> None:
                 nonlocal count

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from semgs.bench.bench_file import BenchReport, BenchResult
+from semgs.bench.bench_file import BenchReport
 from semgs.evaluation.tables.table_grid import Cell, Format, Grid, printed
 
 
 def bench_table(bench: BenchReport, form: Format = "text") -> str:
     """The table of one bench."""
-    rows = [tuple(map(Cell, _cells(result))) for result in bench.results if result.seconds is not None]
-    notes = ["seconds: the fastest repeat. MB: peak memory of the process, or of the GPU on CUDA."]
+    rows = []
     absent: dict[str, list[str]] = {}
+    notes = ["seconds: the fastest repeat. MB: peak memory of the process, or of the GPU on CUDA."]
     for result in bench.results:
         if result.seconds is None:
             absent.setdefault(result.reason or "not measured", []).append(result.name)
+            continue
+        times = (_seconds(result.seconds), _seconds(result.seconds_median))
+        rows.append(tuple(map(Cell, (result.name, *times, _megabytes(result.peak_memory_mb)))))
     for reason, names in absent.items():
         few = ", ".join(names) if len(names) <= 3 else f"{len(names)} rows, from {names[0]} to {names[-1]}"
         notes.append(f"Not measured ({reason}): {few}.")
-    return printed(Grid("", (), ("row", "seconds", "median", "MB"), tuple(rows), notes=tuple(notes)), form).lstrip("\n")
+    return printed(Grid("", ("row", "seconds", "median", "MB"), tuple(rows), notes=tuple(notes)), form).lstrip("\n")
 
 
 def comparison_table(first: BenchReport, second: BenchReport, names: Sequence[str], form: Format = "text") -> str:
@@ -29,25 +32,12 @@ def comparison_table(first: BenchReport, second: BenchReport, names: Sequence[st
         after = second.by_name.get(name)
         if after is None or before.seconds is None or after.seconds is None:
             continue
-        texts = (
-            name,
-            _seconds(before.seconds),
-            _seconds(after.seconds),
-            f"{after.seconds / before.seconds:.3f}",
-            _megabytes(before.peak_memory_mb),
-            _megabytes(after.peak_memory_mb),
-        )
-        rows.append(tuple(map(Cell, texts)))
+        ratio = f"{after.seconds / before.seconds:.3f}"
+        memory = (_megabytes(before.peak_memory_mb), _megabytes(after.peak_memory_mb))
+        rows.append(tuple(map(Cell, (name, _seconds(before.seconds), _seconds(after.seconds), ratio, *memory))))
     head = ("row", f"{names[0]} [s]", f"{names[1]} [s]", "ratio", f"{names[0]} [MB]", f"{names[1]} [MB]")
     notes = ("ratio: seconds of the second file divided by those of the first.",)
-    return printed(Grid("", (), head, tuple(rows), notes=notes), form).lstrip("\n")
-
-
-def _cells(result: BenchResult) -> tuple[str, ...]:
-    """The cells of a row."""
-    return (
-        result.name, _seconds(result.seconds), _seconds(result.seconds_median), _megabytes(result.peak_memory_mb),
-    )  # fmt: skip
+    return printed(Grid("", head, tuple(rows), notes=notes), form).lstrip("\n")
 
 
 def _seconds(value: float | None) -> str:

@@ -10,10 +10,10 @@ import tyro
 
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.options.types import AutoSize, Protocol, Views, Weights
+from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import what_fits, what_the_user_gave
 from semgs.figures.plotting import check_plotting
-from semgs.files.atomic import check_file
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 
@@ -69,8 +69,8 @@ class Calibrate:
         self._check()
         with show_stage("Starting"):
             from semgs.data.scene_lists import check_unseen
-            from semgs.evaluation.run import labelled_scenes, plan_of
-            from semgs.evaluation.scoring.confidence_calibration import KINDS, statements, temperature_effect
+            from semgs.evaluation.run import open_labelled_scenes, plan_targets
+            from semgs.evaluation.scoring.confidence_calibration import KINDS, collect_statements, measure_temperature
             from semgs.evaluation.tables.table_grid import printed
             from semgs.files.atomic import write_bytes
             from semgs.model.weights.header_temperatures import KEY, read_temperatures, temperatures_text
@@ -78,7 +78,7 @@ class Calibrate:
             from semgs.model.weights.weights_file import is_ours, read_header, restate
             from semgs.rendering.temperatures import Temperatures
 
-            data = labelled_scenes(self.data, self.reading.as_peers, self.reading.asked)
+            data = open_labelled_scenes(self.data, self.reading.as_peers, self.reading.asked)
             if data.classes is None:
                 raise InputError(self.data, "labelled scenes", "none with labels")
             with what_the_user_gave():
@@ -86,7 +86,7 @@ class Calibrate:
             if not is_ours(path) or read_header(path).classes is None:
                 other = "colour-only weights" if is_ours(path) else "another file"
                 raise InputError(path, "weights of semgs with classes", other)
-            plan = plan_of(self.protocol, data.scenes, (self.views,), self.size)
+            plan = plan_targets(self.protocol, data.scenes, (self.views,), self.size)
             tested = [scene.name for scene in plan.scenes]
             check_unseen(self.weights, trained_scenes(path), tested, "use other scenes (--data)")
             held = read_temperatures(path)
@@ -94,9 +94,9 @@ class Calibrate:
                 raise InputError(path, "temperatures to measure", "none", key=KEY, advice="fit them: --out FILE")
             model = load(network, path, classes=data.classes)
         with what_fits(), show_progress("Reconstructing", len(plan.tasks)) as done:
-            said = statements(plan, model, done=done)
+            said = collect_statements(plan, model, done=done)
         known = held if self.out is None else None
-        found = {kind: temperature_effect(said[kind], getattr(known, kind) if known else None) for kind in KINDS}
+        found = {kind: measure_temperature(said[kind], getattr(known, kind) if known else None) for kind in KINDS}
         if self.plot is not None:
             write_bytes(self.plot, _plot(found))
         if self.out is not None:
@@ -111,10 +111,8 @@ class Calibrate:
             check_plotting()
         self.reading.check()
         for file in (self.out, self.plot):
-            if file is not None and file.exists():
-                raise InputError(file, "a new file", "one that exists", advice="choose another name")
             if file is not None:
-                check_file(file)
+                check_new_file(file)
 
 
 def _grid(found: Mapping[str, TemperatureEffect], data: str) -> Grid:
@@ -125,22 +123,16 @@ def _grid(found: Mapping[str, TemperatureEffect], data: str) -> Grid:
         tuple(map(Cell, (kind, f"{one.temperature:.3f}", f"{one.error_before:.3f}", f"{one.error_after:.3f}")))
         for kind, one in found.items()
     )
-    return Grid(f"Calibration, {data}", (), ("", "temperature", "ECE before", "ECE after"), rows)
+    return Grid(f"Calibration, {data}", ("", "temperature", "ECE before", "ECE after"), rows)
 
 
 def _plot(found: Mapping[str, TemperatureEffect]) -> bytes:
     """The reliability plot of each kind."""
     from semgs.figures.reliability import ReliabilityPlot, reliability_png
 
-    return reliability_png(
-        [
-            ReliabilityPlot(
-                kind,
-                (
-                    ("before", tuple(map(astuple, one.bins_before))),
-                    (f"temperature {one.temperature:.2f}", tuple(map(astuple, one.bins_after))),
-                ),
-            )
-            for kind, one in found.items()
-        ]
-    )
+    plots = []
+    for kind, effect in found.items():
+        before = ("before", tuple(map(astuple, effect.bins_before)))
+        after = (f"temperature {effect.temperature:.2f}", tuple(map(astuple, effect.bins_after)))
+        plots.append(ReliabilityPlot(kind, (before, after)))
+    return reliability_png(plots)

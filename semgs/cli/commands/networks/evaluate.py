@@ -16,7 +16,7 @@ from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder
-from semgs.files.paths import existing_folder
+from semgs.files.paths import existing_folder, found_at
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -110,32 +110,35 @@ class Evaluate:
             return
         with show_stage("Starting"):
             # Importing torch takes seconds; typing errors are reported before.
-            from semgs.evaluation.run import Job, evaluate_into, labelled_scenes
+            from semgs.evaluation.run import Job, open_labelled_scenes, run_evaluation
 
-            data = labelled_scenes(self.data, self.reading.as_peers, self.reading.asked, self.scenes)
+            data = open_labelled_scenes(self.data, self.reading.as_peers, self.reading.asked, self.scenes)
         plan = self._plan(data.scenes)
         with show_stage("Loading"):
             labelling = self.segmenting.labelling()
             candidate = self._candidate(plan, data.classes, chosen_device(self.device), labelling)
             job = Job(data, plan, candidate, self._remarks(plan, labelling), self.workers)
         with what_fits(), show_progress(f"Evaluating {candidate.subject.name}", len(plan.tasks)) as done:
-            summary = evaluate_into(self.out, job, overwrite=self.overwrite, done=done)
+            summary = run_evaluation(self.out, job, overwrite=self.overwrite, done=done)
         print(summary)
 
     def _run_single(self) -> None:
         """Score single images, write the folder, and print the tables."""
         with show_stage("Starting"):
-            from semgs.evaluation.run import labelled_scenes, network_subject
+            from semgs.evaluation.run import load_network, open_labelled_scenes
             from semgs.evaluation.single_images import evaluate_single_images
 
-            data = labelled_scenes(
-                self.data, self.reading.as_peers, self.reading.asked, self.scenes, needs_cameras=False
+            data = open_labelled_scenes(
+                self.data,
+                self.reading.as_peers,
+                self.reading.asked,
+                self.scenes,
+                needs_labels=True,
+                needs_cameras=False,
             )
-            if data.classes is None:
-                raise InputError(self.data, "labelled images", "none with labels")
         with show_stage("Loading"), what_the_user_gave():
             remarks = self._seen(data.scenes)
-            network, subject = network_subject(self.weights, data.classes, self.name)
+            network, subject = load_network(self.weights, data.classes, self.name)
             network.to(chosen_device(self.device))
         images = sum(frame.labels is not None for scene in data.scenes for frame in scene.frames)
         with what_fits(), show_progress(f"Evaluating {subject.name}", images) as done:
@@ -152,8 +155,7 @@ class Evaluate:
             self._check_single()
         existing_folder(self.data)
         if self.predictions is not None and not self.predictions.is_dir():
-            found = "a file" if self.predictions.exists() else "nothing there"
-            raise InputError(self.predictions, "a folder of predictions", found)
+            raise InputError(self.predictions, "a folder of predictions", found_at(self.predictions))
         check_folder(self.out, self.overwrite)
         if self.nearest is not None and self.predictions is not None:
             raise UsageError("--nearest is for WEIGHTS; --predictions are rendered already")
@@ -184,11 +186,11 @@ class Evaluate:
     def _plan(self, scenes: tuple[Scene, ...]) -> FramePlan:
         """The targets and their input views."""
         from semgs.evaluation.frames.frame_plan import with_depth_range
-        from semgs.evaluation.frames.saved import views_in
-        from semgs.evaluation.run import plan_of
+        from semgs.evaluation.frames.saved import find_view_counts
+        from semgs.evaluation.run import plan_targets
 
-        held = views_in(self.predictions) if self.predictions is not None else ()
-        plan = plan_of(self.protocol, scenes, self.views or held, self.size, self.gsnerf_distance)
+        held = find_view_counts(self.predictions) if self.predictions is not None else ()
+        plan = plan_targets(self.protocol, scenes, self.views or held, self.size, self.gsnerf_distance)
         return with_depth_range(plan, self.depth_range)
 
     def _candidate(
@@ -199,14 +201,14 @@ class Evaluate:
         labelling: Callable[[Scene], Labelling] | None,
     ) -> Candidate:
         """The method to evaluate, and its description for the report."""
-        from semgs.evaluation.run import network_candidate, saved_candidate
+        from semgs.evaluation.run import load_candidate, open_predictions
 
         if self.predictions is not None:
-            return saved_candidate(self.predictions, plan, device, self.name)
+            return open_predictions(self.predictions, plan, device, self.name)
         with what_the_user_gave():
             if labelling is not None:
                 self._check_table(labelling(plan.scenes[0]).source.classes, classes)
-            return network_candidate(
+            return load_candidate(
                 self.weights, classes, device, self._name(labelling is not None), labelling, self.nearest
             )
 

@@ -22,14 +22,14 @@ from semgs.files.strict_json import parse_json
 
 if TYPE_CHECKING:
     from semgs.evaluation.frames.predictions import Method
-    from semgs.evaluation.page.paper_figure import Compared, FigurePart
+    from semgs.evaluation.page.paper_figure import ComparedTarget, FigurePart
 
 WITHOUT, WITH = "without smoothness", "with smoothness"
 """The columns of the smoothness figure."""
 
 
 @dataclass(frozen=True)
-class Figure:
+class PaperFigure:
     """Plot one of the paper's comparison figures. Rows are frames; columns are the inputs, each method, ours and the truth.
 
     - qualitative: methods on one or more data sets, one below the other
@@ -96,7 +96,7 @@ class Figure:
         if len(tables) > 1:
             raise InputError(self.data[-1], f"labels of table {tables[0].name}", tables[1].name)
         blocks, numbers = [], []
-        shown: list[Compared] = []
+        shown: list[ComparedTarget] = []
         with what_fits(), show_progress("Rendering", sum(len(part.plan.tasks) for part in parts)) as done:
             for part in parts:
                 frames = []
@@ -162,22 +162,22 @@ class Figure:
         """What the figure shows of one --data folder."""
         from semgs.data.scene_lists import check_unseen
         from semgs.evaluation.frames.saved import SavedPredictions
-        from semgs.evaluation.page.paper_figure import FigurePart, chosen_tasks
-        from semgs.evaluation.run import labelled_scenes, network_candidate, plan_of
+        from semgs.evaluation.page.paper_figure import FigurePart, choose_tasks
+        from semgs.evaluation.run import load_candidate, open_labelled_scenes, plan_targets
         from semgs.evaluation.tables.evaluation_report import data_name
         from semgs.model.weights.load import find, table_of, trained_scenes
 
         wanted_scenes = self.scenes[index] if self.scenes else ""
-        data = labelled_scenes(self.data[index], self.reading.as_peers, self.reading.asked, wanted_scenes)
+        data = open_labelled_scenes(self.data[index], self.reading.as_peers, self.reading.asked, wanted_scenes)
         scenes, classes = data.scenes, data.classes
-        plan = plan_of(self.protocol, scenes, (self.views,), self.size)
+        plan = plan_targets(self.protocol, scenes, (self.views,), self.size)
         wanted = [
             name
             for name in self.targets
             if len(self.data) == 1 or any(name.startswith(f"{one.name}/") for one in scenes)
         ]
         with what_the_user_gave():
-            plan = replace(plan, tasks=chosen_tasks(plan, self.rows, wanted))
+            plan = replace(plan, tasks=choose_tasks(plan, self.rows, wanted))
         weights, names = self._weights(index)
         methods: list[Method] = []
         for text in self.predictions:
@@ -190,7 +190,7 @@ class Figure:
                 tested = [task.scene.name for task in plan.tasks]
                 check_unseen(one, trained_scenes(one), tested, "show other rooms (--scenes, --targets)")
                 classes = classes or table_of(find(one)[1])
-                methods.append(network_candidate(one, classes, chosen_device(self.device), name).method)
+                methods.append(load_candidate(one, classes, chosen_device(self.device), name).method)
         assert classes is not None
         title = self.names[index] if self.names else data_name(str(self.data[index]), [scene.name for scene in scenes])
         return FigurePart(title, plan, tuple(methods), classes)

@@ -12,8 +12,8 @@ from semgs.cli.commands.networks.training_runs import deadline, train_or_resume
 from semgs.cli.options.execution_options import ExecutionOptions
 from semgs.cli.options.types import Count, Size
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
+from semgs.training.data.data_sources import ROOMS
 from semgs.training.recipe_stages import STAGES, Start, folder, settings_of
-from semgs.training.training_settings import ROOMS
 
 
 @dataclass(frozen=True)
@@ -91,11 +91,11 @@ class Recipe:
 
     def _check_earlier(self, stage: str) -> None:
         """Refuse a stage whose predecessor is not finished."""
-        from semgs.training.run.run_folder import SETTINGS, finished
+        from semgs.training.run.run_folder import SETTINGS, is_finished
 
         place = STAGES.index(stage)
         if not place:
             return
         before = folder(self.out, STAGES[place - 1])
-        if not (before / SETTINGS).is_file() or not finished(before):
+        if not (before / SETTINGS).is_file() or not is_finished(before):
             raise UsageError(f"--stage {stage}: stage {STAGES[place - 1]} in {before} is not finished; run it first")

@@ -10,10 +10,9 @@ import tyro
 
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.options.types import AutoSize, Weights
+from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
-from semgs.files.atomic import check_file
-from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 
 if TYPE_CHECKING:
@@ -21,8 +20,8 @@ if TYPE_CHECKING:
 
     from semgs.data.scene import Scene
     from semgs.data.views import Views
-    from semgs.segmenters.class_source import Source
-    from semgs.segmenters.labelling import Votes
+    from semgs.segmenters.class_source import ClassSource
+    from semgs.segmenters.labelling import ClassVotes
     from semgs.segmenters.names import Correspondence
 
 FRAMES = 4
@@ -62,21 +61,17 @@ class FitSegmenter:
         """
         existing_folder(self.data)
         self.reading.check()
-        if self.out.exists():
-            raise InputError(self.out, "a new file", "one that exists", advice="choose another name")
-        check_file(self.out)
+        check_new_file(self.out)
         with show_stage("Starting"):
-            from semgs.evaluation.run import labelled_scenes
-            from semgs.segmenters.fitting import Fit, fit, save_fit
-            from semgs.segmenters.opening import sources
+            from semgs.evaluation.run import open_labelled_scenes
+            from semgs.segmenters.fitting import Fit, fit_correspondence, save_fit
+            from semgs.segmenters.opening import open_class_sources
 
-            data = labelled_scenes(self.data, self.reading.as_peers, self.reading.asked)
+            data = open_labelled_scenes(self.data, self.reading.as_peers, self.reading.asked, needs_labels=True)
             scenes = [scene for scene in data.scenes if scene.classes is not None]
-            if not scenes:
-                raise InputError(self.data, "labelled scenes", "none with labels")
-            opened = sources(self.segmenter, "own")
+            opened = open_class_sources(self.segmenter, "own")
         with show_progress("Segmenting", len(scenes)) as done:
-            found = fit(opened, scenes, self._read, done)
+            found = fit_correspondence(opened, scenes, self._read, done)
         votes = self._votes(opened, found, scenes) if self.weights else None
         theirs = opened(scenes[0]).classes.names
         save_fit(self.out, Fit(opened(scenes[0]).title, theirs, found, votes))
@@ -94,12 +89,14 @@ class FitSegmenter:
         positions = list(range(0, len(scene), step))[:FRAMES]
         return positions, scene.read(positions, self.size)
 
-    def _votes(self, opened: Callable[[Scene], Source], found: Correspondence, scenes: Sequence[Scene]) -> Votes:
+    def _votes(
+        self, opened: Callable[[Scene], ClassSource], found: Correspondence, scenes: Sequence[Scene]
+    ) -> ClassVotes:
         """Fit the votes."""
         from semgs.model.encode import encode
         from semgs.model.weights.load import load
-        from semgs.segmenters.class_source import Translated, distributions
-        from semgs.segmenters.fitting import fitted_votes, pixels
+        from semgs.segmenters.class_source import Translated, read_distributions
+        from semgs.segmenters.fitting import fit_votes, sample_pixels
 
         with what_the_user_gave():
             model = load(self.weights, classes=found.classes).eval()
@@ -109,8 +106,8 @@ class FitSegmenter:
         with what_fits(), show_progress("Fitting votes", len(scenes)) as done:
             for number, scene in enumerate(scenes, 1):
                 positions, views = self._read(scene)
-                said = distributions(Translated(opened(scene), found), scene, positions, views.size)
+                said = read_distributions(Translated(opened(scene), found), scene, positions, views.size)
                 own = encode(model, views).encoding.class_maps()
-                samples.append(pixels(views, said, own))
+                samples.append(sample_pixels(views, said, own))
                 done(number)
-        return fitted_votes(samples, len(found.classes))
+        return fit_votes(samples, len(found.classes))

@@ -48,16 +48,16 @@ class Train:
             UsageError: the settings are invalid, training failed, or an extra that rooms need is not installed.
         """
         with what_the_user_gave():
-            self.settings.check_whole()
+            self.settings.check_complete()
         from rich.console import Console
 
         from semgs.training.loop import train
-        from semgs.training.run.run_folder import claim
+        from semgs.training.run.run_folder import claim_folder
 
         execution = self.compute.execution(self.nodes)
         with what_the_user_gave():
             execution.share().check(self.settings.batch)
-            claim(self.out, self.settings)
+            claim_folder(self.out, self.settings)
         try:
             train(self.settings, self.out, execution, console=Console(stderr=True, highlight=False))
         except (FloatingPointError, ImportError) as error:

@@ -36,11 +36,11 @@ def train_or_resume(
     from rich.console import Console
 
     from semgs.training.loop import train
-    from semgs.training.run.run_folder import WEIGHTS, claim, finished
+    from semgs.training.run.run_folder import WEIGHTS, claim_folder, is_finished
 
     with what_the_user_gave():
-        claim(run, settings)
-    if finished(run) and (run / WEIGHTS).is_file():
+        claim_folder(run, settings)
+    if is_finished(run) and (run / WEIGHTS).is_file():
         return True
     left = None if ends is None else (ends - time.monotonic()) / 60
     if left is not None and left <= 0:
@@ -50,7 +50,7 @@ def train_or_resume(
     execution = replace(execution, minutes=left)
     if execution.devices > 1:
         train_apart(run, execution)
-        return finished(run)
+        return is_finished(run)
     try:
         with what_the_user_gave():
             return train(settings, run, execution, console=console).finished

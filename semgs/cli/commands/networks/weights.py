@@ -100,12 +100,12 @@ def _files_grid(files: Mapping[str, Path]) -> Grid:
         notes.append(f"{name}: {metadata.get('description', 'no description')}")
         notes += [f"{name}, data: {one.text}" for one in data_terms(path)]
     head = ("weights", "sha256", "size", "licence", "parameters")
-    return Grid("Weights", (), head, tuple(rows), notes=tuple(notes))
+    return Grid("Weights", head, tuple(rows), notes=tuple(notes))
 
 
 def _scores_grid(files: Mapping[str, Path]) -> list[Grid]:
     """The table of scores with intervals; none if no header has scores."""
-    from semgs.evaluation.tables.metric_texts import with_interval
+    from semgs.evaluation.tables.score_cells import with_interval
     from semgs.evaluation.tables.table_grid import Cell, Grid
     from semgs.model.weights.header_scores import Figure, read_scores
     from semgs.objectives.measures import TITLES
@@ -126,4 +126,4 @@ def _scores_grid(files: Mapping[str, Path]) -> list[Grid]:
         for name, score in found
     )
     note = "In brackets 95 % intervals. Every kind of number: docs/evaluate.md."
-    return [Grid("Scores", (), ("weights and data", "targets", *(TITLES[one] for one in shown)), rows, notes=(note,))]
+    return [Grid("Scores", ("weights and data", "targets", *(TITLES[one] for one in shown)), rows, notes=(note,))]

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from semgs.cli.options.scene_options import SceneOptions
+from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_stage
+from semgs.cli.terminal import aligned
 from semgs.cli.usage_errors import UsageError
-from semgs.files.atomic import check_file
-from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 
 if TYPE_CHECKING:
@@ -64,20 +64,18 @@ class Doctor:
         existing_folder(self.scene)
         self._check_outputs()
         with show_stage("Starting"):
-            from semgs.data.scenes import open_asked
+            from semgs.data.scenes import open_with_details
             from semgs.doctor.diagnosis import diagnose
             from semgs.doctor.facts import facts
             from semgs.doctor.fix import check_fixable
 
-        scene = open_asked(self.scene, self.reading.as_peers, self.reading.asked, needs_labels=False)
+        scene = open_with_details(self.scene, self.reading.as_peers, self.reading.asked, needs_labels=False)
         if self.fix is not None:
             check_fixable(scene)
         with show_stage(f"Matching images of {len(scene)} frames"):
             found = diagnose(scene)
             understood = facts(scene)
-        width = max(len(name) for name, _ in understood)
-        for name, text in understood:
-            print(f"{name:<{width}}  {text}")
+        print(*aligned(understood), sep="\n")
         for note in scene.notes:
             print(f"note: {note}")
         print()
@@ -94,9 +92,7 @@ class Doctor:
                 continue
             if path.suffix.lower() != ending:
                 raise UsageError(f"{option} is {path}; expected a file name that ends with {ending}")
-            if path.exists() and not self.overwrite:
-                raise InputError(path, "a new file", "one that exists", advice="use --overwrite to replace it")
-            check_file(path)
+            check_new_file(path, self.overwrite)
 
     def _write(self, scene: Scene, found: Diagnosis, understood: tuple[tuple[str, str], ...]) -> None:
         """Write the files that were requested."""

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from semgs.cli.arguments import nearest
+from semgs.cli.arguments import did_you_mean
 from semgs.cli.options.types import Probability, at_least, one_word
 from semgs.cli.progress import show_stage
+from semgs.cli.terminal import aligned
 from semgs.cli.usage_errors import UsageError
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from semgs.export.export_record import ExportedFile
-    from semgs.robotics.objects import Objects
+    from semgs.export.scene_export import SceneExport
     from semgs.scene.scene_file import SavedScene
     from semgs.scene.upright import Axes, FramedScene, UpDirection
 
@@ -114,6 +115,8 @@ class Export:
         check_folder(self.out, self.overwrite)
         with show_stage("Reading the scene"):
             from semgs.export.export_record import write_record
+            from semgs.export.scene_export import SceneExport
+            from semgs.export.scene_objects import things_of
             from semgs.files.bags import check_bag_library
             from semgs.robotics.object_libraries import check_object_libraries
             from semgs.scene.scene_file import load_scene
@@ -127,32 +130,53 @@ class Export:
             keep = self._selected(scene)
             for_robots = bool({"objects", "occupancy"} & set(self.formats))
             found_up = up_of(scene, self.up) if self.frame == "upright" or for_robots else None
-            up = found_up if self.frame == "upright" else None
             if for_robots:
                 self._check_for_robots(scene, found_up)
         notes = [] if found_up is None or found_up.certain else [found_up.warning]
         things = None
         if "objects" in self.formats and found_up is not None:
             with show_stage("Finding things"):
-                things = self._things(scene, found_up)
+                things = things_of(scene, found_up)
+                things = things.only(classes=self.classes, min_confidence=self.min_confidence)
+        export = SceneExport(scene, keep, found_up if self.frame == "upright" else None, things)
         with own_folder(self.out, self.overwrite) as folder, show_stage("Writing"):
             files = []
             for name in dict.fromkeys(self.formats):
-                framed = self._framed(scene, name, up)
-                if name == "ply":
-                    files += self._write_ply(folder, framed, keep, things)
-                elif name == "gltf":
-                    files.append(self._write_gltf(folder, scene, framed, keep, things))
-                elif name == "colmap":
-                    files.append(self._write_colmap(folder, framed, keep, notes))
-                elif name == "objects" and things is not None:
-                    files.append(self._write_objects(folder, scene, framed, things))
-                elif name == "occupancy":
-                    files += self._write_occupancy(folder, framed)
-                else:
-                    files.append(self._write_points(folder, name, framed, keep, things))
-            write_record(folder, files, up)
+                files += self._write(folder, name, export, notes)
+            write_record(folder, files, export.up)
         self._print(files, notes)
+
+    def _write(self, folder: Path, name: Format, export: SceneExport, notes: list[str]) -> list[ExportedFile]:
+        """Write the files of a format, and add to the notes."""
+        framed = export.frame(UP_OF[name])
+        if name == "ply":
+            return export.write_ply(folder, framed, self.colour)
+        if name == "gltf":
+            return [export.write_gltf(folder, framed)]
+        if name == "colmap":
+            file, missing = export.write_colmap(
+                folder, framed, self.scene if self.scene.is_dir() else self.scene.parent
+            )
+            notes += missing
+            return [file]
+        if name == "objects":
+            return [export.write_objects(folder, framed)]
+        if name == "occupancy":
+            return self._write_occupancy(folder, framed, export)
+        return [export.write_points(folder, framed, "mcap" if name == "mcap" else "ply")]
+
+    def _write_occupancy(self, folder: Path, framed: FramedScene, export: SceneExport) -> list[ExportedFile]:
+        """Write the map and the voxels."""
+        from semgs.robotics.floor import NoFloorError
+
+        try:
+            return export.write_occupancy(
+                folder, framed, resolution=self.resolution, step=self.step_height, height=self.robot_height
+            )
+        except NoFloorError as error:
+            raise InputError(self.scene, "a scene that shows the floor", str(error)) from error
+        except ValueError as error:  # the grid is too large, or the scene has neither grid nor depth
+            raise UsageError(str(error)) from error
 
     def _selected(self, scene: SavedScene) -> Bool[Tensor, " g"]:
         """The Gaussians to write."""
@@ -166,18 +190,12 @@ class Export:
         if unknown and scene.classes:
             known = scene.classes.names
             raise UsageError(
-                f"--classes: there is no class {unknown[0]!r}{nearest(unknown[0], known)}; expected some of {', '.join(known)}"
+                f"--classes: there is no class {unknown[0]!r}{did_you_mean(unknown[0], known)}; expected some of {', '.join(known)}"
             )
         keep = selected(scene, min_opacity=self.min_opacity, min_confidence=self.min_confidence, classes=self.classes)
         if not keep.any():
             raise UsageError("no Gaussian is left; relax --min-opacity, --min-confidence or --classes")
         return keep
-
-    def _framed(self, scene: SavedScene, name: Format, up: UpDirection | None) -> FramedScene:
-        """The scene in the frame of a format's files."""
-        from semgs.scene.upright import in_own_frame, upright
-
-        return in_own_frame(scene) if up is None else upright(scene, UP_OF[name], up)
 
     def _check_for_robots(self, scene: SavedScene, up: UpDirection | None) -> None:
         """Check that a scene has what things and maps need."""
@@ -198,115 +216,6 @@ class Export:
                 f"a map in --frame scene needs poses with z up; here up is ({direction}); leave out --frame to turn the scene upright"
             )
 
-    def _things(self, scene: SavedScene, up: UpDirection) -> Objects:
-        """The things of the scene that the options ask for, with the numbers that they have among all."""
-        from semgs.export.scene_objects import things_of
-
-        return things_of(scene, up).only(classes=self.classes, min_confidence=self.min_confidence)
-
-    def _write_objects(self, folder: Path, scene: SavedScene, framed: FramedScene, things: Objects) -> ExportedFile:
-        """Write objects.json."""
-        from semgs.export.export_record import ExportedFile
-        from semgs.export.scene_objects import file_from_scene, placed, save_objects
-
-        save_objects(folder / "objects.json", placed(things, file_from_scene(framed, scene)), framed)
-        return ExportedFile("objects.json", framed, len(things.things))
-
-    def _write_occupancy(self, folder: Path, framed: FramedScene) -> list[ExportedFile]:
-        """Write map.pgm, map.yaml and voxels.npz."""
-        from semgs.export.export_record import ExportedFile
-        from semgs.export.map_files import IMAGE, VOXELS, save_map, save_voxels
-        from semgs.export.scene_objects import occupancy_of
-        from semgs.robotics.floor import NoFloorError
-        from semgs.scene.upright import up_of
-
-        try:
-            found = occupancy_of(
-                framed.scene,
-                up_of(framed.scene, "z"),
-                resolution=self.resolution,
-                step=self.step_height,
-                height=self.robot_height,
-            )
-        except NoFloorError as error:
-            raise InputError(self.scene, "a scene that shows the floor", str(error)) from error
-        except ValueError as error:  # the grid is too large, or the scene has neither grid nor depth
-            raise UsageError(str(error)) from error
-        save_map(folder, found)
-        save_voxels(folder, found, framed.scene.classes)
-        return [ExportedFile(IMAGE, framed, found.cells.size), ExportedFile(VOXELS, framed, found.voxels.size)]
-
-    def _write_ply(
-        self, folder: Path, framed: FramedScene, keep: Bool[Tensor, " g"], things: Objects | None
-    ) -> list[ExportedFile]:
-        """Write gaussians.ply, semantics.ply or both."""
-        from semgs.export.export_record import ExportedFile
-        from semgs.export.ply import save_ply, save_semantic_ply
-        from semgs.scene.selection import part_of
-
-        part, names = part_of(framed.scene, keep), []
-        if "photo" in self.colour:
-            save_ply(
-                folder / "gaussians.ply", part.gaussians, None if things is None else things.instances[keep.numpy()]
-            )
-            names.append("gaussians.ply")
-        if "classes" in self.colour and part.classes is not None:
-            save_semantic_ply(folder / "semantics.ply", part.gaussians, part.classes)
-            names.append("semantics.ply")
-        return [ExportedFile(name, framed, len(part.gaussians)) for name in names]
-
-    def _write_gltf(
-        self, folder: Path, scene: SavedScene, framed: FramedScene, keep: Bool[Tensor, " g"], things: Objects | None
-    ) -> ExportedFile:
-        """Write gaussians.glb."""
-        from semgs.export.export_record import ExportedFile
-        from semgs.export.gltf import save_gltf
-        from semgs.export.scene_objects import file_from_scene, placed
-
-        boxes = () if things is None else placed(things, file_from_scene(framed, scene))
-        save_gltf(folder / "gaussians.glb", framed.scene, keep, boxes, None if things is None else things.instances)
-        return ExportedFile("gaussians.glb", framed, int(keep.sum()))
-
-    def _write_points(
-        self, folder: Path, name: Format, framed: FramedScene, keep: Bool[Tensor, " g"], things: Objects | None
-    ) -> ExportedFile:
-        """Write points.ply or points.mcap."""
-        from semgs.export.export_record import ExportedFile
-        from semgs.export.points import points_of, save_bag, save_points
-
-        points = points_of(framed.scene, None if things is None else things.instances).only(keep)
-        if name == "mcap":
-            save_bag(folder / "points.mcap", points)
-            return ExportedFile("points.mcap", framed, len(points))
-        save_points(folder / "points.ply", points)
-        return ExportedFile("points.ply", framed, len(points))
-
-    def _write_colmap(
-        self, folder: Path, framed: FramedScene, keep: Bool[Tensor, " g"], notes: list[str]
-    ) -> ExportedFile:
-        """Write the folder colmap."""
-        from semgs.export.colmap import copy_photos, photos_of, save_model, tracks_of
-        from semgs.export.export_record import ExportedFile
-        from semgs.export.points import points_of
-
-        tracks = tracks_of(framed.scene)
-        keep = keep & tracks.matched
-        if not keep.any():
-            notes.append("no point is seen by two input views, so points3D.bin is empty")
-        model, images = folder / "colmap" / "sparse" / "0", folder / "colmap" / "images"
-        model.mkdir(parents=True)
-        save_model(model, framed.scene, points_of(framed.scene).only(keep), tracks.only(keep))
-        source = self.scene if self.scene.is_dir() else self.scene.parent
-        photos = photos_of(source, framed.scene)
-        if photos is None:
-            notes.append(
-                f"{source} has no photos of the input views, so colmap/images is missing; export from a folder of semgs reconstruct"
-            )
-        else:
-            images.mkdir()
-            copy_photos(images, framed.scene, photos)
-        return ExportedFile("colmap", framed, int(keep.sum()))
-
     def _print(self, files: list[ExportedFile], notes: list[str]) -> None:
         """Print the files and the notes."""
         from semgs.export.export_record import FILE_NAME
@@ -317,8 +226,4 @@ class Export:
             up = "in the scene's coordinates" if file.framed.axes is None else f"up is {file.framed.axes.upper()}"
             rows.append((str(self.out / file.name), f"{file.count:,} {what}, {up}"))
         rows.append((str(self.out / FILE_NAME), "the matrices back to the scene's coordinates"))
-        width = max(len(path) for path, _ in rows)
-        for path, text in rows:
-            print(f"{path:<{width}}  {text}")
-        for note in notes:
-            print(f"note: {note}")
+        print(*aligned(rows), *(f"note: {note}" for note in notes), sep="\n")

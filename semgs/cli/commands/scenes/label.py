@@ -68,7 +68,7 @@ class Label:
         existing_folder(self.src)
         with show_stage("Opening the segmenter"):
             from semgs.data.preparation.archive import Preparation
-            from semgs.data.preparation.prepared_set import Reading, sources
+            from semgs.data.preparation.prepared_set import Reading, find_sources
             from semgs.data.scene_lists import read_list
             from semgs.data.scenes import open_scene
             from semgs.data.tables.class_files import class_file
@@ -76,11 +76,11 @@ class Label:
             from semgs.files.atomic import write_json
             from semgs.segmenters.class_map_files import TABLE
             from semgs.segmenters.class_source import notes_of
-            from semgs.segmenters.relabelling import relabelling
+            from semgs.segmenters.relabelling import open_relabelling
 
-            found = sources(self.src, read_list(self.scenes) if self.scenes else None, self.reading.scenezoo)
+            found = find_sources(self.src, read_list(self.scenes) if self.scenes else None, self.reading.scenezoo)
             reading = Reading(self.reading.as_peers, self.reading.asked, needs_labels=False)
-            labelled = relabelling(
+            labelled = open_relabelling(
                 self.segmenter, reading, self.answers.classes, self.confidence,
                 correspondence=self.answers.correspondence, words=self.answers.words, alone=len(found) == 1,
             )  # fmt: skip

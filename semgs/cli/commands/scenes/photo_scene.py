@@ -11,12 +11,12 @@ from pathlib import Path
 from semgs.cli.options.posing_options import PosingOptions
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.data.scene import Scene
-from semgs.data.scene_details import Asked
-from semgs.data.scenes import open_asked
+from semgs.data.scene_details import SceneDetails
+from semgs.data.scenes import open_with_details
 from semgs.files.atomic import partial_name
 from semgs.files.errors import readable
 from semgs.sfm.photos import has_only_photos
-from semgs.sfm.scene_folder import write_scene
+from semgs.sfm.scene_folder import write_photo_scene
 from semgs.sfm.writing import IMAGES
 
 CAMERAS = "cameras"
@@ -44,9 +44,9 @@ class PhotoScene:
         """Where the images and cameras will stay."""
         return self.out / CAMERAS
 
-    def scene(self, as_peers: Collection[str], asked: Asked) -> Scene:
+    def scene(self, as_peers: Collection[str], asked: SceneDetails) -> Scene:
         """The photos as a scene with the name of their folder, at the path where it will stay."""
-        found = open_asked(self.folder, as_peers, asked)
+        found = open_with_details(self.folder, as_peers, asked)
         photos = self.photos.absolute()
         name = photos.stem if photos.is_file() else photos.parent.name if photos.name == IMAGES else photos.name
         return replace(found, path=self.scene_path, name=name, notes=(*self.notes, *found.notes))
@@ -83,7 +83,7 @@ def photo_scene(path: Path, out: Path, posing: PosingOptions) -> Iterator[PhotoS
     folder.mkdir(parents=True)
     try:
         with what_the_user_gave():
-            notes = write_scene(path, folder, known).notes
+            notes = write_photo_scene(path, folder, known).notes
         yield PhotoScene(path, folder, out, notes)
     finally:
         shutil.rmtree(folder, ignore_errors=True)

@@ -52,13 +52,13 @@ class Poses:
         check_folder(self.out, self.overwrite)
         with show_stage("Starting"):
             from semgs.sfm.photos import has_only_photos
-            from semgs.sfm.scene_folder import write_scene
+            from semgs.sfm.scene_folder import write_photo_scene
 
         if not has_only_photos(self.photos):
             raise InputError(self.photos, "a folder of photos without cameras, or a video", "something else")
         known = self.posing.known()
         with own_folder(self.out, self.overwrite) as folder, what_the_user_gave():
-            solution = write_scene(self.photos, folder, known, colmap=self.form == "colmap")
+            solution = write_photo_scene(self.photos, folder, known, colmap=self.form == "colmap")
         for note in solution.notes:
             print(note)
         print(

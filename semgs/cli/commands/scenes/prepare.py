@@ -68,7 +68,7 @@ class Prepare:
             from semgs.data.preparation.archive import Preparation
             from semgs.data.scene_lists import read_list
 
-            found = prepared_set.sources(
+            found = prepared_set.find_sources(
                 self.src, read_list(self.scenes) if self.scenes else None, self.reading.scenezoo
             )
         reading = prepared_set.Reading(self.reading.as_peers, self.reading.asked)

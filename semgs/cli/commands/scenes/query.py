@@ -11,6 +11,7 @@ import tyro
 
 from semgs._version import __version__
 from semgs.cli.progress import show_stage
+from semgs.cli.terminal import aligned
 from semgs.cli.usage_errors import UsageError
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
@@ -184,5 +185,4 @@ def _summary(numbers: dict, out: Path) -> str:
         ),
         *((one["frame"], f"largest {one['largest']:.3f}, {one['above']:.1%} above") for one in numbers["views"] if one["largest"] is not None),
     ]  # fmt: skip
-    width = max(len(name) for name, _ in rows)
-    return "\n".join([*(f"{name:<{width}}  {text}" for name, text in rows), "", f"{out / 'query.json'}  all numbers"])
+    return "\n".join([*aligned(rows), "", f"{out / 'query.json'}  all numbers"])

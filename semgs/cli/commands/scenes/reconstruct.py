@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -19,19 +19,19 @@ from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.files.atomic import check_file
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
+from semgs.model.networks import NetworkName
 from semgs.reconstruction.output.rerun_library import rerun_library
 from semgs.runtime.stopwatch import Stages
 from semgs.viewer.server import check_viewer_library
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from semgs.cli.commands.scenes.photo_scene import PhotoScene
     from semgs.data.choosing.choice import Choice
     from semgs.data.scene import Scene
     from semgs.model.semgs import SemGS
     from semgs.reconstruction.output.report import Origin
-    from semgs.reconstruction.pipeline import Reconstruction
+    from semgs.reconstruction.recording import Walk
+    from semgs.reconstruction.result import Reconstruction
     from semgs.segmenters.labelling import Labelling
 
 
@@ -98,9 +98,7 @@ class Reconstruct:
     weights: Annotated[WeightsOrRandom, tyro.conf.arg(help_behavior_hint="(default: small)")] = None
     """"small" for the included weights, a weights file, hf://OWNER/NAME[@REVISION] to download from the Hugging Face hub, or "random".
     A file says which network it is for; MVSplat's checkpoints give colour and depth only."""
-    model: Annotated[Literal["small", "base", "base_text", "mvsplat"] | None, tyro.conf.arg(help_behavior_hint="")] = (
-        None
-    )
+    model: Annotated[NetworkName | None, tyro.conf.arg(help_behavior_hint="")] = None
     """Network for --weights random, or base to fill it from MVSplat's checkpoint. Otherwise the weights decide. small runs on a laptop,
     base has the paper's sizes, mvsplat has colour and depth only."""
     depth: Literal["network", "sensor", "both"] = "network"
@@ -144,49 +142,56 @@ class Reconstruct:
 
     def _reconstruct(self, device: str, photos: PhotoScene | None) -> None:
         """Reconstruct the scene, or that of photos whose cameras were estimated."""
-        from semgs.data.scenes import open_asked
+        from semgs.data.scenes import open_with_details
+        from semgs.reconstruction.output.files import summary, write_results
+        from semgs.reconstruction.pipeline import reconstruct
+        from semgs.reconstruction.recording import Walk
 
         asked = self.reading.as_peers, self.reading.asked
-        scene = open_asked(self.scene, *asked, needs_labels=False) if photos is None else photos.scene(*asked)
+        scene = open_with_details(self.scene, *asked, needs_labels=False) if photos is None else photos.scene(*asked)
         stages = Stages(show_stage, say_compiling)
-        notes = self._notes()
-        choice = None
+        frames: Choice | Walk = Walk(self.views)
+        notes: list[str] = []
         if not self.all:
-            scene, choice, found = self._chosen(scene, stages)
-            notes = [*found, *notes]
+            scene, frames, notes = self._choose_frames(scene, stages)
         with stages("load", "Loading the network"):
-            model, origin = self._model(device)
-
-        from semgs.reconstruction.output.files import summary, write_results
-
+            network, origin = self._load_network(device)
         with own_folder(self.out, self.overwrite) as folder:
-            labelling = self._labelling(scene, folder, stages)
+            labelling = self._open_segmenter(scene, folder, stages)
             with what_fits(), what_the_user_gave():
-                result = self._result(scene, choice, model, labelling, stages, notes)
-            result = write_results(folder, result, origin, stages, self.html)
+                result = reconstruct(
+                    scene,
+                    frames,
+                    network,
+                    self.size,
+                    depth=self.depth,
+                    labelling=labelling,
+                    featuring=self.featuring.featuring(scene),
+                    min_confidence=self.min_confidence,
+                    stages=stages,
+                    notes=[*notes, *self._notes()],
+                )
+            write_results(folder, result, origin, stages, self.html)
             if photos is not None:
                 photos.move_to(folder)
-        if self.rerun is not None:
-            result = self._with_rerun_file(self.rerun, result, stages)
-        print(summary(result, stages.seconds, self.out, self.html))
+        lacking = [] if self.rerun is None else self._write_rerun_file(self.rerun, result, stages)
+        print(summary(result, stages.seconds, self.out, self.html, lacking))
         if self.rerun is not None:
             print(f"For Rerun: rerun {self.rerun}")
         if photos is not None:
             print(f"The photos with their estimated cameras are a scene in {photos.scene_path}.")
 
-    def _with_rerun_file(self, path: Path, result: Reconstruction, stages: Stages) -> Reconstruction:
-        """The reconstruction with notes about what its recording for Rerun lacks, after writing it."""
-        from semgs.reconstruction.output.files import saved
+    def _write_rerun_file(self, path: Path, result: Reconstruction, stages: Stages) -> list[str]:
+        """Write a recording for Rerun. Returns notes about what it lacks."""
         from semgs.reconstruction.output.rerun_file import save_rerun
 
         with stages("rerun", f"Writing {path}"):
-            notes = save_rerun(path, result, saved(result))
-        return replace(result, notes=(*result.notes, *notes))
+            return save_rerun(path, result)
 
-    def _chosen(self, scene: Scene, stages: Stages) -> tuple[Scene, Choice, list[str]]:
+    def _choose_frames(self, scene: Scene, stages: Stages) -> tuple[Scene, Choice, list[str]]:
         """The scene with its cameras refined if requested, the chosen frames, and notes about their cameras."""
         with stages("choose", f"Choosing among {len(scene)} frames"):
-            choice = self._choice(scene)
+            choice = self._choose(scene)
         chosen = (*choice.context, *choice.targets)
         notes: list[str] = []
         if self.refine_poses:
@@ -201,45 +206,6 @@ class Reconstruct:
 
             notes += warnings_of(scene, chosen)
         return scene, choice, notes
-
-    def _result(
-        self,
-        scene: Scene,
-        choice: Choice | None,
-        model: SemGS,
-        labelling: Labelling | None,
-        stages: Stages,
-        notes: Sequence[str],
-    ) -> Reconstruction:
-        """The reconstruction from the chosen frames; of all frames if there is no choice."""
-        if choice is None:
-            from semgs.reconstruction.recording import reconstruct_recording
-
-            return reconstruct_recording(
-                scene,
-                model,
-                self.size,
-                depth=self.depth,
-                labelling=labelling,
-                views=self.views,
-                min_confidence=self.min_confidence,
-                stages=stages,
-                notes=notes,
-            )
-        from semgs.reconstruction.pipeline import reconstruct
-
-        return reconstruct(
-            scene,
-            choice,
-            model,
-            self.size,
-            depth=self.depth,
-            labelling=labelling,
-            featuring=self.featuring.featuring(scene),
-            stages=stages,
-            min_confidence=self.min_confidence,
-            notes=notes,
-        )
 
     def _check(self) -> None:
         """Check what can be checked without importing torch."""
@@ -289,37 +255,37 @@ class Reconstruct:
             notes.append(f"The model was trained with 2 to {MOST_VIEWS} views; more may blur what several views see.")
         return notes
 
-    def _choice(self, scene: Scene) -> Choice:
+    def _choose(self, scene: Scene) -> Choice:
         """Input frames and held-out frames."""
-        from semgs.data.choosing.choice import choose, given
+        from semgs.data.choosing.choice import choose, choose_named
 
         if self.context:
             with what_the_user_gave():
-                return given(scene, self.context)
+                return choose_named(scene, self.context)
         if self.views > len(scene):
             raise UsageError(f"--views is {self.views}; expected 2 to {len(scene)}, the usable frames of {scene.path}")
         return choose(scene, self.views)
 
-    def _model(self, device: str) -> tuple[SemGS, Origin]:
+    def _load_network(self, device: str) -> tuple[SemGS, Origin]:
         """The network on its device, and its origin for the report."""
         from semgs._version import __version__
         from semgs.model.weights.load import load
         from semgs.reconstruction.output.report import Origin
 
         with what_the_user_gave():
-            model = load(*self._named())
+            model = load(*self._network_and_weights())
         parameters = sum(parameter.numel() for parameter in model.parameters())
         return model.eval().to(device), Origin(f"semgs {__version__}", model.origin, parameters, device)
 
-    def _labelling(self, scene: Scene, folder: Path, stages: Stages) -> Labelling | None:
+    def _open_segmenter(self, scene: Scene, folder: Path, stages: Stages) -> Labelling | None:
         """What gives the Gaussians their classes; None for the network's own."""
         if self.segmenting.segmenter is None:
             return None
         with stages("load", f"Loading {self.segmenting.segmenter}"):
-            found = self.segmenting.labelling(folder / SEGMENTER, self.out / SEGMENTER)
-            return found and found(scene)
+            labelling_of = self.segmenting.labelling(folder / SEGMENTER, self.out / SEGMENTER)
+            return labelling_of and labelling_of(scene)
 
-    def _named(self) -> tuple[str, str | None]:
+    def _network_and_weights(self) -> tuple[str, str | None]:
         """The network, and its weights unless they are the included ones, as `load` takes them."""
         if self.weights is None:
             return self.model or "small", None

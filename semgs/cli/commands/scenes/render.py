@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from semgs.cli.options.types import Count, Probability, Size
+from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
-from semgs.files.atomic import check_file
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
 
@@ -87,9 +87,7 @@ class Render:
         if self.frames is not None and self.path not in ("orbit", "inputs"):
             raise UsageError(f"--frames is for orbit and inputs; {self.path} has its own cameras")
         if video:
-            if self.out.exists() and not self.overwrite:
-                raise InputError(self.out, "a new file", "one that exists", advice="use --overwrite to replace it")
-            check_file(self.out)
+            check_new_file(self.out, self.overwrite)
         else:
             check_folder(self.out, self.overwrite)
         with show_stage("Reading the scene"):
@@ -106,8 +104,7 @@ class Render:
         count = cameras.batch[0]
         if video:
             self._write_video(stills, cameras)
-            seconds = count / self.fps
-            print(f"{self.out}: {count} images, {seconds:.1f} s at {self.fps} images per second")
+            print(f"{self.out}: {count} images, {count / self.fps:.1f} s at {self.fps} images per second")
         else:
             self._write_folder(stills, cameras)
             print(f"{self.out}: {count} images each of {', '.join(stills.shows)}")
@@ -130,7 +127,7 @@ class Render:
     def _cameras(self, scene: SavedScene) -> tuple[Cameras, str]:
         """The cameras of the path, and a note; "" for none."""
         from semgs.export.camera_files import read_camera_file
-        from semgs.geometry.camera_paths import between, orbit, resized
+        from semgs.geometry.camera_paths import interpolate_cameras, orbit, resize_cameras
         from semgs.scene.upright import up_of
 
         note = ""
@@ -145,10 +142,10 @@ class Render:
         elif self.path == "inputs":
             if len(scene.frames) < 2:
                 raise InputError(self.scene, "two input views or more for --path inputs", "one")
-            cameras = between(scene.cameras, self.frames or 120)
+            cameras = interpolate_cameras(scene.cameras, self.frames or 120)
         else:
             cameras = read_camera_file(Path(self.path)).relative_to(scene.origin)
-        return (cameras if self.size is None else resized(cameras, self.size)), note
+        return (cameras if self.size is None else resize_cameras(cameras, self.size)), note
 
     def _check_width(self, cameras: Cameras, shows: int) -> None:
         """Check that images fit side by side into a video."""

@@ -16,9 +16,10 @@ import tyro
 
 from semgs.cli.commands.scenes.reconstruct import Reconstruct
 from semgs.cli.options.types import Count, Probability, Views, WeightsOrRandom, at_least, one_word
+from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_stage
 from semgs.cli.usage_errors import UsageError
-from semgs.files.atomic import check_file, write_text
+from semgs.files.atomic import write_text
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 from semgs.robotics.object_libraries import check_object_libraries
@@ -84,9 +85,7 @@ class View:
         if self.port > LAST_PORT:
             raise UsageError(f"--port is {self.port}; expected 1 to {LAST_PORT}")
         if self.html is not None:
-            if self.html.exists() and not self.overwrite:
-                raise InputError(self.html, "a new file", "one that exists", advice="use --overwrite to replace it")
-            check_file(self.html)
+            check_new_file(self.html, self.overwrite)
         check_viewer_library()
         if self.objects:
             check_object_libraries()
@@ -148,13 +147,13 @@ class View:
         with show_stage("Reading the scene"):
             from semgs.scene.scene_file import load_scene
             from semgs.viewer.viewer_cameras import photos_in
-            from semgs.viewer.window import viewing
+            from semgs.viewer.window import open_window
 
             scene = load_scene(path)
             photos = photos_in(path if path.is_dir() else path.parent, scene)
         if self.host != LOOPBACK:
             print(f"semgs: anybody who can reach {self.host} can see this scene, without a password", file=sys.stderr)
-        viewer = viewing(
+        viewer = open_window(
             scene,
             photos,
             up=self.up,

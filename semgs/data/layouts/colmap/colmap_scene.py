@@ -13,7 +13,7 @@ import numpy as np
 from semgs.data.frames import Frame
 from semgs.data.layouts.colmap.colmap_files import ColmapPoints, read_cameras, read_images, read_points
 from semgs.data.layouts.parts.pose_files import checked_poses
-from semgs.data.layouts.parts.sentences import lacking, on_white
+from semgs.data.layouts.parts.sentences import note_lacking, note_transparent
 from semgs.data.scene import Scene
 from semgs.files.images.pictures import is_turned, read_header
 
@@ -36,7 +36,7 @@ def recognises(path: Path) -> bool:
     return _model(path) is not None
 
 
-def open_model(path: Path) -> Scene:
+def open_colmap(path: Path) -> Scene:
     """The scene of a COLMAP model; frames are in the order of their names.
 
     Args:
@@ -117,8 +117,8 @@ def _notes(model: Path, pictures: Path, absent: Sequence[str], count: int, trans
     """What the user should know about a model."""
     notes = [
         "COLMAP's unit of length is arbitrary, so depths are not in metres.",
-        *lacking(absent, count, f"images of the model are missing in {pictures}"),
-        *on_white(transparent),
+        *note_lacking(absent, count, f"images of the model are missing in {pictures}"),
+        *note_transparent(transparent),
     ]
     others = [one.name for one in sorted(model.parent.iterdir()) if one.name.isdigit() and one != model]
     if others and model.name == "0":

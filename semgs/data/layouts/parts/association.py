@@ -8,7 +8,7 @@ TOLERANCE = 0.02
 """Largest time difference of associated entries [s]: TUM RGB-D's default."""
 
 
-def associated(first: np.ndarray, second: np.ndarray, tolerance: float = TOLERANCE) -> dict[int, int]:
+def associate(first: np.ndarray, second: np.ndarray, tolerance: float = TOLERANCE) -> dict[int, int]:
     """For entries of the first stream, the entry of the second at nearly the same time. Nearest pairs first; each entry is used once.
 
     Args:

@@ -15,14 +15,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from semgs.data.cameras.lens import HALF, Lens
-from semgs.data.layouts.parts.fields import Fields, parsed
-from semgs.data.layouts.parts.text_numbers import pairs, rows
-from semgs.data.scene_details import Asked
+from semgs.data.layouts.parts.fields import Fields, read_fields
+from semgs.data.layouts.parts.text_numbers import read_pairs, read_rows
+from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError, input_error
 from semgs.files.stored import Stored
 
@@ -78,11 +77,11 @@ class Calibration:
             return Lens(size, self.focal, self.centre)
 
 
-def asked_calibration(asked: Asked) -> Calibration | None:
+def calibration_from_details(details: SceneDetails) -> Calibration | None:
     """The calibration that the user gave, None if there is none."""
-    if asked.intrinsics is None:
+    if details.intrinsics is None:
         return None
-    fx, fy, cx, cy = asked.intrinsics
+    fx, fy, cx, cy = details.intrinsics
     return Calibration((fx, fy), (cx, cy))
 
 
@@ -96,7 +95,7 @@ def read_calibration(path: Path) -> Calibration:
         return _from_json(path)
     if path.name in ("info.txt", "_info.txt"):
         return _from_info(path)
-    return calibration_of(path, [value for _, values in rows(path) for value in values])
+    return calibration_of(path, [value for _, values in read_rows(path) for value in values])
 
 
 def calibration_of(path: Path, numbers: Sequence[float], key: str | None = None) -> Calibration:
@@ -131,29 +130,19 @@ def _of_matrix(path: Path, numbers: Sequence[float], key: str | None) -> list[fl
 
 def _from_json(path: Path) -> Calibration:
     """The calibration in a JSON file."""
-    outer = parsed(path)
+    outer = read_fields(path)
     inner = next((outer.values[key] for key in INSIDE if isinstance(outer.values.get(key), dict)), None)
     fields = Fields(path, inner, "", outer) if inner else outer
-    width, height = fields.whole("width") or fields.whole("w"), fields.whole("height") or fields.whole("h")
-    size = (height, width) if width and height else None
+    size = fields.size("width", "height") or fields.size("w", "h")
     unit = _depth_unit(fields)
     four = [number for key in ("fx", "fy", "cx", "cy") if (number := fields.number(key)) is not None]
     if len(four) == 4:
         return replace(calibration_of(path, four, "fx"), size=size, depth_unit=unit)
     for key in MATRICES:
-        flat = _flat(fields.value(key))
-        if flat is not None:
-            return replace(calibration_of(path, flat, key), size=size, depth_unit=unit)
+        matrix = fields.array(key)
+        if matrix is not None and matrix.size in (9, 16):
+            return replace(calibration_of(path, matrix.ravel().tolist(), key), size=size, depth_unit=unit)
     raise InputError(path, "intrinsics as fx, fy, cx, cy or as a matrix", "keys " + ", ".join(sorted(outer.values)))
-
-
-def _flat(value: Any) -> list[float] | None:
-    """The numbers of a list or nested list of 9 or 16, None for anything else."""
-    try:
-        numbers = np.array(value, dtype=np.float64).ravel()
-    except (TypeError, ValueError):
-        return None
-    return numbers.tolist() if numbers.size in (9, 16) else None
 
 
 def _depth_unit(fields: Fields) -> float | None:
@@ -170,7 +159,7 @@ def _depth_unit(fields: Fields) -> float | None:
 
 def _from_info(path: Path) -> Calibration:
     """The calibration in an info.txt: lines KEY = VALUES."""
-    held = pairs(path)
+    held = read_pairs(path)
     try:
         shift = float(held.get("m_depthShift", 1000))
     except ValueError:

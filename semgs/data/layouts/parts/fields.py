@@ -7,12 +7,14 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored
 from semgs.files.strict_json import read_json
 
 
-def parsed(path: Stored) -> Fields:
+def read_fields(path: Stored) -> Fields:
     """The object in a JSON file.
 
     Raises:
@@ -50,6 +52,30 @@ class Fields:
         """The value of a key, None if there is none."""
         holder = self.holder(key)
         return holder.values[key] if holder else None
+
+    def required(self, key: str, expected: str = "a number") -> float:
+        """A finite number.
+
+        Args:
+            key: of the number.
+            expected: what it is, for the error.
+
+        Raises:
+            InputError: it is missing or something else.
+        """
+        number = self.number(key)
+        if number is None:
+            raise self.refused(key, expected, "nothing")
+        return number
+
+    def size(self, width: str, height: str) -> tuple[int, int] | None:
+        """(height, width) from the keys of the two, None if one is missing.
+
+        Raises:
+            InputError: one is not a positive integer.
+        """
+        columns, rows = self.whole(width), self.whole(height)
+        return None if columns is None or rows is None else (rows, columns)
 
     def number(self, key: str) -> float | None:
         """A finite number, None if missing.
@@ -89,6 +115,14 @@ class Fields:
         if number is not None and not number.is_integer():
             raise self.refused(key, "a whole number", f"{number:g}")
         return None if number is None else int(number)
+
+    def array(self, key: str, dtype: type = np.float64) -> np.ndarray | None:
+        """The numbers of a list, or of lists in lists, as an array; None for anything else, and if missing."""
+        value = self.value(key)
+        try:
+            return np.array(value, dtype) if isinstance(value, list) else None
+        except (TypeError, ValueError, OverflowError):
+            return None
 
     def text(self, key: str) -> str | None:
         """A non-empty text, None if missing.

@@ -51,7 +51,7 @@ class StoredMesh(Hashable, Protocol):
         """
 
 
-def seen_from(mesh: StoredMesh, camera: Cameras) -> tuple[UInt8[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
+def cast_from(mesh: StoredMesh, camera: Cameras) -> tuple[UInt8[np.ndarray, "h w"], Float32[np.ndarray, "h w"]]:
     """What a pinhole sees at its pixel centres: labels, 255 = none, and z-depths [m] in whole millimetres, 0 = none.
 
     Raises:
@@ -84,7 +84,7 @@ class MeshLabels:
         Raises:
             InputError, ImportError: as `StoredMesh.triangles`.
         """
-        return seen_from(self.mesh, pixels.camera)[0]
+        return cast_from(self.mesh, pixels.camera)[0]
 
 
 @final
@@ -105,7 +105,7 @@ class MeshDepth:
         Raises:
             InputError, ImportError: as `StoredMesh.triangles`.
         """
-        return seen_from(self.mesh, pixels.camera)[1]
+        return cast_from(self.mesh, pixels.camera)[1]
 
 
 @lru_cache(maxsize=1)

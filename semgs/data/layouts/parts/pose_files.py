@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
+from semgs.data.layouts.parts.fields import Fields
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored
 from semgs.geometry.cameras import ROTATION_TOLERANCE
@@ -57,6 +58,17 @@ def checked_poses(path: Stored, matrices: Sequence[object], keys: Sequence[str])
         )
     poses[:, :3, :3] = rotations
     return poses
+
+
+def listed_poses(frames: Sequence[Fields]) -> np.ndarray:
+    """The `transform_matrix` of each frame of a `transforms.json` as a rigid motion, float64 [n 4 4].
+
+    Raises:
+        InputError: as `checked_poses`.
+    """
+    key = "transform_matrix"
+    places = [f"{frame.place}{key}" for frame in frames]
+    return checked_poses(frames[0].path, [frame.values.get(key) for frame in frames], places)
 
 
 def _array(path: Stored, matrices: Sequence[object], keys: Sequence[str]) -> np.ndarray:

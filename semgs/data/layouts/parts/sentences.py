@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 
-def lacking(names: Sequence[str], count: int, what: str) -> list[str]:
+def note_lacking(names: Sequence[str], count: int, what: str) -> list[str]:
     """A note: how many of `count` frames lack something, and the first of them. Empty if there are none.
 
     Args:
@@ -16,6 +16,6 @@ def lacking(names: Sequence[str], count: int, what: str) -> list[str]:
     return [f"{len(names)} of {count} {what}, the first is {names[0]}."] if names else []
 
 
-def on_white(count: int) -> list[str]:
+def note_transparent(count: int) -> list[str]:
     """A note about images with transparent areas, if there are any."""
     return [f"{count} images have an alpha channel; transparent areas become white."] if count else []

@@ -14,7 +14,7 @@ MOST = 50_000
 """Of more points, every n-th is used: enough for near and far."""
 
 
-def read_points(file: Stored) -> np.ndarray | None:
+def read_ply_points(file: Stored) -> np.ndarray | None:
     """The positions [n 3] of the points; None if it is another kind of PLY.
 
     Raises:

@@ -12,7 +12,7 @@ _NOT_A_NUMBER = re.compile(r"[+-]?(?:nan(?:\(.*\))?|1\.#(?:qnan|snan|ind|inf)0*|
 """How C libraries print NaN and infinity."""
 
 
-def lines(path: Path) -> list[tuple[int, str]]:
+def read_lines(path: Path) -> list[tuple[int, str]]:
     """The lines of a text file, each with its number from 1, without empty lines and comments (#).
 
     Raises:
@@ -25,24 +25,24 @@ def lines(path: Path) -> list[tuple[int, str]]:
     return [(number, line) for number, line in stripped if line and not line.startswith("#")]
 
 
-def pairs(path: Path) -> dict[str, str]:
+def read_pairs(path: Path) -> dict[str, str]:
     """The lines `key = value` of a text file.
 
     Raises:
         InputError: it cannot be read, or is not text.
     """
-    found = (line.partition("=") for _, line in lines(path) if "=" in line)
+    found = (line.partition("=") for _, line in read_lines(path) if "=" in line)
     return {key.strip(): value.strip() for key, _, value in found}
 
 
-def rows(path: Path) -> list[tuple[int, list[float]]]:
+def read_rows(path: Path) -> list[tuple[int, list[float]]]:
     """The numbers in each line of a text file, with the line's number; NaN for numbers that are not finite.
 
     Raises:
         InputError: it cannot be read, or contains a word.
     """
     found = []
-    for number, line in lines(path):
+    for number, line in read_lines(path):
         words = re.split(r"[\s,;]+", line.strip(" \t,;[]"))
         try:
             found.append((number, [_value(word) for word in words]))

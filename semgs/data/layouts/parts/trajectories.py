@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.layouts.parts.text_numbers import rows
+from semgs.data.layouts.parts.text_numbers import read_rows
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored
 
@@ -77,7 +77,7 @@ def read_trajectory(path: Path) -> Trajectory:
     Raises:
         InputError: it cannot be read, is empty, or has another form; the error names the line.
     """
-    held = rows(path)
+    held = read_rows(path)
     if not held:
         raise InputError(path, FORMS, "no line with numbers")
     lengths = [len(values) for _, values in held]
@@ -108,7 +108,7 @@ def read_pose(path: Path) -> FoundPose:
     Raises:
         InputError: it cannot be read, or contains something else.
     """
-    held = rows(path)
+    held = read_rows(path)
     flat = [value for _, values in held for value in values]
     if len(held) == 1 and len(flat) == 7:
         return FoundPose(poses_of_rows(path, np.array([flat]), [f"line {held[0][0]}"])[0], path)

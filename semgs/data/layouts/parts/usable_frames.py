@@ -11,7 +11,7 @@ import numpy as np
 from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.pose_files import checked_poses
-from semgs.data.layouts.parts.sentences import lacking
+from semgs.data.layouts.parts.sentences import note_lacking
 from semgs.data.layouts.parts.trajectories import FoundPose
 from semgs.data.maps import MapSource
 from semgs.data.scene import Scene
@@ -101,9 +101,9 @@ class ShotList:
         count = len(self.shots)
         left_out = [
             *self.left_out,
-            *lacking(lost, count, "frames have no finite pose and are left out"),
-            *lacking(unposed, count, "frames have no pose and are left out"),
-            *lacking(absent, count, "frames have no image"),
+            *note_lacking(lost, count, "frames have no finite pose and are left out"),
+            *note_lacking(unposed, count, "frames have no pose and are left out"),
+            *note_lacking(absent, count, "frames have no image"),
         ]
         if len(frames) < 2:
             raise InputError(
@@ -120,13 +120,13 @@ class ShotList:
             notes=(
                 *self.notes,
                 *left_out,
-                *(lacking(mapless, count, "frames have no depth map") if len(mapless) < len(frames) else []),
-                *(lacking(unlabelled, count, "frames have no class map") if len(unlabelled) < len(frames) else []),
+                *(note_lacking(mapless, count, "frames have no depth map") if len(mapless) < len(frames) else []),
+                *(note_lacking(unlabelled, count, "frames have no class map") if len(unlabelled) < len(frames) else []),
             ),
         )
 
 
-def numbered(folder: Path, start: str = "", endings: Sequence[str] = PICTURES) -> dict[int, Path]:
+def numbered_files(folder: Path, start: str = "", endings: Sequence[str] = PICTURES) -> dict[int, Path]:
     """The files of a folder named `start`, a number and one of the endings, sorted by number.
 
     If a number has several endings, the first ending counts.

@@ -16,21 +16,21 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration
-from semgs.data.layouts.parts.fields import Fields, parsed
-from semgs.data.layouts.parts.sentences import lacking
+from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details
+from semgs.data.layouts.parts.fields import Fields, read_fields
+from semgs.data.layouts.parts.sentences import note_lacking
 from semgs.data.layouts.parts.trajectories import FoundPose
 from semgs.data.layouts.parts.usable_frames import PICTURES, Shot, ShotList
 from semgs.data.layouts.phones.capture import find_capture
 from semgs.data.maps import DepthMap, DepthThroughLens, MapSource
 from semgs.data.scene import Scene
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored
 
 LAYOUT = "Polycam"
 LOOKED_FOR = "keyframes/cameras/ with keyframes/images/ (Polycam's raw data; also in a .zip)"
-ASKS = ("intrinsics",)
+DETAILS = ("intrinsics",)
 
 KEYFRAMES = "keyframes"
 CAMERAS, IMAGES, DEPTH, CONFIDENCE = (f"{KEYFRAMES}/{name}" for name in ("cameras", "images", "depth", "confidence"))
@@ -51,12 +51,12 @@ def recognises(path: Path) -> bool:
     return capture is not None and any(capture.numbered(folder, JSON) for folder in (CAMERAS, CORRECTED_CAMERAS))
 
 
-def open_polycam(path: Path, asked: Asked) -> Scene:
+def open_polycam(path: Path, details: SceneDetails) -> Scene:
     """The scene of a capture, frames in the order of their times.
 
     Args:
         path: its folder or archive.
-        asked: may give intrinsics.
+        details: may give intrinsics.
 
     Raises:
         InputError: a camera is damaged, or fewer than two sharp frames have an image.
@@ -67,12 +67,12 @@ def open_polycam(path: Path, asked: Asked) -> Scene:
     raw, corrected = (capture.numbered(folder, JSON) for folder in (CAMERAS, CORRECTED_CAMERAS))
     optimised = bool(corrected and capture.numbered(CORRECTED_IMAGES, PICTURES))
     folder = CORRECTED_IMAGES if optimised else IMAGES
-    cameras = {time: parsed(file) for time, file in (corrected if optimised else raw).items()}
-    sharp = {time: camera for time, camera in cameras.items() if _number(camera, "blur_score", SHARP) >= SHARP}
+    cameras = {time: read_fields(file) for time, file in (corrected if optimised else raw).items()}
+    sharp = {time: camera for time, camera in cameras.items() if _sharpness(camera) >= SHARP}
     blurred = [str(time) for time in cameras if time not in sharp]
     images = capture.numbered(folder, PICTURES)
     depths, confidences = (capture.numbered(place, (".png",)) for place in (DEPTH, CONFIDENCE))
-    given, calibrations, shots = asked_calibration(asked), dict[Stored, Calibration](), list[Shot]()
+    given, calibrations, shots = calibration_from_details(details), dict[Stored, Calibration](), list[Shot]()
     for time, camera in sharp.items():
         image = images.get(time) or path / folder / f"{time}.jpg"
         calibrations[image] = given or _calibration(camera)
@@ -87,39 +87,35 @@ def open_polycam(path: Path, asked: Asked) -> Scene:
         name=capture.name,
         unit="metric",
         notes=[] if optimised else [NOT_OPTIMISED],
-        left_out=lacking(blurred, len(cameras), f"frames have a blur_score below {SHARP:g} and are left out"),
+        left_out=note_lacking(blurred, len(cameras), f"frames have a blur_score below {SHARP:g} and are left out"),
     ).scene()  # fmt: skip
 
 
 def _calibration(camera: Fields) -> Calibration:
     """The intrinsics in a camera file."""
-    width, height = camera.whole("width"), camera.whole("height")
-    if width is None or height is None:
+    size = camera.size("width", "height")
+    if size is None:
         raise camera.refused("width", "the size of the image in width and height", "nothing")
-    fx, fy, cx, cy = (_number(camera, key) for key in ("fx", "fy", "cx", "cy"))
-    return Calibration((fx, fy), (cx, cy), (height, width), camera.path, of_a_sensor=True)
+    fx, fy, cx, cy = (camera.required(key) for key in ("fx", "fy", "cx", "cy"))
+    return Calibration((fx, fy), (cx, cy), size, camera.path, of_a_sensor=True)
 
 
 def _pose(camera: Fields) -> FoundPose:
     """The pose in a camera file, with OpenCV axes."""
-    rows = [[_number(camera, f"t_{row}{column}") for column in range(4)] for row in range(3)]
+    rows = [[camera.required(f"t_{row}{column}") for column in range(4)] for row in range(3)]
     return FoundPose(np.array([*rows, [0, 0, 0, 1]]) * (1, -1, -1, 1), camera.path, "t_00")
 
 
-def _number(camera: Fields, key: str, default: float | None = None) -> float:
-    """A finite number; it has to be there if there is no default."""
-    number = camera.number(key)
-    if number is None:
-        number = default
-    if number is None:
-        raise camera.refused(key, "a number", "nothing")
-    return number
+def _sharpness(camera: Fields) -> float:
+    """The `blur_score` of a camera file: high is sharp, as are images without a score."""
+    score = camera.number("blur_score")
+    return SHARP if score is None else score
 
 
 def _depth(measured: DepthMap | None, camera_file: Stored | None) -> MapSource | None:
     """The source of a frame's depth; `camera_file` describes the depth camera if it is not the one that is read."""
     if measured is None or camera_file is None:
         return measured
-    calibration = _calibration(parsed(camera_file))
+    calibration = _calibration(read_fields(camera_file))
     assert calibration.size is not None
     return DepthThroughLens(measured, calibration.lens(camera_file, calibration.size))

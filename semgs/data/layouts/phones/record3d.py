@@ -15,21 +15,21 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration
-from semgs.data.layouts.parts.fields import Fields, parsed
+from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details
+from semgs.data.layouts.parts.fields import Fields, read_fields
 from semgs.data.layouts.parts.trajectories import FoundPose, poses_of_rows
 from semgs.data.layouts.parts.usable_frames import PICTURES, Shot, ShotList
 from semgs.data.layouts.phones.capture import Capture, find_capture
 from semgs.data.layouts.phones.lzfse_files import LzfseFile, can_inflate
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored
 
 LAYOUT = "Record3D"
 LOOKED_FOR = "an .r3d file, or metadata with rgbd/ or metadata.json with rgb/ (Record3D)"
-ASKS = ("intrinsics",)
+DETAILS = ("intrinsics",)
 
 ENDING = ".r3d"
 PLACES = (("metadata", "rgbd", ENDING), ("metadata.json", "rgb", ".zip"))
@@ -45,12 +45,12 @@ def recognises(path: Path) -> bool:
     return _found(path) is not None
 
 
-def open_record3d(path: Path, asked: Asked) -> Scene:
+def open_record3d(path: Path, details: SceneDetails) -> Scene:
     """The scene of a recording, frames in the order of their numbers.
 
     Args:
         path: its folder or archive.
-        asked: may give intrinsics.
+        details: may give intrinsics.
 
     Raises:
         InputError: the metadata are damaged or have no poses, or fewer than two frames have an image and a pose.
@@ -61,7 +61,7 @@ def open_record3d(path: Path, asked: Asked) -> Scene:
     capture, fields, folder = found
     images = capture.numbered(folder, PICTURES)
     poses = _poses(fields)
-    calibrations, given = _calibrations(fields), asked_calibration(asked)
+    calibrations, given = _calibrations(fields), calibration_from_details(details)
     by_image = {image: given or calibrations[min(number, len(calibrations) - 1)] for number, image in images.items()}
     depths, notes = _depths(capture, fields, folder)
     return ShotList(
@@ -81,7 +81,7 @@ def _found(path: Path) -> tuple[Capture, Fields, str] | None:
         capture = find_capture(path, name, ending)
         metadata = capture.file(name) if capture else None
         if capture and metadata and capture.numbered(folder, PICTURES):
-            fields = parsed(metadata)
+            fields = read_fields(metadata)
             return (capture, fields, folder) if "K" in fields.values else None
     return None
 
@@ -98,8 +98,8 @@ def _poses(fields: Fields) -> dict[int, FoundPose]:
 
 def _calibrations(fields: Fields) -> list[Calibration]:
     """The intrinsics of each frame, or those of all."""
-    width, height = fields.whole("w"), fields.whole("h")
-    if width is None or height is None:
+    size = fields.size("w", "h")
+    if size is None:
         raise fields.refused("w", "the size of the images in w and h", "nothing")
     table = _table(fields, "perFrameIntrinsicCoeffs", 4)
     if table is None:
@@ -108,7 +108,7 @@ def _calibrations(fields: Fields) -> list[Calibration]:
             raise fields.refused("K", "a camera matrix, column by column", "nothing")
         table = columns[:, [0, 4, 6, 7]]
     return [
-        Calibration((fx, fy), (cx, cy), (height, width), fields.path, of_a_sensor=True) for fx, fy, cx, cy in table.tolist()
+        Calibration((fx, fy), (cx, cy), size, fields.path, of_a_sensor=True) for fx, fy, cx, cy in table.tolist()
     ]  # fmt: skip
 
 
@@ -117,13 +117,10 @@ def _table(fields: Fields, key: str, columns: int) -> np.ndarray | None:
     value = fields.value(key)
     if value is None or value == []:
         return None
-    try:
-        table = np.atleast_2d(np.array(value, dtype=np.float64))
-    except (TypeError, ValueError, OverflowError):
-        table = np.zeros((0, 0))
-    if table.ndim != 2 or table.shape[1] != columns:
+    table = fields.array(key)
+    if table is None or table.ndim not in (1, 2) or table.shape[-1] != columns:
         raise fields.refused(key, f"rows of {columns} numbers", f"{value!r:.40}")
-    return table
+    return np.atleast_2d(table)
 
 
 def _depths(capture: Capture, fields: Fields, folder: str) -> tuple[dict[int, DepthMap], list[str]]:
@@ -134,12 +131,12 @@ def _depths(capture: Capture, fields: Fields, folder: str) -> tuple[dict[int, De
         return {}, [
             f"{count} depth maps are left out because EXR is not read; share the recording as .r3d."
         ] if count else []
-    width, height = fields.whole("dw"), fields.whole("dh")
-    if width is None or height is None:
+    size = fields.size("dw", "dh")
+    if size is None:
         return {}, [f"{len(files)} depth maps are left out because {fields.path} does not say their size (dw, dh)."]
     if not can_inflate():
         return {}, [f"{len(files)} depth maps are left out because lzfse is not installed (pip install '.[phone]')."]
-    size, sure = (height, width), capture.numbered(folder, (".conf",))
+    sure = capture.numbered(folder, (".conf",))
     confidences = {number: LzfseFile(file, size, "u1") for number, file in sure.items()}
     return {
         number: DepthMap(LzfseFile(file, size), 1.0, confidence=confidences.get(number)) for number, file in files.items()

@@ -17,17 +17,17 @@ from functools import partial
 from pathlib import Path
 
 from semgs.data.cameras.lens import HALF, Lens
-from semgs.data.layouts.parts.calibrations import asked_calibration
-from semgs.data.layouts.parts.fields import parsed
-from semgs.data.layouts.parts.sentences import lacking
+from semgs.data.layouts.parts.calibrations import calibration_from_details
+from semgs.data.layouts.parts.fields import read_fields
+from semgs.data.layouts.parts.sentences import note_lacking
 from semgs.data.layouts.parts.trajectories import read_trajectory
-from semgs.data.layouts.parts.usable_frames import Shot, ShotList, first_file, numbered, sequence_name
+from semgs.data.layouts.parts.usable_frames import Shot, ShotList, first_file, numbered_files, sequence_name
 from semgs.data.layouts.replica.replica_classes import IDS, NYU40
 from semgs.data.layouts.scannet.scannet_labels import labels_of_ids
 from semgs.data.maps import DepthMap, IdMap
 from semgs.data.paper_variants import READINGS, ROW_229
 from semgs.data.scene import Scene
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError, input_error
 from semgs.files.stored import Stored
@@ -35,7 +35,7 @@ from semgs.files.stored import Stored
 LAYOUT = "Replica"
 LOOKED_FOR = "traj_w_c.txt with rgb/rgb_0.png (Replica, Semantic-NeRF's)"
 APPLICABLE = (ROW_229,)
-ASKS = ("intrinsics",)
+DETAILS = ("intrinsics",)
 
 POSES, RGB, DEPTH, CLASSES = "traj_w_c.txt", "rgb", "depth", "semantic_class"
 INFO = "info_semantic.json"
@@ -45,21 +45,23 @@ PEERS_ROW = (229.5 + HALF) / 480
 
 def recognises(path: Path) -> bool:
     """Whether a path is the folder of one of Replica's sequences."""
-    return (path / POSES).is_file() and bool(numbered(path / RGB, "rgb_", (".png",)))
+    return (path / POSES).is_file() and bool(numbered_files(path / RGB, "rgb_", (".png",)))
 
 
-def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
+def open_replica(path: Path, as_peers: Collection[str], details: SceneDetails) -> Scene:
     """The scene of a sequence, frames in the order of their numbers.
 
     Args:
         path: its folder (`office_0/Sequence_1`).
         as_peers: readings of `APPLICABLE`.
-        asked: may give intrinsics.
+        details: may give intrinsics.
 
     Raises:
         InputError: the poses are damaged, or fewer than two frames have an image and a pose.
     """
-    colours, depths, labels = (numbered(path / folder, f"{folder}_", (".png",)) for folder in (RGB, DEPTH, CLASSES))
+    colours, depths, labels = (
+        numbered_files(path / folder, f"{folder}_", (".png",)) for folder in (RGB, DEPTH, CLASSES)
+    )
     trajectory = read_trajectory(path / POSES)
     if trajectory.times is not None:
         raise InputError(path / POSES, "a 4x4 matrix per line", "lines of 8 numbers", trajectory.places[0])
@@ -68,7 +70,7 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
         names, names_file = _names(path)
     except InputError as error:
         names, names_file, unread = {}, None, error
-    given = asked_calibration(asked)
+    given = calibration_from_details(details)
     by_id = labels_of_ids({number: NYU40.get(name, 0) for number, name in names.items()})
     shots = [
         Shot(
@@ -90,7 +92,7 @@ def open_replica(path: Path, as_peers: Collection[str], asked: Asked) -> Scene:
         unit="metric",
         classes=SCANNET20,
         notes=[
-            *lacking(unknown, len(names), f"classes of {names_file} are not Replica's and are ignored"),
+            *note_lacking(unknown, len(names), f"classes of {names_file} are not Replica's and are ignored"),
             *(f"Read as in other papers' code: {READINGS[one]}." for one in APPLICABLE if one in as_peers),
         ],
     ).scene()
@@ -112,7 +114,7 @@ def _names(path: Path) -> tuple[dict[int, str], Path | None]:
     if file is None:
         return IDS, None
     names = {}
-    for one in parsed(file).objects("classes"):
+    for one in read_fields(file).objects("classes"):
         number, name = one.number("id"), one.text("name")
         if number is None or name is None or not number.is_integer() or not 0 <= number < 1 << 16:
             raise one.refused("id", "an id from 0 to 65535 with a name", f"{one.values!r:.60}")

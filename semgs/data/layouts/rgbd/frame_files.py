@@ -16,17 +16,17 @@ from __future__ import annotations
 from pathlib import Path
 
 from semgs.data.cameras.lens import Lens
-from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
+from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details, read_calibration
 from semgs.data.layouts.parts.trajectories import read_pose
-from semgs.data.layouts.parts.usable_frames import PICTURES, Shot, ShotList, first_file, numbered, sequence_name
+from semgs.data.layouts.parts.usable_frames import PICTURES, Shot, ShotList, first_file, numbered_files, sequence_name
 from semgs.data.maps import DepthMap, DepthThroughLens, MapSource
 from semgs.data.scene import Scene
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
 
 LAYOUT = "frame files"
 LOOKED_FOR = "frame-000000.color.png with frame-000000.pose.txt (7-Scenes, 3DMatch, BundleFusion)"
-ASKS = ("intrinsics", "depth_unit")
+DETAILS = ("intrinsics", "depth_unit")
 
 START = "frame-"
 COLOUR, DEPTH, POSE = tuple(f".color{ending}" for ending in PICTURES), (".depth.png", ".depth.pgm"), (".pose.txt",)
@@ -46,21 +46,23 @@ def recognises(path: Path) -> bool:
     return any(one.name.startswith(START) and one.name.endswith(POSE[0]) for one in path.iterdir())
 
 
-def open_frame_files(path: Path, asked: Asked) -> Scene:
+def open_frame_files(path: Path, details: SceneDetails) -> Scene:
     """The scene of a folder of frames.
 
     Args:
         path: the folder.
-        asked: may give intrinsics and the depth unit.
+        details: may give intrinsics and the depth unit.
 
     Raises:
         InputError: a pose is damaged, the intrinsics are unknown, or fewer than two frames have an image and a pose.
     """
-    colours, depths, poses = (numbered(path, START, endings) for endings in (COLOUR, DEPTH, POSE))
+    colours, depths, poses = (numbered_files(path, START, endings) for endings in (COLOUR, DEPTH, POSE))
     if not colours:
         raise InputError(path, f"images {START}000000{COLOUR[0]}", "none", "frame files")
     calibration_file = first_file((path, path.absolute().parent), CALIBRATIONS)
-    calibration = asked_calibration(asked) or (read_calibration(calibration_file) if calibration_file else None)
+    calibration = calibration_from_details(details) or (
+        read_calibration(calibration_file) if calibration_file else None
+    )
     notes, depth_lens = [], calibration.depth_lens if calibration else None
     if calibration is None or calibration_file is None:
         depth_lens = KINECT_DEPTH
@@ -69,7 +71,7 @@ def open_frame_files(path: Path, asked: Asked) -> Scene:
             + ("colour the given intrinsics" if calibration else "colour 525 px")
             + ", and the 2.5 cm between the two cameras are ignored."
         )
-    unit = asked.depth_unit or (calibration and calibration.depth_unit) or MILLIMETRE
+    unit = details.depth_unit or (calibration and calibration.depth_unit) or MILLIMETRE
     return ShotList(
         path=path,
         layout=LAYOUT,

@@ -22,18 +22,18 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.cameras.lens import HALF
-from semgs.data.layouts.parts.association import associated
-from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
+from semgs.data.layouts.parts.association import associate
+from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details, read_calibration
 from semgs.data.layouts.parts.trajectories import FoundPose, Trajectory, read_pose, read_trajectory
 from semgs.data.layouts.parts.usable_frames import PICTURES, Shot, ShotList, first_file, sequence_name
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
 
 LAYOUT = "RGB-D folders"
 LOOKED_FOR = "color/ (rgb/, images/) with pose/ or traj.txt (RGB-D frames with poses in text)"
-ASKS = ("intrinsics", "depth_unit")
+DETAILS = ("intrinsics", "depth_unit")
 
 COLOURS = ("color", "colour", "rgb", "image", "images")
 DEPTHS = ("depth", "depths")
@@ -86,12 +86,12 @@ def recognises(path: Path) -> bool:
     return path.is_dir() and _files(path) is not None and not any((path / name).exists() for name in SCANNET)
 
 
-def open_rgbd(path: Path, asked: Asked) -> Scene:
+def open_rgbd(path: Path, details: SceneDetails) -> Scene:
     """The scene of a folder of RGB-D frames.
 
     Args:
         path: the folder.
-        asked: may give intrinsics and the depth unit.
+        details: may give intrinsics and the depth unit.
 
     Raises:
         InputError: the intrinsics are unknown, the files cannot be paired, or fewer than two frames have an image and a pose.
@@ -100,10 +100,10 @@ def open_rgbd(path: Path, asked: Asked) -> Scene:
     if files is None:
         raise InputError(path, LOOKED_FOR, "nothing like that")
     calibration_file = first_file((path, path.absolute().parent), CALIBRATIONS)
-    calibration = asked_calibration(asked) or _calibration(path, files, calibration_file)
+    calibration = calibration_from_details(details) or _calibration(path, files, calibration_file)
     depths = _paired(path, files.pictures, files.depths, "depth maps") if files.depths else {}
     stated = read_calibration(calibration_file).depth_unit if calibration_file and depths else None
-    unit = asked.depth_unit or stated or (MILLIMETRE if files.source else None)
+    unit = details.depth_unit or stated or (MILLIMETRE if files.source else None)
     notes = [] if files.depths else _unread(path)
     if depths and unit is None:
         depths = {}
@@ -189,7 +189,7 @@ def _places(pictures: Sequence[Path], trajectory: Trajectory) -> dict[int, int] 
     """For each image the pose at its time, if images are named by time; else None."""
     if trajectory.times is None or not all(re.fullmatch(r"\d+\.\d+", one.stem) for one in pictures):
         return None
-    return associated(np.array([float(one.stem) for one in pictures]), trajectory.times)
+    return associate(np.array([float(one.stem) for one in pictures]), trajectory.times)
 
 
 def _paired(path: Path, pictures: Sequence[Path], others: Sequence[Path], what: str) -> dict[Path, Path]:

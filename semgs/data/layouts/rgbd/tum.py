@@ -17,19 +17,19 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.cameras.lens import HALF
-from semgs.data.layouts.parts.association import associated
-from semgs.data.layouts.parts.calibrations import Calibration, asked_calibration, read_calibration
-from semgs.data.layouts.parts.text_numbers import lines
+from semgs.data.layouts.parts.association import associate
+from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details, read_calibration
+from semgs.data.layouts.parts.text_numbers import read_lines
 from semgs.data.layouts.parts.trajectories import read_trajectory
 from semgs.data.layouts.parts.usable_frames import Shot, ShotList, sequence_name
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
 
 LAYOUT = "TUM RGB-D"
 LOOKED_FOR = "rgb.txt with groundtruth.txt (TUM RGB-D)"
-ASKS = ("intrinsics", "depth_unit")
+DETAILS = ("intrinsics", "depth_unit")
 
 RGB, DEPTH, POSES, CALIBRATION = "rgb.txt", "depth.txt", "groundtruth.txt", "calibration.txt"
 COUNTS_PER_METRE = 5000
@@ -42,12 +42,12 @@ def recognises(path: Path) -> bool:
     return (path / RGB).is_file() and ((path / POSES).is_file() or (path / DEPTH).is_file())
 
 
-def open_tum(path: Path, asked: Asked) -> Scene:
+def open_tum(path: Path, details: SceneDetails) -> Scene:
     """The scene of a recording, frames in the order of `rgb.txt`.
 
     Args:
         path: its folder.
-        asked: may give intrinsics and the depth unit.
+        details: may give intrinsics and the depth unit.
 
     Raises:
         InputError: a list is damaged, there are no poses, no times match, or the images have another size than the camera.
@@ -63,21 +63,21 @@ def open_tum(path: Path, asked: Asked) -> Scene:
     trajectory = read_trajectory(path / POSES)
     if trajectory.times is None:
         raise InputError(path / POSES, "lines of time, tx ty tz, qx qy qz qw", f"{trajectory.poses.shape[0]} matrices")
-    posed = associated(times, trajectory.times)
+    posed = associate(times, trajectory.times)
     if not posed:
         raise InputError(path, "images and poses at the same times", _spans(times, trajectory.times), "times")
     mapped: dict[int, int] = {}
     depths: list[str] = []
     if (path / DEPTH).is_file():
         depth_times, depths = _listed(path / DEPTH)
-        mapped = associated(times, depth_times)
-    unit = asked.depth_unit or 1 / COUNTS_PER_METRE
+        mapped = associate(times, depth_times)
+    unit = details.depth_unit or 1 / COUNTS_PER_METRE
     maps = {
         index: DepthMap(path / depths[other], unit)
         for index, other in mapped.items()
         if (path / depths[other]).is_file()
     }
-    calibration, why = _calibration(path, asked)
+    calibration, why = _calibration(path, details)
     return ShotList(
         path=path,
         layout=LAYOUT,
@@ -92,9 +92,9 @@ def open_tum(path: Path, asked: Asked) -> Scene:
     ).scene()
 
 
-def _calibration(path: Path, asked: Asked) -> tuple[Calibration, list[str]]:
+def _calibration(path: Path, details: SceneDetails) -> tuple[Calibration, list[str]]:
     """The intrinsics, and notes about them."""
-    given = asked_calibration(asked)
+    given = calibration_from_details(details)
     if given is not None:
         return given, []
     if (path / CALIBRATION).is_file():
@@ -107,7 +107,7 @@ def _calibration(path: Path, asked: Asked) -> tuple[Calibration, list[str]]:
 def _listed(path: Path) -> tuple[np.ndarray, list[str]]:
     """The times [n] and files in a list."""
     times, names = [], []
-    for number, line in lines(path):
+    for number, line in read_lines(path):
         time, *rest = re.split(r"[\s,]+", line, maxsplit=1)
         try:
             times.append(float(time))

@@ -177,7 +177,7 @@ def stamp_of(message: Any) -> int:
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
-def frame_of(message: Any) -> str:
+def frame_id_of(message: Any) -> str:
     """The frame in the header of a message, without ROS 1's leading slash."""
     return str(message.header.frame_id).lstrip("/")
 

@@ -12,22 +12,22 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.frames import Frame
-from semgs.data.layouts.parts.association import associated
-from semgs.data.layouts.parts.sentences import lacking
-from semgs.data.layouts.ros.bag import COMPRESSED, IMAGE, Bag, BagFile, frame_of, open_bag
+from semgs.data.layouts.parts.association import associate
+from semgs.data.layouts.parts.sentences import note_lacking
+from semgs.data.layouts.ros.bag import COMPRESSED, IMAGE, Bag, BagFile, frame_id_of, open_bag
 from semgs.data.layouts.ros.camera import choose_pictures, find_lens
 from semgs.data.layouts.ros.image_messages import is_depth
-from semgs.data.layouts.ros.motions import along
+from semgs.data.layouts.ros.motions import poses_along
 from semgs.data.layouts.ros.route import find_route
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_header
 
 LAYOUT = "ROS bag"
 LOOKED_FOR = "a ROS bag (metadata.yaml with .db3 or .mcap; .mcap; .bag)"
-ASKS = ("camera", "world", "body", "intrinsics")
+DETAILS = ("camera", "world", "body", "intrinsics")
 ENDINGS = (".mcap", ".db3", ".bag")
 
 MILLIMETRE = 0.001
@@ -45,31 +45,31 @@ def recognises(path: Path) -> bool:
         return False
 
 
-def open_recording(path: Path, asked: Asked) -> Scene:
+def open_recording(path: Path, details: SceneDetails) -> Scene:
     """The scene of a bag: the images of one camera, sorted by time.
 
     Args:
         path: its folder or file.
-        asked: camera and world, if there are several; the body of poses that do not say; other intrinsics.
+        details: camera and world, if there are several; the body of poses that do not say; other intrinsics.
 
     Raises:
         InputError: it is damaged, or has no images, intrinsics or poses, or several and no choice; the error lists what there is.
         ImportError: rosbags is not installed.
     """
     bag = open_bag(path)
-    topic = choose_pictures(bag, asked.camera)
-    frame = frame_of(bag.first(topic))
+    topic = choose_pictures(bag, details.camera)
+    frame = frame_id_of(bag.first(topic))
     if not frame:
         raise InputError(path, "the frame of the camera in the header of its images", "an empty frame_id", topic)
     pictures = bag.files(topic)
-    lens = find_lens(bag, topic, read_header(pictures[0]).size, asked)
+    lens = find_lens(bag, topic, read_header(pictures[0]).size, details)
     notes = [f"Images are from {topic}."]
-    if "optical" not in frame and asked.intrinsics is None:
+    if "optical" not in frame and details.intrinsics is None:
         notes.append(
             f"The images' frame, {frame}, is not called optical; it is assumed to have x right, y down and z forward, as in REP 103."
         )
-    route, about_poses = find_route(bag, frame, asked)
-    poses = along(route, np.array([one.stamp for one in pictures], dtype=np.int64))
+    route, about_poses = find_route(bag, frame, details)
+    poses = poses_along(route, np.array([one.stamp for one in pictures], dtype=np.int64))
     posed = np.isfinite(poses).all(axis=(1, 2))
     depths, about_depth = _depths(bag, frame, pictures)
     frames = tuple(
@@ -96,7 +96,7 @@ def open_recording(path: Path, asked: Asked) -> Scene:
             *notes,
             *about_poses,
             *about_depth,
-            *lacking(unposed, len(pictures), "images are at times without a known pose and are left out"),
+            *note_lacking(unposed, len(pictures), "images are at times without a known pose and are left out"),
         ),
     )
 
@@ -104,7 +104,7 @@ def open_recording(path: Path, asked: Asked) -> Scene:
 def _depths(bag: Bag, frame: str, pictures: Sequence[BagFile]) -> tuple[dict[BagFile, DepthMap], list[str]]:
     """The depth map of each image that has one, and notes about depth that is not used."""
     first = {topic: bag.first(topic) for topic in bag.of(IMAGE, COMPRESSED)}
-    frames = {topic: frame_of(message) for topic, message in first.items() if is_depth(message)}
+    frames = {topic: frame_id_of(message) for topic, message in first.items() if is_depth(message)}
     registered = [topic for topic in frames if frames[topic] == frame]
     if not registered:
         return {}, [
@@ -114,7 +114,7 @@ def _depths(bag: Bag, frame: str, pictures: Sequence[BagFile]) -> tuple[dict[Bag
     topic = min(registered, key=lambda one: (bag.topics[one] == COMPRESSED, one))
     held, start = bag.files(topic), pictures[0].stamp
     seconds, others = (np.array([(one.stamp - start) / 1e9 for one in some]) for some in (pictures, held))
-    pairs = associated(seconds, others, DEPTH_TOLERANCE)
+    pairs = associate(seconds, others, DEPTH_TOLERANCE)
     unit = 1.0 if any(one.suffix == ".npy" for one in held) else MILLIMETRE
     found = {pictures[index]: DepthMap(held[other], unit) for index, other in pairs.items()}
     missing = len(pictures) - len(found)

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from semgs.data.cameras.lens import HALF, Lens
-from semgs.data.layouts.parts.calibrations import asked_calibration
-from semgs.data.layouts.ros.bag import COMPRESSED, IMAGE, Bag, frame_of
+from semgs.data.layouts.parts.calibrations import calibration_from_details
+from semgs.data.layouts.ros.bag import COMPRESSED, IMAGE, Bag, frame_id_of
 from semgs.data.layouts.ros.image_messages import GREYS, encoding_of, is_depth
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError, input_error
 
 INFO = "sensor_msgs/msg/CameraInfo"
@@ -26,21 +26,21 @@ MODELS = ("", "plumb_bob", "none", "pinhole", "rational_polynomial")
 """Distortion models covered by k1, k2, p1, p2, k3, if all further coefficients are 0."""
 
 
-def choose_pictures(bag: Bag, asked: str | None) -> str:
+def choose_pictures(bag: Bag, prefix: str | None) -> str:
     """The topic of the images to use.
 
     Args:
         bag: to choose from.
-        asked: topic prefix of the camera, needed if there are several.
+        prefix: topic prefix of the camera, needed if there are several.
 
     Raises:
         InputError: there are no images, or several cameras and no choice; the error lists them.
     """
     topics = bag.of(IMAGE, COMPRESSED)
-    if asked is not None:
-        chosen = [topic for topic in topics if topic == asked or topic.startswith(asked.rstrip("/") + "/")]
+    if prefix is not None:
+        chosen = [topic for topic in topics if topic == prefix or topic.startswith(prefix.rstrip("/") + "/")]
         if not chosen:
-            raise InputError(bag.path, f"images in a topic that begins with {asked}", bag.counted(topics), "camera")
+            raise InputError(bag.path, f"images in a topic that begins with {prefix}", bag.counted(topics), "camera")
         topics = chosen
     kinds = {topic: bag.first(topic) for topic in topics}
     topics = [topic for topic in topics if not is_depth(kinds[topic])]
@@ -55,23 +55,23 @@ def choose_pictures(bag: Bag, asked: str | None) -> str:
     return min(topics, key=lambda topic: (not _is_rectified(topic), bag.topics[topic] == COMPRESSED, topic))
 
 
-def find_lens(bag: Bag, pictures: str, size: tuple[int, int], asked: Asked) -> Lens:
+def find_lens(bag: Bag, pictures: str, size: tuple[int, int], details: SceneDetails) -> Lens:
     """The lens of images.
 
     Args:
         bag: that contains them.
         pictures: their topic.
         size: their (height, width) [px].
-        asked: may give intrinsics.
+        details: may give intrinsics.
 
     Raises:
         InputError: there is no CameraInfo, it is for other images, or its distortion is not supported.
     """
-    given = asked_calibration(asked)
+    given = calibration_from_details(details)
     if given is not None:
         return given.lens(Path(pictures), size)
-    frame, wanted = frame_of(bag.first(pictures)), f"{_name(pictures)[0]}/camera_info"
-    topics = [topic for topic in bag.of(INFO) if frame_of(bag.first(topic)) == frame]
+    frame, wanted = frame_id_of(bag.first(pictures)), f"{_name(pictures)[0]}/camera_info"
+    topics = [topic for topic in bag.of(INFO) if frame_id_of(bag.first(topic)) == frame]
     if wanted in bag.topics:
         topics = [wanted]
     if len(topics) != 1:

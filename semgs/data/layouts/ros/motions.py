@@ -68,7 +68,7 @@ class Motion:
         return poses
 
 
-def motion(
+def make_motion(
     parent: str, child: str, samples: Mapping[int, tuple[np.ndarray, np.ndarray]], source: str, *, fixed: bool = False
 ) -> Motion | None:
     """The motion from samples, position [3] and quaternion [4] by time [ns]; None if no sample is a pose.
@@ -94,7 +94,7 @@ def motion(
     )
 
 
-def above(motions: Mapping[str, Motion], frame: str) -> list[Motion]:
+def motions_above(motions: Mapping[str, Motion], frame: str) -> list[Motion]:
     """The motions from a frame up to the root of its tree, nearest first.
 
     Args:
@@ -110,7 +110,7 @@ def above(motions: Mapping[str, Motion], frame: str) -> list[Motion]:
     return found
 
 
-def along(path: list[Motion], times: np.ndarray) -> np.ndarray:
+def poses_along(path: list[Motion], times: np.ndarray) -> np.ndarray:
     """The pose of a path's first frame in its last frame, at some times [ns], [n 4 4]; NaN where unknown."""
     poses = np.broadcast_to(np.eye(4), (len(times), 4, 4))
     for step in path:

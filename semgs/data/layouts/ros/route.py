@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from semgs.data.layouts.ros.bag import Bag, stamp_of
-from semgs.data.layouts.ros.motions import Motion, above, motion
-from semgs.data.scene_details import Asked
+from semgs.data.layouts.ros.motions import Motion, make_motion, motions_above
+from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
 
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -21,7 +21,7 @@ TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
 
 
-def find_route(bag: Bag, frame_id: str, asked: Asked) -> tuple[list[Motion], list[str]]:
+def find_route(bag: Bag, frame_id: str, details: SceneDetails) -> tuple[list[Motion], list[str]]:
     """The motions from the camera's frame up to the world, and notes about them.
 
     Raises:
@@ -29,24 +29,24 @@ def find_route(bag: Bag, frame_id: str, asked: Asked) -> tuple[list[Motion], lis
     """
     tree = _tree(bag)
     moving = [
-        one for topic in (*bag.of(ODOMETRY), *bag.of(*POSES)) if (one := _moving(bag, topic, frame_id, asked.body))
+        one for topic in (*bag.of(ODOMETRY), *bag.of(*POSES)) if (one := _moving(bag, topic, frame_id, details.body))
     ]
-    if asked.body is not None and all(_says_of_what(bag.first(step.source)) for step in moving):
+    if details.body is not None and all(_says_of_what(bag.first(step.source)) for step in moving):
         raise InputError(bag.path, "a topic whose poses do not name their frame", str(bag), "body")
-    routes = {"TF": above(tree, frame_id)}
+    routes = {"TF": motions_above(tree, frame_id)}
     for step in moving:
-        routes[step.source] = above({**tree, step.child: step}, frame_id)
+        routes[step.source] = motions_above({**tree, step.child: step}, frame_id)
     routes = {source: route for source, route in routes.items() if _leads(source, route)}
-    if asked.world in routes:
-        routes = {asked.world: routes[asked.world]}
-    elif asked.world is not None:
-        cut = {source: _cut(route, asked.world.lstrip("/")) for source, route in routes.items()}
+    if details.world in routes:
+        routes = {details.world: routes[details.world]}
+    elif details.world is not None:
+        cut = {source: _cut(route, details.world.lstrip("/")) for source, route in routes.items()}
         routes = {source: route for source, route in cut.items() if _leads(source, route)}
     if not routes:
-        wanted = frame_id if asked.world is None else f"{frame_id} in {asked.world},"
+        wanted = frame_id if details.world is None else f"{frame_id} in {details.world},"
         raise InputError(
             bag.path, f"poses of {wanted} by TF, Odometry or PoseStamped", _ways(tree, moving, frame_id), "world",
-            advice=None if asked.world else "a bag needs /tf and /tf_static, or a topic of poses with /tf_static",
+            advice=None if details.world else "a bag needs /tf and /tf_static, or a topic of poses with /tf_static",
         )  # fmt: skip
     if "TF" in routes:
         routes = {"TF": routes["TF"]}
@@ -56,7 +56,7 @@ def find_route(bag: Bag, frame_id: str, asked: Asked) -> tuple[list[Motion], lis
     source, route = next(iter(routes.items()))
     chain = " > ".join([*(step.parent for step in reversed(route)), frame_id])
     notes = [f"Poses are from {source}: {chain}, interpolated in time."]
-    if source in bag.topics and asked.body is None and not _says_of_what(bag.first(source)):
+    if source in bag.topics and details.body is None and not _says_of_what(bag.first(source)):
         notes.append(
             f"The poses in {source} do not name their frame; they are assumed to be those of the camera's frame {frame_id} (--body)."
         )
@@ -89,7 +89,7 @@ def _tree(bag: Bag) -> dict[str, Motion]:
             samples.setdefault(key, {})[time] = _sample(one.transform.translation, one.transform.rotation)
     found: dict[str, Motion] = {}
     for (parent, child, fixed), held in sorted(samples.items(), key=lambda item: (not item[0][2], len(item[1]))):
-        step = motion(parent, child, held, "/tf_static" if fixed else "/tf", fixed=fixed)
+        step = make_motion(parent, child, held, "/tf_static" if fixed else "/tf", fixed=fixed)
         if step is not None:
             found[step.child] = step
     return found
@@ -103,7 +103,7 @@ def _moving(bag: Bag, topic: str, frame_id: str, body: str | None) -> Motion | N
         pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
         parent, child = message.header.frame_id, getattr(message, "child_frame_id", "") or body or frame_id
         samples[stamp_of(message)] = _sample(pose.position, pose.orientation)
-    return motion(parent or topic, child, samples, topic)
+    return make_motion(parent or topic, child, samples, topic)
 
 
 def _sample(place: Any, turn: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -113,7 +113,7 @@ def _sample(place: Any, turn: Any) -> tuple[np.ndarray, np.ndarray]:
 
 def _ways(tree: Mapping[str, Motion], moving: Iterable[Motion], frame_id: str) -> str:
     """The poses that there are, for errors."""
-    route = above(tree, frame_id)
+    route = motions_above(tree, frame_id)
     chain = " < ".join([frame_id, *(step.parent for step in route)])
     still = "" if any(not step.fixed for step in route) else ", which never moves"
     ways = [f"TF from the camera up: {chain}{still}", *(f"{one.source}: {one.parent} > {one.child}" for one in moving)]

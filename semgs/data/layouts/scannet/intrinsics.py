@@ -8,7 +8,7 @@ from pathlib import Path
 
 from semgs.data.cameras.lens import HALF, Lens
 from semgs.data.layouts.parts.calibrations import Calibration, calibration_of, read_calibration
-from semgs.data.layouts.parts.text_numbers import pairs
+from semgs.data.layouts.parts.text_numbers import read_pairs
 from semgs.data.layouts.parts.usable_frames import first_file
 from semgs.files.errors import InputError, input_error
 
@@ -59,7 +59,7 @@ def find_camera(folder: Path, name: str, size: tuple[int, int]) -> ScanCamera | 
             size that the scan states, or of ScanNet's own.
     """
     matrix_file, field_file = (first_file((folder,), names) for names in (_places(name), _field_files(folder)))
-    path, fields = matrix_file or field_file or folder, pairs(field_file) if field_file else {}
+    path, fields = matrix_file or field_file or folder, read_pairs(field_file) if field_file else {}
     calibration = read_calibration(path) if matrix_file else _calibration(path, fields, name)
     if calibration is None:
         return None

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.layouts.parts.usable_frames import numbered
+from semgs.data.layouts.parts.usable_frames import numbered_files
 from semgs.data.layouts.scannet.scannet_labels import FILE_NAME, find_table, labels_of_ids, read_table
 from semgs.data.maps import IdMap, MapSource, read_ids
 from semgs.data.tables.nyu40 import NAMES
@@ -69,7 +69,7 @@ def _meant(maps: Mapping[int, Stored], labels: np.ndarray) -> dict[int, MapSourc
 def _label_maps(folder: Path) -> tuple[dict[int, Stored], str]:
     """The label maps by frame number, and their kind. Extracted maps are preferred to those in a zip file."""
     for place in (folder, *sorted(folder.glob(UNZIPPED))):
-        if found := numbered(place / FILTERED, endings=(".png",)):
+        if found := numbered_files(place / FILTERED, endings=(".png",)):
             return dict(found), FILTERED
     archives = sorted(folder.glob(f"{UNZIPPED}.zip"))
     if archives:
@@ -79,4 +79,4 @@ def _label_maps(folder: Path) -> tuple[dict[int, Stored], str]:
             if name.lower().endswith(".png") and Path(name).stem.isdecimal()
         }
         return dict(sorted(inside.items())), FILTERED
-    return dict(numbered(folder / UNFILTERED, endings=(".png",))), UNFILTERED
+    return dict(numbered_files(folder / UNFILTERED, endings=(".png",))), UNFILTERED

@@ -18,9 +18,9 @@ import numpy as np
 from semgs.data.cameras.lens import HALF, Lens
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.pose_files import checked_poses
-from semgs.data.layouts.parts.sentences import lacking
+from semgs.data.layouts.parts.sentences import note_lacking
 from semgs.data.layouts.parts.trajectories import read_pose
-from semgs.data.layouts.parts.usable_frames import numbered
+from semgs.data.layouts.parts.usable_frames import numbered_files
 from semgs.data.layouts.scannet.intrinsics import PLACES, ScanCamera, find_camera, has_intrinsics
 from semgs.data.layouts.scannet.label_maps import ScanLabels, has_labels, read_scan_labels
 from semgs.data.layouts.scannet.sens import read_recording
@@ -65,7 +65,7 @@ def recognises(path: Path) -> bool:
     return bool(_recordings(path)) or _dialect(path) is not None
 
 
-def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
+def open_scannet(path: Path, as_peers: Collection[str] = ()) -> Scene:
     """The scene of a scan: from its recording, or else from exported files.
 
     Args:
@@ -244,7 +244,7 @@ class _Scan:
     def _without(self, numbers: Collection[int], there: Collection[int], what: str) -> list[str]:
         """A note about frames that lack something, empty if there are none."""
         names = [self.names[number] for number in numbers if number not in there]
-        return lacking(names, len(numbers), f"frames are without {what}")
+        return note_lacking(names, len(numbers), f"frames are without {what}")
 
 
 def _recordings(folder: Path) -> list[Path]:
@@ -269,7 +269,7 @@ def _dialect(folder: Path) -> _Dialect | None:
 
 def _numbered(folder: Path, endings: Sequence[str]) -> dict[int, Path]:
     """The files of a folder that are named by a number, perhaps after `frame-`, sorted by number."""
-    return numbered(folder, "", endings) or numbered(folder, "frame-", endings)
+    return numbered_files(folder, "", endings) or numbered_files(folder, "frame-", endings)
 
 
 def _lens(path: Path, key: str, matrix: np.ndarray, size: tuple[int, int]) -> Lens:

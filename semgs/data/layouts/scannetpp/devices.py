@@ -16,8 +16,8 @@ import numpy as np
 from semgs.data.cameras.fisheye import FisheyeLens
 from semgs.data.cameras.lens import AbstractLens
 from semgs.data.layouts.colmap.colmap_files import PARAMETERS, ColmapCamera, read_cameras, read_images
-from semgs.data.layouts.parts.fields import Fields, parsed
-from semgs.data.layouts.parts.pose_files import checked_poses
+from semgs.data.layouts.parts.fields import Fields, read_fields
+from semgs.data.layouts.parts.pose_files import checked_poses, listed_poses
 from semgs.files.errors import input_error
 
 LISTS = "train_test_lists.json"
@@ -51,12 +51,10 @@ DSLR = Device(
     None,
     "download the dslr assets of the scan",
 )
-DSLR_UNDISTORTED = Device(
-    "dslr",
-    ("undistorted_images", "resized_undistorted_images"),
-    ("undistorted_anon_masks", "resized_undistorted_masks"),
-    None,
-    DSLR.advice,
+DSLR_UNDISTORTED = replace(
+    DSLR,
+    pictures=("undistorted_images", "resized_undistorted_images"),
+    masks=("undistorted_anon_masks", "resized_undistorted_masks"),
 )
 IPHONE = Device(
     "iphone",
@@ -125,7 +123,7 @@ def _from_colmap(folder: Path, device: Device, as_toolbox: bool) -> Posed:
     )
     splits = _splits(folder)
     if splits is None and (folder / TRANSFORMS).is_file():
-        splits = _splits_of(parsed(folder / TRANSFORMS))
+        splits = _splits_of(read_fields(folder / TRANSFORMS))
     return Posed(
         device,
         tuple(image.name for image in images),
@@ -137,16 +135,13 @@ def _from_colmap(folder: Path, device: Device, as_toolbox: bool) -> Posed:
 
 def _from_transforms(folder: Path, path: Path, device: Device, as_toolbox: bool) -> Posed:
     """The cameras from a `transforms.json`, in the world of the mesh."""
-    shared = parsed(path)
-    listed = shared.objects("frames")
-    if shared.values.get("test_frames"):
-        listed += shared.objects("test_frames")
+    shared = read_fields(path)
+    listed = [*shared.objects("frames"), *_frames(shared, "test_frames")]
     names = [frame.text("file_path") for frame in listed]
     for frame, name in zip(listed, names, strict=True):
         if name is None:
             raise frame.refused("file_path", "the name of an image", "nothing")
-    keys = [f"{frame.place}transform_matrix" for frame in listed]
-    poses = checked_poses(path, [frame.values.get("transform_matrix") for frame in listed], keys)
+    poses = listed_poses(listed)
     order = sorted(range(len(listed)), key=lambda index: names[index] or "")
     return Posed(
         device,
@@ -179,19 +174,14 @@ def _shared_lens(fields: Fields, as_toolbox: bool) -> AbstractLens:
     }.get(model)
     if names is None:
         raise fields.refused("camera_model", "PINHOLE, OPENCV or OPENCV_FISHEYE", model)
-    values = {}
-    for key, name in (("fl_x", "fx"), ("fl_y", "fy"), ("cx", "cx"), ("cy", "cy")):
-        number = fields.number(key)
-        if number is None:
-            raise fields.refused(key, "a number of pixels", "nothing")
-        values[name] = number
-    width, height = fields.whole("w"), fields.whole("h")
-    if width is None or height is None:
-        raise fields.refused("w" if width is None else "h", "a number of pixels", "nothing")
+    keys = {"fx": "fl_x", "fy": "fl_y", "cx": "cx", "cy": "cy"}
+    values = {name: fields.required(key, "a number of pixels") for name, key in keys.items()}
+    size = fields.size("w", "h")
+    if size is None:
+        raise fields.refused("h" if fields.value("w") else "w", "a number of pixels", "nothing")
     values.update({name: fields.number(name) or 0.0 for name in names})
-    return _lens(
-        Path(str(fields.path)), fields.place + "camera_model", ColmapCamera(model, (height, width), values), as_toolbox
-    )
+    camera = ColmapCamera(model, size, values)
+    return _lens(Path(str(fields.path)), fields.place + "camera_model", camera, as_toolbox)
 
 
 def _lens(path: Path, key: str, camera: ColmapCamera, as_toolbox: bool) -> AbstractLens:
@@ -208,7 +198,7 @@ def _splits(folder: Path) -> dict[str, set[str]] | None:
     path = folder / LISTS
     if not path.is_file():
         return None
-    fields = parsed(path)
+    fields = read_fields(path)
     splits = {}
     for part in ("train", "test"):
         names = fields.values.get(part, [])
@@ -220,17 +210,23 @@ def _splits(folder: Path) -> dict[str, set[str]] | None:
 
 def _splits_of(shared: Fields) -> dict[str, set[str]]:
     """Names of the training and test images in a `transforms.json`."""
-    splits = {}
-    for part, key in (("train", "frames"), ("test", "test_frames")):
-        listed = shared.objects(key) if shared.values.get(key) else []
-        splits[part] = {Path(frame.text("file_path") or "").name for frame in listed}
-    return splits
+    parts = {"train": "frames", "test": "test_frames"}
+    return {part: {_file_name(frame) for frame in _frames(shared, key)} for part, key in parts.items()}
+
+
+def _frames(shared: Fields, *keys: str) -> list[Fields]:
+    """The frames of a `transforms.json` in the lists with these keys, which may be missing or empty."""
+    return [frame for key in keys if shared.values.get(key) for frame in shared.objects(key)]
+
+
+def _file_name(frame: Fields) -> str:
+    """The file name of a frame's image."""
+    return Path(frame.text("file_path") or "").name
 
 
 def bad_pictures(folder: Path) -> set[str]:
     """Names of the images that `transforms.json` marks as bad."""
     if not (folder / TRANSFORMS).is_file():
         return set()
-    shared = parsed(folder / TRANSFORMS)
-    listed = [frame for key in ("frames", "test_frames") if shared.values.get(key) for frame in shared.objects(key)]
-    return {Path(frame.text("file_path") or "").name for frame in listed if frame.values.get("is_bad") is True}
+    listed = _frames(read_fields(folder / TRANSFORMS), "frames", "test_frames")
+    return {_file_name(frame) for frame in listed if frame.values.get("is_bad") is True}

@@ -16,12 +16,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64, Int, UInt8
 
-from semgs.data.layouts.parts.fields import Fields, parsed
+from semgs.data.layouts.parts.fields import Fields, read_fields
 from semgs.data.layouts.parts.triangles import LabelledTriangles
 from semgs.data.layouts.scannet.scannet_labels import normal
 from semgs.data.raycast import Raycaster
 from semgs.data.tables.classes import IGNORE
-from semgs.files.errors import InputError, input_error
+from semgs.files.errors import InputError, import_error, input_error
 
 MESH = "mesh_aligned_0.05.ply"
 SEGMENTS = "segments.json"
@@ -88,7 +88,7 @@ def object_names(path: Path) -> dict[str, int]:
         InputError: it is damaged.
     """
     names: dict[str, int] = {}
-    for group in parsed(path).objects("segGroups"):
+    for group in read_fields(path).objects("segGroups"):
         name = normal(group.text("label") or "")
         names[name] = names.get(name, 0) + 1
     return names
@@ -116,12 +116,11 @@ def read_mesh(path: Path) -> tuple[Float64[np.ndarray, "n 3"], Int[np.ndarray, "
         InputError: it cannot be read, or has no triangle.
         ImportError: trimesh is not installed.
     """
-    try:
+    advice = (
+        "reading the mesh of a scan needs trimesh, which is not installed; pip install '.[raycast]' in SemGS's folder"
+    )
+    with import_error(advice, "trimesh"):
         import trimesh
-    except ImportError as error:
-        raise ImportError(
-            "reading the mesh of a scan needs trimesh, which is not installed; pip install '.[raycast]' in SemGS's folder"
-        ) from error
     if not path.is_file():
         raise InputError(path, "the mesh of the scan", "no such file")
     try:
@@ -145,7 +144,7 @@ def vertex_labels(folder: Path, count: int, labels: Mapping[str, int]) -> UInt8[
     Raises:
         InputError: a file is damaged, or the segments belong to another mesh.
     """
-    fields = parsed(folder / SEGMENTS)
+    fields = read_fields(folder / SEGMENTS)
     segments = _whole_numbers(fields, "segIndices")
     if len(segments) != count:
         raise InputError(
@@ -156,7 +155,7 @@ def vertex_labels(folder: Path, count: int, labels: Mapping[str, int]) -> UInt8[
         )
     sizes = np.bincount(segments)
     groups = []
-    for order, group in enumerate(parsed(folder / ANNOTATIONS).objects("segGroups")):
+    for order, group in enumerate(read_fields(folder / ANNOTATIONS).objects("segGroups")):
         parts = np.unique(_whole_numbers(group, "segments"))
         parts = parts[parts < len(sizes)]
         label = labels.get(normal(group.text("label") or ""), IGNORE)
@@ -185,11 +184,7 @@ def masked_vertices(path: Path, count: int) -> Int[np.ndarray, " n"]:
 
 def _whole_numbers(fields: Fields, key: str) -> Int[np.ndarray, " n"]:
     """A list of integers from 0."""
-    value = fields.value(key)
-    try:
-        numbers = np.array(value if isinstance(value, list) else None, np.int64)
-    except (TypeError, ValueError, OverflowError):
-        numbers = np.array(-1)
-    if numbers.ndim != 1 or (len(numbers) and numbers.min() < 0):
-        raise fields.refused(key, "a list of integers from 0", f"{value!r:.40}")
+    numbers = fields.array(key, np.int64)
+    if numbers is None or numbers.ndim != 1 or (len(numbers) and numbers.min() < 0):
+        raise fields.refused(key, "a list of integers from 0", f"{fields.value(key)!r:.40}")
     return numbers

@@ -19,7 +19,7 @@ from pathlib import Path
 from semgs.data.cameras.lens import AbstractLens
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.mesh_maps import MeshDepth, MeshLabels
-from semgs.data.layouts.parts.sentences import lacking
+from semgs.data.layouts.parts.sentences import note_lacking
 from semgs.data.layouts.scannet.scannet_labels import find_table, read_table
 from semgs.data.layouts.scannetpp.devices import (
     DSLR,
@@ -54,7 +54,7 @@ def recognises(path: Path) -> bool:
     return path.is_dir() and _found(path) is not None
 
 
-def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
+def open_scannetpp(path: Path, as_peers: Collection[str] = ()) -> Scene:
     """The scene of a scan: the DSLR's photos, or else the iPhone's frames.
 
     Args:
@@ -113,7 +113,7 @@ def open_scan(path: Path, as_peers: Collection[str] = ()) -> Scene:
         absent=tuple(absent),
         notes=(
             *posed.notes,
-            *lacking(absent, len(posed.names), f"listed images are missing in {pictures}"),
+            *note_lacking(absent, len(posed.names), f"listed images are missing in {pictures}"),
             *([f"{marked} images are marked as bad and left out."] if marked else []),
             *_unmasked(frames, masks),
             *scanned.notes,
@@ -211,7 +211,7 @@ def _unmasked(frames: Sequence[Frame], masks: Path | None) -> list[str]:
     if masks is None:
         return ["There are no masks, so anonymised areas count like the rest."]
     without = [frame.name for frame in frames if frame.mask is None]
-    return lacking(without, len(frames), f"images have no mask in {masks.name}")
+    return note_lacking(without, len(frames), f"images have no mask in {masks.name}")
 
 
 def _sensor_notes(frames: Sequence[Frame], device: Device) -> list[str]:

@@ -15,7 +15,7 @@ LAYOUT = "scenezoo"
 
 
 @dataclass(frozen=True)
-class Source:
+class ZooCamera:
     """A camera of a data set.
 
     Attributes:
@@ -53,7 +53,7 @@ class DataSet:
 
     name: str
     title: str
-    sources: tuple[Source, ...]
+    sources: tuple[ZooCamera, ...]
     has_rooms: bool = False
     mesh: str = ""
     segmentation: Mapping[str, str] = field(default_factory=dict)
@@ -67,16 +67,16 @@ DATA_SETS = (
         "arkitscenes",
         "ARKitScenes",
         (
-            Source("lowres_wide", 0.0, confidence=True),
-            Source("vga_wide", 0.0, depth=False),
-            Source("wide", 0.0),
-            Source("threedod", 0.0),
+            ZooCamera("lowres_wide", 0.0, confidence=True),
+            ZooCamera("vga_wide", 0.0, depth=False),
+            ZooCamera("wide", 0.0),
+            ZooCamera("threedod", 0.0),
         ),
     ),
     DataSet(
         "matterport3d",
         "Matterport3D",
-        (Source("undistorted", HALF, from_below=True), Source("raw", HALF)),
+        (ZooCamera("undistorted", HALF, from_below=True), ZooCamera("raw", HALF)),
         mesh="house",
         segmentation={"segmentation_type": "semantic", "label_space": "nyu40"},
         names_file="category_mapping.tsv",
@@ -85,18 +85,18 @@ DATA_SETS = (
     DataSet(
         "multiscan",
         "MultiScan",
-        (Source("", 0.0, confidence=True),),
+        (ZooCamera("", 0.0, confidence=True),),
         mesh="ply",
         segmentation={"segmentation_type": "object_instance"},
     ),
     DataSet(
         "3rscan",
         "3RScan",
-        (Source("", HALF, own_depth_camera=True),),
+        (ZooCamera("", HALF, own_depth_camera=True),),
         mesh="instance",
         segmentation={"segmentation_type": "instance"},
     ),
-    DataSet("structured3d", "Structured3D", (Source("perspective", HALF),), has_rooms=True, label_images=True),
+    DataSet("structured3d", "Structured3D", (ZooCamera("perspective", HALF),), has_rooms=True, label_images=True),
 )
 """The data sets that are read."""
 
@@ -116,7 +116,7 @@ REFUSED = {
 """What scenezoo knows and this module refuses, and why."""
 
 
-def chosen(path: Path, name: str, part: str) -> tuple[DataSet, Source]:
+def choose_camera(path: Path, name: str, part: str) -> tuple[DataSet, ZooCamera]:
     """The data set and the camera that a user named.
 
     Args:

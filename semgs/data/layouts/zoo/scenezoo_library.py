@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, import_error
 
 
 @contextmanager
@@ -28,11 +28,8 @@ def scenezoo_library() -> Any:
     Raises:
         ImportError: scenezoo or Open3D is not installed; the error names the extra to install.
     """
-    try:
+    advice = "reading this data set needs scenezoo, which is not installed; pip install '.[scenezoo]' in SemGS's folder"
+    with import_error(advice, "scenezoo"):
         import open3d  # noqa: F401
         import scenezoo
-    except ImportError as error:
-        raise ImportError(
-            "reading this data set needs scenezoo, which is not installed; pip install '.[scenezoo]' in SemGS's folder"
-        ) from error
     return scenezoo

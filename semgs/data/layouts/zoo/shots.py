@@ -12,16 +12,16 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 from PIL import Image
 
-from semgs.data.cameras.lens import Lens, carried_over
+from semgs.data.cameras.lens import Lens, carry_over
 from semgs.data.layouts.zoo.scenezoo_library import scenezoo_errors
-from semgs.data.maps import Pixels, fitted
+from semgs.data.maps import Pixels, fit_to_image
 from semgs.data.tables.nyu40 import NAMES, scannet20_labels
 from semgs.files.errors import InputError
 
 
 @final
 @dataclass(frozen=True, eq=False)
-class Shot:
+class ZooFrame:
     """One frame of a data set.
 
     Attributes:
@@ -82,7 +82,7 @@ class Shot:
 
 @final
 @dataclass(frozen=True, eq=False)
-class ShotDepth:
+class ZooDepth:
     """Z-depths of a frame.
 
     Attributes:
@@ -91,7 +91,7 @@ class ShotDepth:
         confidence: whether there is a map of how reliable it is.
     """
 
-    shot: Shot
+    shot: ZooFrame
     lens: Lens | None = None
     confidence: bool = False
     stored: ClassVar[bool] = True
@@ -106,20 +106,20 @@ class ShotDepth:
         if self.confidence:
             depths = np.where(self.shot.item("confidence_maps") == 0, np.float32(0), depths)
         if self.lens is not None:
-            return pixels.taken(carried_over(depths, self.lens, pixels.lens))
-        return pixels.taken(fitted(self.shot, depths, pixels.lens.size))
+            return pixels.taken(carry_over(depths, self.lens, pixels.lens))
+        return pixels.taken(fit_to_image(self.shot, depths, pixels.lens.size))
 
 
 @final
 @dataclass(frozen=True, eq=False)
-class ShotLabels:
+class ZooLabels:
     """NYU40 labels of a frame.
 
     Attributes:
         shot: the frame.
     """
 
-    shot: Shot
+    shot: ZooFrame
     stored: ClassVar[bool] = True
 
     def read(self, pixels: Pixels) -> UInt8[np.ndarray, "h w"]:
@@ -130,4 +130,4 @@ class ShotLabels:
         """
         ids = self.shot.item("semantic_maps").astype(np.int64)
         labels = scannet20_labels()[np.where((ids < 0) | (ids > len(NAMES)), 0, ids)]
-        return pixels.taken(fitted(self.shot, labels, pixels.lens.size))
+        return pixels.taken(fit_to_image(self.shot, labels, pixels.lens.size))

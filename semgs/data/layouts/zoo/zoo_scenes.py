@@ -17,35 +17,35 @@ from semgs.data.frames import Frame
 from semgs.data.layouts.parts.mesh_maps import MeshLabels
 from semgs.data.layouts.parts.pose_files import checked_poses
 from semgs.data.layouts.scannet.scannet_labels import find_table, read_table
-from semgs.data.layouts.zoo.data_sets import LAYOUT, DataSet, Source, chosen
+from semgs.data.layouts.zoo.data_sets import LAYOUT, DataSet, ZooCamera, choose_camera
 from semgs.data.layouts.zoo.scenezoo_library import scenezoo_errors, scenezoo_library
-from semgs.data.layouts.zoo.shots import Shot, ShotDepth, ShotLabels
+from semgs.data.layouts.zoo.shots import ZooDepth, ZooFrame, ZooLabels
 from semgs.data.layouts.zoo.zoo_mesh import SceneMesh, mesh_files
 from semgs.data.scene import Scene
-from semgs.data.scene_details import Asked
+from semgs.data.scene_details import SceneDetails
 from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError, input_error
 
-ASKS = ("scenezoo",)
+DETAILS = ("scenezoo",)
 
 CAMERAS = ("rgb_intrinsics", "world_to_camera")
 LENSES = ("PINHOLE", "OPENCV")
 """The camera models of scenezoo that are read: without distortion, and with k1, k2, p1, p2, k3."""
 
 
-def open_zoo(path: Path, asked: Asked) -> Scene:
+def open_zoo(path: Path, details: SceneDetails) -> Scene:
     """A scene of a data set that scenezoo reads.
 
     Args:
         path: the folder of the data set.
-        asked: `scenezoo` says which data set it is, and which of its scenes.
+        details: `scenezoo` says which data set it is, and which of its scenes.
 
     Raises:
         InputError: the data set is not known or not supported, or scenezoo cannot read the scene.
         ImportError: scenezoo is not installed.
     """
-    name, scene, part = (*str(asked.scenezoo).split(":"), "")[:3]
-    data, source = chosen(path, name.lower(), part)
+    name, scene, part = (*str(details.scenezoo).split(":"), "")[:3]
+    data, source = choose_camera(path, name.lower(), part)
     named = [
         one for place in (path, path / "metadata") if data.names_file and (one := place / data.names_file).is_file()
     ]
@@ -59,7 +59,13 @@ def open_zoo(path: Path, asked: Asked) -> Scene:
 
 
 def zoo_scene(
-    opened: Any, path: Path, scene: str, data: DataSet, source: Source, keywords: Mapping[str, str], names_known: bool
+    opened: Any,
+    path: Path,
+    scene: str,
+    data: DataSet,
+    source: ZooCamera,
+    keywords: Mapping[str, str],
+    names_known: bool,
 ) -> Scene:
     """The scene of an opened data set.
 
@@ -79,7 +85,7 @@ def zoo_scene(
         batch = opened.get_frames(scene, items=items, rotate_to_up=False, **keywords)
     if batch.camera_model not in LENSES:
         raise InputError(path, f"a camera of {' or '.join(LENSES)}", f"{batch.camera_model}", scene)
-    shots = [Shot(opened, path, scene, int(index), keywords) for index in batch.indices]
+    shots = [ZooFrame(opened, path, scene, int(index), keywords) for index in batch.indices]
     names = batch.frame_keys or [f"{shot.index:06d}" for shot in shots]
     if not shots:
         raise InputError(path, "at least two frames with a pose", "none", scene)
@@ -107,8 +113,8 @@ def zoo_scene(
                 picture=shot,
                 lens=lens,
                 world_from_camera=pose,
-                depth=ShotDepth(shot, of_depth, confidence) if depth else None,
-                labels=MeshLabels(mesh) if mesh else ShotLabels(shot) if data.label_images else None,
+                depth=ZooDepth(shot, of_depth, confidence) if depth else None,
+                labels=MeshLabels(mesh) if mesh else ZooLabels(shot) if data.label_images else None,
             )
         )
     return Scene(
@@ -123,7 +129,7 @@ def zoo_scene(
 
 
 def _lens(
-    shot: Shot, size: tuple[int, ...], intrinsics: np.ndarray, source: Source, distortion: tuple[float, ...] = ()
+    shot: ZooFrame, size: tuple[int, ...], intrinsics: np.ndarray, source: ZooCamera, distortion: tuple[float, ...] = ()
 ) -> Lens:
     """A camera of a frame, its principal point counted from the corner of the first pixel."""
     height, width = size
@@ -142,7 +148,7 @@ def _distortion(batch: Any, index: int) -> tuple[float, ...]:
     return tuple(float(one) for one in batch.distortion[index])
 
 
-def _readable(shot: Shot, item: str, what: str, notes: list[str]) -> bool:
+def _readable(shot: ZooFrame, item: str, what: str, notes: list[str]) -> bool:
     """Whether an item was downloaded with the data set, judged by one frame; a note if not."""
     try:
         shot.item(item)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,12 +12,15 @@ from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.data.views import Views
 from semgs.files.errors import InputError
 from semgs.rooms.sets.room_stream import RoomSamples
-from semgs.training.data.data_check.open_sources import Opened
-from semgs.training.data.samples import Folder, relabelled
-from semgs.training.training_settings import TrainingSettings
+from semgs.training.data.data_check.open_sources import OpenSource
+from semgs.training.data.data_settings import DataSettings
+from semgs.training.data.samples import Folder, convert_labels, room_library
 
 FRAMES_COUNTED = 4
 """Frames of each scene in which classes are counted; of images without cameras, which all show other rooms, every one is."""
+
+COUNTED_ROOMS, COUNTED_SIZE = 64, (48, 64)
+"""Rooms in which classes are counted, in two small views each."""
 
 BALANCE = 0.5
 """Balanced sampling chooses a scene in proportion to the mean `inverse_frequency` of its pixels, with this power."""
@@ -40,20 +43,20 @@ def inverse_frequency(shares: Pixels, power: float) -> tuple[float, ...]:
     return tuple(float(weight) for weight in np.round(weights / (weights * shares).sum(), 4))
 
 
-def count_pixels(
-    settings: TrainingSettings, scenes: Sequence[Scene], rooms: Callable[[], RoomSamples], classes: ClassTable
-) -> list[Pixels | None]:
-    """Pixels of each class in each scene and, last, in some rooms; None if the settings do not need them."""
-    if not isinstance(settings.class_weights, str) and settings.sampling == "even":
-        return [None] * (len(scenes) + 1)
-    pixels: list[Pixels | None] = [_counted(_some(scene), classes) if scene.classes else None for scene in scenes]
-    if any(source.is_rooms for source in settings.sources):
-        drawn = rooms()
-        return [*pixels, _counted([drawn[k][0] for k in range(len(drawn))], classes)]
-    return [*pixels, None]
+def count_pixels(settings: DataSettings, scenes: Sequence[Scene]) -> list[Pixels | None]:
+    """Pixels of each class in each scene and, last, in some rooms; None for what has no labels."""
+    classes = settings.table
+    pixels: list[Pixels | None] = [
+        _count_labels(_read_some(scene), classes) if scene.classes else None for scene in scenes
+    ]
+    if not any(source.is_rooms for source in settings.sources):
+        return [*pixels, None]
+    library = room_library(settings.assets, "training")
+    rooms = RoomSamples(settings.seed, COUNTED_SIZE, 2, 0, COUNTED_ROOMS, library=library)
+    return [*pixels, _count_labels([rooms[k][0] for k in range(len(rooms))], classes)]
 
 
-def _some(scene: Scene) -> list[Views]:
+def _read_some(scene: Scene) -> list[Views]:
     """A few frames spread over a scene; unreadable ones are skipped here, since training reports them."""
     views = []
     count = FRAMES_COUNTED if scene.posed else len(scene)
@@ -63,43 +66,41 @@ def _some(scene: Scene) -> list[Views]:
     return views
 
 
-def _counted(views: Sequence[Views], classes: ClassTable) -> Pixels:
+def _count_labels(samples: Sequence[Views], classes: ClassTable) -> Pixels:
     """Pixels of each class of the table in some views."""
     total = np.zeros(len(classes))
-    for one in views:
-        labels = relabelled(one, classes).labels
+    for views in samples:
+        labels = convert_labels(views, classes).labels
         if labels is not None:
             total += np.bincount(labels[labels != IGNORE].numpy(), minlength=len(classes))
     return total
 
 
-def class_shares(
-    settings: TrainingSettings, opened: Sequence[Opened], pixels: Sequence[Pixels | None], classes: ClassTable
-) -> Pixels:
+def class_shares(settings: DataSettings, opened: Sequence[OpenSource], pixels: Sequence[Pixels | None]) -> Pixels:
     """The share of each class in what the run sees: sources count by their weights, all scenes of a source equally."""
-    total = np.zeros(len(classes))
+    total = np.zeros(len(settings.table))
     folders, counts = iter(opened), iter(pixels)
     for source in settings.sources:
-        held = pixels[-1:] if source.is_rooms else [next(counts) for _ in next(folders).scenes]
-        shares = [one / one.sum() for one in held if one is not None and one.sum() > 0]
+        own = pixels[-1:] if source.is_rooms else [next(counts) for _ in next(folders).scenes]
+        shares = [count / count.sum() for count in own if count is not None and count.sum() > 0]
         if shares:
             total += float(source.weight) * np.mean(shares, axis=0)
     return total
 
 
-def with_chances(
-    settings: TrainingSettings, opened: Sequence[Opened], pixels: Sequence[Pixels | None], shares: Pixels
+def make_folders(
+    opened: Sequence[OpenSource], pixels: Sequence[Pixels | None], shares: Pixels | None
 ) -> tuple[Folder, ...]:
-    """The scenes of each folder with their chances: equal, or higher for scenes with rare classes (`BALANCE`)."""
-    factors = np.array(inverse_frequency(shares, BALANCE)) if settings.sampling == "balanced" else None
+    """The scenes of each folder with their chances: equal, or with the shares of the classes higher for scenes with rare classes (`BALANCE`)."""
+    factors = None if shares is None else np.array(inverse_frequency(shares, BALANCE))
     counts = iter(pixels)
     folders = []
-    for folder in opened:
-        chances = np.ones(len(folder.scenes))
-        for index in range(len(folder.scenes)):
-            held = next(counts)
-            if factors is not None and held is not None and held.sum() > 0:
-                chances[index] = (held * factors).sum() / held.sum()
-        paths = tuple(scene.path.absolute() for scene in folder.scenes)
-        folders.append(Folder(paths, tuple(float(one) for one in chances / chances.sum())))
+    for source in opened:
+        chances = np.ones(len(source.scenes))
+        for index in range(len(source.scenes)):
+            count = next(counts)
+            if factors is not None and count is not None and count.sum() > 0:
+                chances[index] = (count * factors).sum() / count.sum()
+        paths = tuple(scene.path.absolute() for scene in source.scenes)
+        folders.append(Folder(paths, tuple(float(chance) for chance in chances / chances.sum())))
     return tuple(folders)

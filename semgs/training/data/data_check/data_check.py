@@ -1,26 +1,25 @@
-"""Survey of a run's data, made once before it starts and recorded in RUN/data.json."""
+"""The check of a run's data, made once before it starts and recorded in RUN/data.json."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from semgs.data.tables.classes import SCANNET20, ClassTable
+from semgs.data.tables.classes import ClassTable
 from semgs.files.errors import InputError
-from semgs.rooms.sets.room_stream import RoomSamples
-from semgs.training.data.data_check.checks import check_cameras, check_depth, check_labels, check_validation, notes_on
-from semgs.training.data.data_check.counts import class_shares, count_pixels, inverse_frequency, with_chances
+from semgs.training.data.data_check.checks import check_labelled, check_scenes, check_validation, label_notes
+from semgs.training.data.data_check.counts import class_shares, count_pixels, inverse_frequency, make_folders
 from semgs.training.data.data_check.open_sources import check_bad, open_source, training_paths
-from semgs.training.data.data_check.scene_record import RECORD, remember, remembered, started_on, terms_of_run
+from semgs.training.data.data_check.scene_record import RECORD, read_counts, scenes_before, terms_of_run, write_record
+from semgs.training.data.data_settings import DataSettings, view_counts
 from semgs.training.data.data_sources import ROOMS
 from semgs.training.data.samples import Folder
-from semgs.training.training_settings import CLASS_WEIGHTINGS, TrainingSettings
+from semgs.training.supervision.supervision_settings import CLASS_WEIGHTINGS, SupervisionSettings
 
 
 @dataclass(frozen=True)
-class Survey:
-    """A run's data.
+class RunData:
+    """A run's data, checked.
 
     Attributes:
         classes: the class table of the run.
@@ -39,48 +38,51 @@ class Survey:
     notes: tuple[str, ...] = ()
 
 
-def survey(settings: TrainingSettings, out: Path, rooms: Callable[[], RoomSamples]) -> Survey:
-    """Survey the data, or read the record from when the run started.
+def check_data(settings: DataSettings, learning: SupervisionSettings, init: str, out: Path) -> RunData:
+    """Check the data of a run, and count its classes or read the counts from when the run started.
 
     Args:
-        settings: of the run.
-        out: its folder, for the record.
-        rooms: makes small rooms to count classes in, if they are needed.
+        settings: of the data.
+        learning: settings of the supervision: whether labels and depth are needed, and the class weights.
+        init: the initial weights.
+        out: the run folder, for the record.
 
     Raises:
         InputError: there are no scenes or too many bad ones, labels or depth are missing, labels are of other classes, validation scenes
             show the same rooms, or the scenes are not those that the run started with.
     """
-    classes = settings.classes or SCANNET20
-    if settings.sampling == "balanced" and all(source.is_rooms for source in settings.sources):
+    balanced, rule = settings.sampling == "balanced", learning.class_weights
+    if balanced and all(source.is_rooms for source in settings.sources):
         raise InputError(ROOMS, "scenes in folders, for balanced sampling", "only rooms, which are generated at random")
-    opened = [open_source(source, paths, settings.contexts[1], settings) for source, paths in training_paths(settings)]
-    good = [scene for folder in opened for scene in folder.scenes]
-    bad = tuple(one for folder in opened for one in folder.bad)
-    check_bad(bad, len(good) + len(bad))
-    for folder in opened:
-        if not folder.scenes:
-            path, why = folder.bad[0]
-            raise InputError(folder.source.path, "usable scenes", f"none; {path}: {why}")
-    check_cameras(settings, good)
-    check_labels(settings, good, classes)
-    check_depth(settings, good)
-    pixels = remembered(out / RECORD, good)
-    before = started_on(settings) if pixels is None else ()
-    terms = terms_of_run(settings, good) if pixels is None else ()
-    check_validation(settings, classes, [*before, *(scene.name for scene in good)])
+    (_, most), targets = view_counts(settings, learning.single_images)
+    opened = [open_source(source, paths, most, targets) for source, paths in training_paths(settings)]
+    scenes = [scene for source in opened for scene in source.scenes]
+    bad = tuple(scene for source in opened for scene in source.bad)
+    check_bad(bad, len(scenes) + len(bad))
+    for source in opened:
+        if not source.scenes:
+            path, why = source.bad[0]
+            raise InputError(source.source.path, "usable scenes", f"none; {path}: {why}")
+    check_scenes(scenes, settings, learning)
+    check_labelled(scenes, settings, learning)
+    pixels = read_counts(out / RECORD, scenes)
+    before = scenes_before(init) if pixels is None else ()
+    terms = terms_of_run(settings, init, scenes) if pixels is None else ()
+    check_validation(settings, learning, [*before, *(scene.name for scene in scenes)])
+    needs_counts = isinstance(rule, str) or balanced
     if pixels is None:
-        pixels = count_pixels(settings, good, rooms, classes)
-        remember(out / RECORD, good, pixels, before, terms)
-    shares = class_shares(settings, opened, pixels, classes)
-    weights = settings.class_weights
-    if (isinstance(weights, str) or settings.sampling == "balanced") and not shares.any():
-        raise InputError(", ".join(settings.data), f"pixels of the classes of {classes.name}, to count them", "none")
-    return Survey(
-        classes=classes,
-        folders=with_chances(settings, opened, pixels, shares),
-        scenes=len(good) + len(bad),
+        pixels = count_pixels(settings, scenes) if needs_counts else [None] * (len(scenes) + 1)
+        write_record(out / RECORD, scenes, pixels, before, terms)
+    shares = class_shares(settings, opened, pixels)
+    if needs_counts and not shares.any():
+        raise InputError(
+            ", ".join(settings.data), f"pixels of the classes of {settings.table.name}, to count them", "none"
+        )
+    return RunData(
+        classes=settings.table,
+        folders=make_folders(opened, pixels, shares if balanced else None),
+        scenes=len(scenes) + len(bad),
         bad=bad,
-        class_weights=inverse_frequency(shares, CLASS_WEIGHTINGS[weights]) if isinstance(weights, str) else weights,
-        notes=tuple(notes_on(settings, good, classes)),
+        class_weights=inverse_frequency(shares, CLASS_WEIGHTINGS[rule]) if isinstance(rule, str) else rule,
+        notes=label_notes(scenes, settings) if learning.uses_labels else (),
     )

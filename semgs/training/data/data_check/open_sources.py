@@ -7,34 +7,34 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semgs.data.scene import Scene
-from semgs.data.scene_lists import calls, read_list
+from semgs.data.scene_lists import read_list, scenes_by_name
 from semgs.data.scenes import open_scene, scene_paths
 from semgs.files.errors import InputError
+from semgs.training.data.data_settings import DataSettings
 from semgs.training.data.data_sources import Source
-from semgs.training.training_settings import TrainingSettings
 
 TOLERATED = 0.05
 """Share of all scenes that may be bad."""
 
 
-def training_paths(settings: TrainingSettings) -> list[tuple[Source, tuple[Path, ...]]]:
+def training_paths(settings: DataSettings) -> list[tuple[Source, tuple[Path, ...]]]:
     """The scenes of each folder among the sources: all of them, or those in the list of the settings.
 
     Raises:
         InputError: a source has no scene, or none of the list; or a scene of the list is in no source.
     """
     sources = [source for source in settings.sources if not source.is_rooms]
-    found = [scene_paths(source.path) for source in sources]
+    paths_of = [scene_paths(source.path) for source in sources]
     if settings.scenes:
         known: dict[str, Path] = {}
-        for source, paths in zip(sources, found, strict=True):
-            known = calls(Path(source.path), paths) | known
+        for source, paths in zip(sources, paths_of, strict=True):
+            known = scenes_by_name(Path(source.path), paths) | known
         chosen = set(read_list(settings.scenes).choose(known, ", ".join(settings.data)))
-        found = [tuple(path for path in paths if path in chosen) for paths in found]
-        for source, paths in zip(sources, found, strict=True):
+        paths_of = [tuple(path for path in paths if path in chosen) for paths in paths_of]
+        for source, paths in zip(sources, paths_of, strict=True):
             if not paths:
                 raise InputError(source.path, f"scenes of {settings.scenes}", "none")
-    return list(zip(sources, found, strict=True))
+    return list(zip(sources, paths_of, strict=True))
 
 
 def check_bad(bad: Sequence[tuple[str, str]], scenes: int) -> None:
@@ -51,7 +51,7 @@ def check_bad(bad: Sequence[tuple[str, str]], scenes: int) -> None:
 
 
 @dataclass(frozen=True)
-class Opened:
+class OpenSource:
     """A source with its opened scenes and its bad ones."""
 
     source: Source
@@ -59,17 +59,17 @@ class Opened:
     bad: tuple[tuple[str, str], ...]
 
 
-def open_source(source: Source, paths: Sequence[Path], contexts: int, settings: TrainingSettings) -> Opened:
-    """The scenes of a source at these paths; bad ones cannot be used or have too few frames."""
+def open_source(source: Source, paths: Sequence[Path], contexts: int, targets: int) -> OpenSource:
+    """The scenes of a source at these paths; bad ones cannot be used, or have too few frames for so many input and target views."""
     scenes, bad = [], []
-    needed = contexts + settings.targets
+    needed = contexts + targets
     for path in paths:
         try:
             scene = open_scene(path, needs_cameras=False)
             if len(scene) < needed:
                 raise InputError(
                     path,
-                    f"at least {needed} usable frames ({contexts} input views and {settings.targets} target views)",
+                    f"at least {needed} usable frames ({contexts} input views and {targets} target views)",
                     f"{len(scene)}",
                     advice="use fewer --contexts or --targets",
                 )
@@ -77,4 +77,4 @@ def open_source(source: Source, paths: Sequence[Path], contexts: int, settings: 
             bad.append((str(path), str(error)))
         else:
             scenes.append(scene)
-    return Opened(source, tuple(scenes), tuple(bad))
+    return OpenSource(source, tuple(scenes), tuple(bad))

@@ -7,23 +7,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from semgs.data.layouts.parts.text_numbers import lines, rows
+from semgs.data.layouts.parts.text_numbers import read_lines, read_rows
 from semgs.data.layouts.parts.trajectories import poses_from_quaternions, read_pose, read_trajectory
-from semgs.data.layouts.parts.usable_frames import numbered, sequence_name
+from semgs.data.layouts.parts.usable_frames import numbered_files, sequence_name
 from semgs.files.errors import InputError
 
 
 def test_files_are_in_the_order_of_their_numbers(tmp_path: Path):
     for name in ("rgb_10.png", "rgb_2.png", "RGB_0003.PNG", "rgb_2.jpg", "rgb_x.png", "depth_1.png", "rgb_1.png.part"):
         (tmp_path / name).touch()
-    found = numbered(tmp_path, "rgb_", (".png", ".jpg"))
+    found = numbered_files(tmp_path, "rgb_", (".png", ".jpg"))
     assert {number: path.name for number, path in found.items()} == {
         2: "rgb_2.png",
         3: "RGB_0003.PNG",
         10: "rgb_10.png",
     }
     assert list(found) == [2, 3, 10]
-    assert numbered(tmp_path / "nowhere") == {}
+    assert numbered_files(tmp_path / "nowhere") == {}
 
 
 def test_numbers_are_read_however_they_are_set(tmp_path: Path):
@@ -31,8 +31,8 @@ def test_numbers_are_read_however_they_are_set(tmp_path: Path):
     path.write_bytes(
         b"\xef\xbb\xbf# pose\r\n1,2;3\t4\r\n\r\n[ -1e-3, nan, -nan(ind), 1.#QNAN ]\r\n-inf -1.#IND Infinity 5\r\n"
     )
-    assert lines(path)[0] == (2, "1,2;3\t4")
-    held = rows(path)
+    assert read_lines(path)[0] == (2, "1,2;3\t4")
+    held = read_rows(path)
     assert [number for number, _ in held] == [2, 4, 5]
     np.testing.assert_array_equal(
         [values for _, values in held],
@@ -45,9 +45,9 @@ def test_numbers_are_read_however_they_are_set(tmp_path: Path):
     ):
         path.write_bytes(content)
         with pytest.raises(InputError, match=message):
-            rows(path)
+            read_rows(path)
     with pytest.raises(InputError, match="a text file in UTF-8, found No such file"):
-        rows(tmp_path / "nowhere.txt")
+        read_rows(tmp_path / "nowhere.txt")
 
 
 @pytest.mark.parametrize("rows_of", [(4, 4, 4), (4, 4, 4, 4), (12,), (16,), (8, 8)])

@@ -9,7 +9,7 @@ import pytest
 
 from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
-from semgs.data.layouts.parts.sparse_points import points_in_view, read_points
+from semgs.data.layouts.parts.sparse_points import points_in_view, read_ply_points
 from semgs.files.errors import InputError
 
 HEAD = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nproperty uint8 red\nend_header\n"
@@ -17,19 +17,19 @@ HEAD = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty floa
 
 def test_positions_are_read_and_colours_skipped(tmp_path: Path):
     (tmp_path / "a.ply").write_text(HEAD + "1 2 3 255\n-4.5 5e1 6 0\n")
-    np.testing.assert_array_equal(read_points(tmp_path / "a.ply"), [[1, 2, 3], [-4.5, 50, 6]])
+    np.testing.assert_array_equal(read_ply_points(tmp_path / "a.ply"), [[1, 2, 3], [-4.5, 50, 6]])
 
 
 @pytest.mark.parametrize("body", ["1 2 3 255\n", "1 2 3 255\n1 nan 3 0\n", "1 2 3 0\na b c 0\n"])
 def test_damaged_points_are_refused(tmp_path: Path, body: str):
     (tmp_path / "a.ply").write_text(HEAD + body)
     with pytest.raises(InputError, match=r"a\.ply"):
-        read_points(tmp_path / "a.ply")
+        read_ply_points(tmp_path / "a.ply")
 
 
 def test_a_binary_file_is_left_out(tmp_path: Path):
     (tmp_path / "a.ply").write_text(HEAD.replace("ascii", "binary_little_endian") + "\0\0")
-    assert read_points(tmp_path / "a.ply") is None
+    assert read_ply_points(tmp_path / "a.ply") is None
 
 
 def test_points_in_view_are_those_in_front_and_inside():

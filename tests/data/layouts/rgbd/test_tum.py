@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from miniatures import Miniature, back_projected, check_projection, check_read, miniature, quaternion, write_picture
 
-from semgs.data.layouts.parts.association import associated
+from semgs.data.layouts.parts.association import associate
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 
@@ -78,9 +78,9 @@ def test_resized_recordings_have_the_defaults_resized_and_others_need_intrinsics
 
 def test_association_takes_the_nearest_first_and_each_once():
     first, second = np.array([0.0, 1.0, 2.0, 3.0]), np.array([3.019, 1.015, 0.99, 2.03, 0.995])
-    assert associated(first, second) == {1: 4, 3: 0}
-    assert associated(np.array([1.0, 1.01]), np.array([1.008])) == {1: 0}
-    assert associated(np.array([1.0, 1.01, 1.02]), np.array([1.011, 1.012])) == {1: 0, 2: 1}
+    assert associate(first, second) == {1: 4, 3: 0}
+    assert associate(np.array([1.0, 1.01]), np.array([1.008])) == {1: 0}
+    assert associate(np.array([1.0, 1.01, 1.02]), np.array([1.011, 1.012])) == {1: 0, 2: 1}
 
 
 def test_frames_without_depth_or_pose_are_counted_and_work_goes_on(tmp_path: Path):

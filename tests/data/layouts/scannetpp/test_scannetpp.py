@@ -286,7 +286,7 @@ def test_a_table_of_another_version_leaves_the_depth(copied):
 
 def test_masks_are_undistorted_with_their_pictures(scan):
     frame = open_scene(scan).frames[0]
-    views = frame.read((0.5, 10.0), SCANNET20)
+    views = frame.view((0.5, 10.0), SCANNET20).checked()
     seen = (views.depths[0] > 0).numpy()
     rows, columns = np.nonzero(~seen)
     assert (rows.max() < 60 and columns.max() < 70) or seen.all()

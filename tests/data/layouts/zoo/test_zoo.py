@@ -31,10 +31,10 @@ from zoo_writer import (
 
 from semgs.cli.main import main
 from semgs.data.cameras.lens import Lens
-from semgs.data.layouts.parts.mesh_maps import seen_from
+from semgs.data.layouts.parts.mesh_maps import cast_from
 from semgs.data.layouts.scannet.scannet_labels import FILE_NAME, read_table
-from semgs.data.layouts.zoo.data_sets import DataSet, Source
-from semgs.data.layouts.zoo.shots import ShotDepth
+from semgs.data.layouts.zoo.data_sets import DataSet, ZooCamera
+from semgs.data.layouts.zoo.shots import ZooDepth
 from semgs.data.layouts.zoo.zoo_mesh import SceneMesh, label_of, mesh_files
 from semgs.data.layouts.zoo.zoo_scenes import zoo_scene
 from semgs.data.origin.licences import terms_of
@@ -193,15 +193,15 @@ class Stand:
         return SimpleNamespace(labels=np.array([7]), id_to_name={7: "Chair"}, domain="face")
 
 
-def stand_in(stand: Stand, source: Source, scene: str = "office"):
+def stand_in(stand: Stand, source: ZooCamera, scene: str = "office"):
     data = DataSet("multiscan", "MultiScan", (source,))
     return zoo_scene(stand, stand.made.root, scene, data, source, {}, names_known=True)
 
 
 def test_half_a_pixel_is_added_where_the_first_centre_is_0(tmp_path: Path):
     made = photographs(tmp_path)
-    check(stand_in(Stand(made, CENTRED), Source("", 0.5)), made, has_labels=False)
-    check(stand_in(Stand(made, K), Source("", 0.0)), made, has_labels=False)
+    check(stand_in(Stand(made, CENTRED), ZooCamera("", 0.5)), made, has_labels=False)
+    check(stand_in(Stand(made, K), ZooCamera("", 0.0)), made, has_labels=False)
 
 
 def test_rows_that_count_from_below_are_turned_round(tmp_path: Path):
@@ -209,15 +209,15 @@ def test_rows_that_count_from_below_are_turned_round(tmp_path: Path):
     made = photographs(tmp_path)
     given = K.copy()
     given[:2, 2] = 62.6, 47.2
-    lens = stand_in(Stand(made, given), Source("", 0.5, from_below=True)).frames[0].lens
+    lens = stand_in(Stand(made, given), ZooCamera("", 0.5, from_below=True)).frames[0].lens
     assert lens.centre == pytest.approx((63.1, 48.3), abs=1e-5)
 
 
 def test_depth_of_a_camera_of_its_own_is_carried_over(tmp_path: Path):
     made = photographs(tmp_path)
-    scene = stand_in(Stand(made, CENTRED), Source("", 0.5, own_depth_camera=True))
+    scene = stand_in(Stand(made, CENTRED), ZooCamera("", 0.5, own_depth_camera=True))
     depth = scene.frames[0].depth
-    assert isinstance(depth, ShotDepth)
+    assert isinstance(depth, ZooDepth)
     assert isinstance(depth.lens, Lens)
     assert depth.lens.centre == pytest.approx((63.1, 48.8), abs=1e-5)
     check(scene, made, has_labels=False)
@@ -225,7 +225,7 @@ def test_depth_of_a_camera_of_its_own_is_carried_over(tmp_path: Path):
 
 def test_a_triangle_has_the_label_of_its_name(tmp_path: Path):
     """Nine metres to each side of a wall above all cameras: chair is 4 of 20."""
-    data = DataSet("multiscan", "MultiScan", (Source("", 0.0),), mesh="ply")
+    data = DataSet("multiscan", "MultiScan", (ZooCamera("", 0.0),), mesh="ply")
     mesh = SceneMesh(Stand(photographs(tmp_path), K), tmp_path, "office", data)
     assert mesh.triangles().labels.tolist() == [4]
     assert [label_of(name, None) for name in ("Chair", "refrigerator", "otherfurniture", "ceiling", "hat", None)] == [
@@ -234,7 +234,7 @@ def test_a_triangle_has_the_label_of_its_name(tmp_path: Path):
 
 
 def test_a_mesh_that_was_looked_at_can_be_sent_to_a_worker(tmp_path: Path):
-    data = DataSet("multiscan", "MultiScan", (Source("", 0.0),), mesh="ply")
+    data = DataSet("multiscan", "MultiScan", (ZooCamera("", 0.0),), mesh="ply")
     mesh = SceneMesh(Stand(photographs(tmp_path), K), tmp_path, "office", data)
     first = mesh.triangles()
     assert mesh.triangles() is first
@@ -253,14 +253,14 @@ def test_what_was_seen_of_a_mesh_is_kept_until_one_of_its_files_changes(
     ply.write_bytes(b"ply")
 
     def mesh() -> SceneMesh:
-        data = DataSet("matterport3d", "Matterport3D", (Source("", 0.0),), mesh="house")
+        data = DataSet("matterport3d", "Matterport3D", (ZooCamera("", 0.0),), mesh="house")
         return SceneMesh(Stand(made, K), made.root, "office", data, mesh_files(made.root, "office"))
 
     assert ("v1/scans/office/house/office.ply", 3, ply.stat().st_mtime_ns) in mesh().files
     ahead = np.eye(4)  # the triangle of the stand-in is 5 m ahead of the first camera, along z
     ahead[:3, 3] = made.poses[0, :3, 3]
     camera = Cameras(ahead, K, SIZE)
-    labels, depths = seen_from(mesh(), camera)
+    labels, depths = cast_from(mesh(), camera)
     assert (labels == 4).all()
     assert (depths == 5).all()
     assert len(list((tmp_path / "cache" / "casts" / "matterport3d").glob("*.npz"))) == 1
@@ -269,10 +269,10 @@ def test_what_was_seen_of_a_mesh_is_kept_until_one_of_its_files_changes(
         raise AssertionError("read again")
 
     monkeypatch.setattr(Stand, "get_mesh", refused)
-    assert (seen_from(mesh(), camera)[0] == labels).all()
+    assert (cast_from(mesh(), camera)[0] == labels).all()
     ply.write_bytes(b"ply of another time")
     with pytest.raises(InputError, match="read again"):
-        seen_from(mesh(), camera)
+        cast_from(mesh(), camera)
 
 
 def test_what_a_mesh_shows_depends_on_the_names_in_scannets_table(tmp_path: Path):
@@ -280,7 +280,7 @@ def test_what_a_mesh_shows_depends_on_the_names_in_scannets_table(tmp_path: Path
 
     def key(nyu40: int) -> tuple:
         table.write_text(f"id\traw_category\tnyu40id\n1\tchair\t{nyu40}\n")
-        data = DataSet("multiscan", "MultiScan", (Source("", 0.0),), mesh="ply")
+        data = DataSet("multiscan", "MultiScan", (ZooCamera("", 0.0),), mesh="ply")
         return SceneMesh(Stand(made, K), made.root, "office", data, table=read_table(table)).key()
 
     assert key(5) == key(5) != key(6)
@@ -297,7 +297,7 @@ def test_what_a_mesh_shows_depends_on_the_names_in_scannets_table(tmp_path: Path
 )
 def test_what_is_not_supported_is_refused(tmp_path: Path, stand: dict, scene: str, said: str):
     with pytest.raises(InputError, match=said):
-        stand_in(Stand(photographs(tmp_path), K, **stand), Source("", 0.0), scene)
+        stand_in(Stand(photographs(tmp_path), K, **stand), ZooCamera("", 0.0), scene)
 
 
 @pytest.mark.parametrize(

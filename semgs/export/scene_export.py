@@ -1,0 +1,121 @@
+"""Writes a scene, or a part of it, in each of the formats."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Bool, Int64
+from torch import Tensor
+
+from semgs.export.colmap import copy_input_photos, photos_of, save_model, tracks_of
+from semgs.export.export_record import ExportedFile
+from semgs.export.gltf import save_gltf
+from semgs.export.map_files import IMAGE, VOXELS, save_map, save_voxels
+from semgs.export.ply import save_ply, save_semantic_ply
+from semgs.export.points import make_points, save_bag, save_points
+from semgs.export.scene_objects import PlacedThing, file_from_scene, occupancy_of, place_things, save_objects
+from semgs.robotics.objects import Objects
+from semgs.scene.scene_file import SavedScene
+from semgs.scene.selection import part_of
+from semgs.scene.upright import Axes, FramedScene, UpDirection, in_own_frame, up_of, upright
+
+
+@dataclass(frozen=True, eq=False)
+class SceneExport:
+    """What is written of a scene.
+
+    Attributes:
+        scene: the scene.
+        keep: the Gaussians to write.
+        up: the direction that is up in the scene, to turn files upright; None writes them in the scene's own frame.
+        things: of the scene; None if they were not searched.
+    """
+
+    scene: SavedScene
+    keep: Bool[Tensor, " g"]
+    up: UpDirection | None
+    things: Objects | None
+
+    def frame(self, axes: Axes) -> FramedScene:
+        """The scene in the frame of a file in which this direction is up."""
+        return in_own_frame(self.scene) if self.up is None else upright(self.scene, axes, self.up)
+
+    @property
+    def _instances(self) -> Int64[np.ndarray, " g"] | None:
+        """The number of the thing that each Gaussian belongs to."""
+        return None if self.things is None else self.things.instances
+
+    def _boxes(self, framed: FramedScene) -> tuple[PlacedThing, ...]:
+        """The things in the frame of a file."""
+        return () if self.things is None else place_things(self.things, file_from_scene(framed, self.scene))
+
+    def write_ply(self, folder: Path, framed: FramedScene, colours: Collection[str]) -> list[ExportedFile]:
+        """Write gaussians.ply for "photo", semantics.ply for "classes", or both."""
+        part, names = part_of(framed.scene, self.keep), []
+        if "photo" in colours:
+            instances = self._instances
+            kept = None if instances is None else instances[self.keep.numpy()]
+            save_ply(folder / "gaussians.ply", part.gaussians, kept)
+            names.append("gaussians.ply")
+        if "classes" in colours and part.classes is not None:
+            save_semantic_ply(folder / "semantics.ply", part.gaussians, part.classes)
+            names.append("semantics.ply")
+        return [ExportedFile(name, framed, len(part.gaussians)) for name in names]
+
+    def write_gltf(self, folder: Path, framed: FramedScene) -> ExportedFile:
+        """Write gaussians.glb."""
+        save_gltf(folder / "gaussians.glb", framed.scene, self.keep, self._boxes(framed), self._instances)
+        return ExportedFile("gaussians.glb", framed, int(self.keep.sum()))
+
+    def write_points(self, folder: Path, framed: FramedScene, ending: Literal["ply", "mcap"]) -> ExportedFile:
+        """Write points.ply or points.mcap."""
+        points = make_points(framed.scene, self._instances).only(self.keep)
+        (save_bag if ending == "mcap" else save_points)(folder / f"points.{ending}", points)
+        return ExportedFile(f"points.{ending}", framed, len(points))
+
+    def write_colmap(self, folder: Path, framed: FramedScene, source: Path) -> tuple[ExportedFile, list[str]]:
+        """Write the folder colmap; returns also notes about what is missing.
+
+        Args:
+            folder: the output folder.
+            framed: the scene in the frame of the model.
+            source: the folder of `semgs reconstruct` that has the photos of the input views.
+        """
+        notes = []
+        tracks = tracks_of(framed.scene)
+        keep = self.keep & tracks.matched
+        if not keep.any():
+            notes.append("no point is seen by two input views, so points3D.bin is empty")
+        model, images = folder / "colmap" / "sparse" / "0", folder / "colmap" / "images"
+        model.mkdir(parents=True)
+        save_model(model, framed.scene, make_points(framed.scene).only(keep), tracks.only(keep))
+        photos = photos_of(source, framed.scene)
+        if photos is None:
+            notes.append(
+                f"{source} has no photos of the input views, so colmap/images is missing; export from a folder of semgs reconstruct"
+            )
+        else:
+            images.mkdir()
+            copy_input_photos(images, framed.scene, photos)
+        return ExportedFile("colmap", framed, int(keep.sum())), notes
+
+    def write_objects(self, folder: Path, framed: FramedScene) -> ExportedFile:
+        """Write objects.json."""
+        boxes = self._boxes(framed)
+        save_objects(folder / "objects.json", boxes, framed)
+        return ExportedFile("objects.json", framed, len(boxes))
+
+    def write_occupancy(
+        self, folder: Path, framed: FramedScene, *, resolution: float, step: float, height: float
+    ) -> list[ExportedFile]:
+        """Write map.pgm, map.yaml and voxels.npz; arguments and errors as for `semgs.occupancy`."""
+        up = up_of(framed.scene, "z")
+        occupancy = occupancy_of(framed.scene, up, resolution=resolution, step=step, height=height)
+        save_map(folder, occupancy)
+        save_voxels(folder, occupancy, framed.scene.classes)
+        counts = ((IMAGE, occupancy.cells.size), (VOXELS, occupancy.voxels.size))
+        return [ExportedFile(name, framed, count) for name, count in counts]

@@ -1,0 +1,156 @@
+"""What a user should know about a reconstruction: every note, a sentence each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+
+from semgs.data.choosing.choice import Choice
+from semgs.data.frames import Frame
+from semgs.data.resampling import kept_size
+from semgs.data.scene import Scene
+from semgs.data.tables.classes import ClassTable
+from semgs.data.views import Views
+from semgs.geometry.cameras import Cameras, back_project, project
+from semgs.mapping.mapper import Mapper
+from semgs.model.memory.memory_plan import MemoryPlan
+from semgs.reconstruction.sensor_depth import Placement
+from semgs.scene.upright import UpDirection
+from semgs.segmenters.features.scene_features import SceneFeatures
+from semgs.segmenters.labelling import Labelling
+
+GRID = 24
+"""Grid points along each side of an image for the test whether views can overlap."""
+
+NO_PARALLAX = 0.01
+"""Context cameras that are closer together than this share of the near bound have no parallax."""
+
+NAMED = 3
+"""Notes on a walk name at most this many frames."""
+
+
+def collect_notes(
+    scene: Scene,
+    choice: Choice,
+    context: Views,
+    classes: ClassTable | None,
+    up: UpDirection,
+    *,
+    placement: Placement | None,
+    plan: MemoryPlan | None,
+    labelling: Labelling | None,
+    features: SceneFeatures | None,
+) -> tuple[str, ...]:
+    """All notes on a reconstruction, in the order of the report.
+
+    Args:
+        scene, choice, context: the source, the chosen frames, and the input views.
+        classes: the class table of the Gaussians; None for a colour-only model.
+        up: which way is up.
+        placement, plan, labelling, features: as for `Reconstruction`.
+    """
+    names = [scene.frames[position].name for position in choice.context]
+    notes = [
+        *scene.notes,
+        note_on_aspect([scene.frames[position] for position in (*choice.context, *choice.targets)], context.size),
+        *choice.notes,
+    ]
+    if not has_parallax(context):
+        notes.append(
+            "No parallax: the input cameras are all at the same place, so depth is a guess of the model, not a measurement."
+        )
+    if alone := [names[view] for view in strangers(context)]:
+        notes.append(
+            f"No overlap: {', '.join(alone)} shows nothing that another input view can show between near and far, so its depth is "
+            "a guess of the model, not a measurement."
+        )
+    if scene.origin.any():
+        notes.append(
+            "The scene is far from the origin of its coordinates, so positions in scene.safetensors are relative to "
+            f"({', '.join(f'{side:.0f}' for side in scene.origin)}). Add this point to get the scene's own coordinates."
+        )
+    if scene.unit != "metric":
+        notes.append(
+            "The scale of this scene is unknown, so lengths are in its own unit and depth maps are floating-point TIFF files."
+        )
+    if classes is None:
+        notes.append(
+            "The model predicts colour only, so there are no class maps, no semantics.ply and no class scores."
+        )
+    if not choice.targets:
+        notes.append("No frame is held out, so the scores do not show how good new views are.")
+    if placement is not None:
+        notes += placement.notes(names)
+    if plan is not None and plan.short:
+        notes.append(
+            "Memory was short, so the network processed fewer views at a time. This takes longer; the result is the same."
+        )
+    notes += [*(labelling.notes if labelling else ()), *(features.notes if features else ())]
+    if not up.certain:
+        notes.append(f"Which way is up is uncertain ({up.reason}): if the PLY files are tilted, use semgs export --up.")
+    return tuple(note for note in notes if note)
+
+
+def notes_on_walk(mapper: Mapper, metric: bool) -> list[str]:
+    """What became of the frames of a recording; `metric` says whether lengths are metres."""
+    notes = []
+    if mapper.ignored:
+        notes.append(f"Frames that were left out: {left_out(mapper)}.")
+    if mapper.alone:
+        names = ", ".join(mapper.alone[:NAMED]) + (", ..." if len(mapper.alone) > NAMED else "")
+        notes.append(
+            f"No overlap: {len(mapper.alone)} frames share too little with any other and were not used ({names})."
+        )
+    if mapper.voxel is not None:
+        size = f"{1000 * mapper.voxel:.1f} mm" if metric else f"{mapper.voxel:.3g}"
+        notes.append(f"Gaussians in the same voxel of {size} were joined.")
+    return notes
+
+
+def left_out(mapper: Mapper) -> str:
+    """How many frames of a recording were left out, by reason; empty if none was."""
+    return "; ".join(f"{count} because {reason}" for reason, count in sorted(mapper.ignored.items()))
+
+
+def note_on_aspect(frames: Sequence[Frame], size: tuple[int, int]) -> str:
+    """How images were cropped; empty if none was."""
+    kept = [kept_size(frame.lens.size, size) for frame in frames]
+    cropped = [pair for pair in zip(frames, kept, strict=True) if pair[1] != pair[0].lens.size]
+    if not cropped:
+        return ""
+    first, (height, width) = cropped[0]
+    rows, columns = first.lens.size
+    return (
+        f"{len(cropped)} of {len(frames)} images have another aspect ratio than {size[0]}x{size[1]} (height x width) and are centre-cropped "
+        f"with their cameras: {first.name}, for example, from {rows}x{columns} to {height}x{width} before it is resized."
+    )
+
+
+def strangers(context: Views) -> list[int]:
+    """The views that share no point with another view: points on a grid of pixels, at 16 depths from near to far, are tested."""
+    grid = torch.diag(torch.tensor([GRID / context.size[1], GRID / context.size[0], 1.0], dtype=torch.float64))
+    cameras = context.cameras.adjusted(grid, (GRID, GRID))
+    near, far = context.depth_range[:, 0].min(), context.depth_range[:, 1].max()
+    depths = 1 / torch.linspace(float(1 / near), float(1 / far), 16, dtype=torch.float64)
+
+    def sees(camera: Cameras, other: Cameras) -> bool:
+        """Whether a camera sees one of the points of another."""
+        points = back_project(depths[:, None, None].expand(-1, GRID, GRID), other)
+        x, y, depth = project(points.flatten(end_dim=-2), camera).unbind(-1)
+        return bool(((depth > 0) & (x >= 0) & (x < GRID) & (y >= 0) & (y < GRID)).any())
+
+    def shares(view: int) -> bool:
+        """Whether a view shares a point with another one; those that are next to it in time are tried first."""
+        others = sorted(set(range(len(context))) - {view}, key=lambda other: abs(other - view))
+        pairs = ((cameras[view], cameras[other]) for other in others)
+        return any(sees(camera, other) or sees(other, camera) for camera, other in pairs)
+
+    return [view for view in range(len(context)) if not shares(view)]
+
+
+def has_parallax(context: Views) -> bool:
+    """Whether the context cameras are further apart than `NO_PARALLAX` times the near bound."""
+    centres = context.cameras.centres
+    spread = torch.cdist(centres, centres).max()
+    return bool(spread > NO_PARALLAX * context.depth_range[:, 0].min())

@@ -1,0 +1,100 @@
+"""Settings of the data: which scenes a training sees, and what its samples look like. No torch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+from semgs.data.tables.classes import SCANNET20, ClassTable
+from semgs.rooms.sets import demo_room
+from semgs.training.data.augmentation_settings import Augmentation
+from semgs.training.data.data_sources import ROOMS, Source
+from semgs.training.setting_checks import check_values
+
+Frames = Literal["covisible", "consecutive"]
+Sampling = Literal["even", "balanced"]
+
+VALIDATION_SEED = 2**31 - 1
+"""Seed of the validation rooms, the same for every run; no training may use it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DataSettings:
+    """Where scenes come from and what is made of them, for training and validation."""
+
+    data: tuple[str, ...] = (ROOMS,)
+    """Where scenes come from: rooms (generated from the seed) and folders (a scene, or a folder of scenes). Add =WEIGHT to set the share of
+    samples from each, as in: rooms=2 scans=1."""
+    scenes: str = ""
+    """Only use the scenes of a list: an included one (scannet-1000-without-sray), or a text file with one name per line."""
+    batch: int = 2
+    """Scenes per step, over all processes."""
+    size: tuple[int, int] = (240, 320)
+    """Height and width of the images, in pixels."""
+    half_size: float = 0.0
+    """Share of the steps, from the start, that use images of half the height and width, at a quarter of the cost. Validation uses the full size."""
+    contexts: tuple[int, int] = (2, 4)
+    """Fewest and most input views. Each step picks a number for all scenes of its batch. Not used with --supervision pictures."""
+    targets: int = 2
+    """Target views per scene, rendered and compared, besides the input views. Not used with --supervision pictures."""
+    frames: Frames = "covisible"
+    """Which frames of a folder's scene form a sample. covisible: views that share enough of what they see, wherever they stand in the file.
+    consecutive: a frame and the input views around it in file order, as semgs evaluate takes them."""
+    sampling: Sampling = "even"
+    """even: every scene of a folder is equally likely. balanced: scenes with rare classes are more likely. Single images always take turns."""
+    augmentation: Augmentation = field(default_factory=Augmentation)
+    """Random changes to the samples; all off by default."""
+    classes: ClassTable | None = None
+    """Your own class table (JSON). Scenes with other tables are matched by class name. Weights with another table lose only their class
+    head."""
+    seed: int = 0
+    """Random seed of the weights and of every sample."""
+    scene_reuse: int = 1
+    """Samples taken from each generated room, on average. 1 generates a new room for every sample; more is cheaper and shows fewer rooms
+    (they are cached in RUN/rooms)."""
+    assets: tuple[str, ...] = ()
+    """Folder of meshes and images for the rooms; see semgs rooms --help. Repeatable. Validation rooms use pieces that training never
+    sees."""
+    validation: str = ROOMS
+    """Validation scenes: rooms, or a folder of scenes that you do not train on."""
+    validation_scenes: int = 16
+    """Number of validation samples; they are fixed and never trained on."""
+
+    def __post_init__(self) -> None:
+        fewest, most = self.contexts
+        for text in self.data:
+            Source.parsed(text)
+        check_values(
+            self,
+            batch=(self.batch >= 1, "at least 1"),
+            size=(min(self.size) >= 16, "at least 16 pixels a side"),
+            half_size=(
+                0 <= self.half_size <= 1 and (not self.half_size or min(self.size) >= 32),
+                "a share in 0..1, and 0 if a side is below 32 pixels",
+            ),
+            contexts=(2 <= fewest <= most, "fewest and most input views, 2 or more, in this order"),
+            targets=(self.targets >= 1, "at least 1"),
+            frames=(self.frames in get_args(Frames), f"one of {', '.join(get_args(Frames))}"),
+            sampling=(self.sampling in get_args(Sampling), f"one of {', '.join(get_args(Sampling))}"),
+            seed=(
+                self.seed >= 0 and self.seed not in (VALIDATION_SEED, demo_room.SEED),
+                f"0 or more, and neither {VALIDATION_SEED} nor {demo_room.SEED}, which are the seeds of the validation rooms and the demo",
+            ),
+            scene_reuse=(self.scene_reuse >= 1, "at least 1"),
+            validation_scenes=(self.validation_scenes >= 0, "0 or more"),
+        )
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """The sources that `data` names."""
+        return tuple(Source.parsed(text) for text in self.data)
+
+    @property
+    def table(self) -> ClassTable:
+        """The class table of the run."""
+        return self.classes or SCANNET20
+
+
+def view_counts(settings: DataSettings, single_images: bool) -> tuple[tuple[int, int], int]:
+    """Fewest and most input views of a sample, and its target views: those of the settings, or one and none for single images."""
+    return ((1, 1), 0) if single_images else (settings.contexts, settings.targets)

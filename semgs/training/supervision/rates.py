@@ -1,0 +1,46 @@
+"""How fast the layers of a network learn, relative to one another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+from semgs.training.setting_checks import check_values
+
+if TYPE_CHECKING:
+    from semgs.model.semgs import SemGS
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rates:
+    """Learning rates of layers, relative to that of the others. A layer in several groups gets the product; 0 freezes."""
+
+    backbone_rate: float = 0.1
+    """Learning rate of the class backbone, relative to the other layers; 0 freezes it."""
+    class_rate: float = 1.0
+    """Learning rate of all layers that classify each view by itself, backbone included, relative to the other layers; 0 freezes them."""
+    sweep_rate: float = 1.0
+    """Learning rate of all layers that depth by plane sweep depends on, relative to the other layers; 0 freezes them. Use 0.1 in a rendered
+    stage after --supervision depth, so that colours and opacities adapt and depth stays good."""
+    shared_rate: float = 1.0
+    """Learning rate of the layers that both branches share, relative to the other layers; 0 freezes them. With supervision by labels or
+    pictures, 0 keeps depth and colour as they are; without it, a rendered stage has to restore them. With supervision by depth, 0 keeps the
+    classes as they are."""
+
+    def __post_init__(self) -> None:
+        names = [field.name for field in fields(Rates)]
+        check_values(self, **{name: (0 <= getattr(self, name) <= 1, "a share in 0..1") for name in names})
+
+
+def relative_rates(network: SemGS, rates: Rates) -> dict[str, float]:
+    """Learning rates of parameters by name, relative to the schedule's, for those that differ from 1."""
+    groups = (
+        (network.depth_parameters(), rates.sweep_rate),
+        (network.semantic_parameters(shared=False, alone=True) | network.pretrained_parameters(), rates.class_rate),
+        (network.pretrained_parameters(), rates.backbone_rate),
+        (network.parts()["shared"], rates.shared_rate),
+    )
+    relative: dict[str, float] = {}
+    for names, rate in groups:
+        relative |= {name: rate * relative.get(name, 1.0) for name in names}
+    return {name: rate for name, rate in relative.items() if rate != 1}

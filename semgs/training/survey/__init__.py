@@ -1,1 +1,0 @@
-"""Survey: what the data of a run are. Scenes are opened, checked and counted before it starts."""
