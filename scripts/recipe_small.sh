@@ -213,7 +213,7 @@ for part in ("kept_back", "learned"):
     (target / part / "classes.json").write_text(json.dumps(table))
 PYTHON
     twentysixth="$folder/twentysixth_$share""_$seed"
-    train "$twentysixth" 600 --init "$folder/version_16_$share""_$seed.safetensors" --seed "$((seed + 131))" --data "$folder/cabins=3" "$folder/photos/learned=2" \
+    train "$twentysixth" 600 --init "$folder/version_16_$share""_$seed.safetensors" --network.class-fusion --seed "$((seed + 131))" --data "$folder/cabins=3" "$folder/photos/learned=2" \
         --size 176x224 --batch 12 --learning-rate 6e-4 --backbone-rate 0.25 --average-decay 0.99 --augmentation.colour 0.4 --augmentation.roll 8 \
         --validation "$folder/photos/kept_back" --validation-scenes 50
     average "$folder/version_17_$share""_$seed.safetensors" "$folder/version_16_$share""_$seed.safetensors" "$twentysixth/weights.safetensors"

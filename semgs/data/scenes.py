@@ -159,8 +159,8 @@ def open_scenes(
     details = details or SceneDetails()
     paths = (typed_path(path),) if details.scenezoo else scene_paths(path, wanted)
     with readable(path):
-        opened = (_open_known(place, as_peers, details, needs_cameras=needs_cameras) for place in paths)
-        scenes = tuple(scene for scene in opened if scene is not None)
+        known = (_open_known(place, as_peers, details, needs_cameras=needs_cameras) for place in paths)
+        scenes = tuple(scene for scene in known if scene is not None)
     names: dict[str, Path] = {}
     for scene in scenes:
         if scene.name in names:

@@ -181,12 +181,12 @@ def load_candidate(
         ValueError: there are no included weights of that name, or `nearest` is not positive.
         InputError: the file cannot be used, or has another class table.
     """
-    model, subject = load_network(weights, None if labelling else classes, name)
+    model, subject = open_network(weights, None if labelling else classes, name)
     chosen = None if nearest is None else NearestViews(nearest, model.placer.shrink_seen)
     return Candidate(NetworkMethod(model, device, subject.name, labelling, chosen), subject, device)
 
 
-def load_network(weights: str | Path, classes: ClassTable | None, name: str = "") -> tuple[SemGS, EvaluatedMethod]:
+def open_network(weights: str | Path, classes: ClassTable | None, name: str = "") -> tuple[SemGS, EvaluatedMethod]:
     """A network in evaluation mode, and its description; arguments and errors as for `load_candidate`."""
     network, path = find(weights)
     model = load(network, path, classes=classes or table_of(path))

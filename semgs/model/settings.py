@@ -202,4 +202,8 @@ class NetworkSettings:
         Raises:
             ValueError: these are not settings; the place is named.
         """
-        return make_record(cls, saved, LARGEST)
+        settings = make_record(cls, saved, LARGEST)
+        for part in ("colour", "semantic", "conventions"):
+            if part not in saved:  # type: ignore[operator]
+                raise ValueError(f"{part}: missing")
+        return settings

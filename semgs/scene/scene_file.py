@@ -34,6 +34,7 @@ from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError, input_error
+from semgs.files.records import make_record
 from semgs.files.strict_json import parse_json
 from semgs.files.tensor_files import open_tensors
 from semgs.geometry.cameras import Cameras
@@ -357,7 +358,7 @@ def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
         confidences=tensors["confidences"],
         depth_range=tensors["depth_range"],
         unit=header["unit"],
-        classes=None if table is None else ClassTable.from_json(table),
+        classes=None if table is None else make_record(ClassTable, table),
         frames=tuple(header["frames"]),
         source=header["source"],
         model=header["model"],

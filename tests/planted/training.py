@@ -7,7 +7,7 @@ from planted.mutant import Mutant
 TRAINING = (
     Mutant(
         "images without cameras teach depth", "semgs/training/data/data_check/checks.py",
-        "if not scene.posed and not settings.single_pictures:", "if not scene.posed and settings.single_pictures:",
+        "if not scene.posed and not learning.single_images:", "if not scene.posed and learning.single_images:",
         ("tests/training/data/test_images_without_cameras.py::test_any_other_supervision_refuses_them_by_name",),
     ),
     Mutant(

@@ -71,7 +71,7 @@ class Furniture:
         prepare(environment, self.python, lambda line: print(line, flush=True))
         try:
             with show_progress("Generating pieces", self.pieces) as done:
-                settings = {"environment": environment, "limit": self.limit, "workers": self.workers}
+                settings: dict = {"environment": environment, "limit": self.limit, "workers": self.workers}
                 made = generate(self.out, self.seed, self.pieces, done=done, **settings)
         except ImportError as error:
             raise UsageError(str(error)) from error

@@ -103,11 +103,11 @@ def _sized(surfaces: Sequence[Surface], kind: Kind, rng: Random) -> list[Surface
     if factors.max() > kind.stretch * factors.min():
         wide, deep, tall = sides
         raise Incomplete(f"{wide:.2f} x {deep:.2f} x {tall:.2f} m is no size for a {kind.subtype.replace('_', ' ')}")
-    return s.scaled(surfaces, factors)
+    return s.scale(surfaces, factors)
 
 
 def _fronted(surfaces: list[Surface], kind: Kind) -> list[Surface]:
-    return s.turned(surfaces) if kind.turned else surfaces
+    return s.turn(surfaces) if kind.turned else surfaces
 
 
 def _coloured(tints: Callable[[Random], list[Tint]], hollow: bool = False) -> Callable[..., Made]:
@@ -115,7 +115,7 @@ def _coloured(tints: Callable[[Random], list[Tint]], hollow: bool = False) -> Ca
 
     def make(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
         one = s.surface(meshes[0], "body", picture=t.tinted(meshes[0], tints(rng)))
-        return [("", kind, _fronted([s.seen_from_outside(one) if hollow else one], kind))]
+        return [("", kind, _fronted([s.remove_hidden(one) if hollow else one], kind))]
 
     return make
 
@@ -196,7 +196,7 @@ def _table(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     """A table with its longer side at the front."""
     one = [s.surface(meshes[0], "table", picture=t.tinted(meshes[0], _table_tints(rng)))]
     wide, deep, _ = s.sides(one)
-    return [("", kind, one if wide >= deep else s.turned(one))]
+    return [("", kind, one if wide >= deep else s.turn(one))]
 
 
 def _desk(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
@@ -204,16 +204,16 @@ def _desk(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     wood = t.pick(rng, t.WOODS)
     leg = t.pick(rng, (*t.METALS, (60, 60, 62), (235, 235, 235), wood, wood))
     tints = [Tint(t.METAL, leg, 0.2), Tint(("",), wood, t.grain(wood))]
-    desk = _sized(s.turned([s.surface(meshes[0], "desk", picture=t.tinted(meshes[0], tints))]), kind, rng)
+    desk = _sized(s.turn([s.surface(meshes[0], "desk", picture=t.tinted(meshes[0], tints))]), kind, rng)
     if len(meshes) == 1:
         return [("", kind, desk)]
     width, depth, height = s.sides(desk)
     paint = wood if rng.random() < 0.7 else t.PAINTED[0]
     picture = t.tinted(meshes[1], [Tint(t.METAL, (170, 172, 175), 0.4), Tint(("",), paint, t.grain(paint))])
-    chest = s.turned([s.seen_from_outside(s.surface(meshes[1], "drawers", picture=picture))])
-    chest = s.scaled(chest, np.array([0.4, 0.88 * depth, height - 0.075]) / s.sides(chest))
+    chest = s.turn([s.remove_hidden(s.surface(meshes[1], "drawers", picture=picture))])
+    chest = s.scale(chest, np.array([0.4, 0.88 * depth, height - 0.075]) / s.sides(chest))
     places = (-1, 1) if width > 1.5 and rng.random() < 0.4 else (int(rng.choice((-1, 1))),)
-    drawers = [s.moved(chest[0], (side * (width / 2 - 0.28), 0, 0)) for side in places]
+    drawers = [s.move(chest[0], (side * (width / 2 - 0.28), 0, 0)) for side in places]
     office = replace(kind, subtype="office_desk")
     return [("", office, [*desk, *drawers])]
 
@@ -221,7 +221,7 @@ def _desk(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
 def _bookshelf(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     """A shelf; four of five contain books."""
     picture = t.tinted(meshes[0], _boards(rng))
-    shelf = _sized(s.turned([s.surface(meshes[0], "shelf", picture=picture)]), kind, rng)
+    shelf = _sized(s.turn([s.surface(meshes[0], "shelf", picture=picture)]), kind, rng)
     books = books_on(shelf[0], rng) if rng.random() < 0.8 else None
     if books is None:
         return [("", kind, shelf)]
@@ -237,23 +237,23 @@ FRIDGES: tuple[Colour, ...] = (
 def _refrigerator(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     """A refrigerator with one door, with a freezer above, with two doors side by side, or a low one."""
     picture = t.tinted(meshes[0], [Tint(("",), t.pick(rng, FRIDGES), 0.35)])
-    body = s.turned([s.seen_from_outside(s.surface(meshes[0], "refrigerator", picture=picture))])
+    body = s.turn([s.remove_hidden(s.surface(meshes[0], "refrigerator", picture=picture))])
     width, depth, height = rng.uniform(kind.low, kind.high)
     form = rng.choice(("one", "freezer", "double", "low"), p=(0.35, 0.35, 0.2, 0.1))
     size: Triple = {"double": (0.91, depth, height), "low": (0.55, 0.58, 0.86)}.get(form, (width, depth, height))
     wide, deep, tall = size
 
     def door(*extents: float) -> Surface:
-        return s.scaled(body, np.array(extents) / s.sides(body))[0]
+        return s.scale(body, np.array(extents) / s.sides(body))[0]
 
     if form == "freezer":
-        doors = [door(wide, deep, 0.66 * tall), s.moved(door(wide, deep, 0.335 * tall), (0, 0, 0.665 * tall))]
+        doors = [door(wide, deep, 0.66 * tall), s.move(door(wide, deep, 0.335 * tall), (0, 0, 0.665 * tall))]
     elif form == "double":
         half = door(0.497 * wide, deep, tall)
-        doors = [s.moved(s.mirrored(half), (-0.2515 * wide, 0, 0)), s.moved(half, (0.2515 * wide, 0, 0))]
+        doors = [s.move(s.mirror(half), (-0.2515 * wide, 0, 0)), s.move(half, (0.2515 * wide, 0, 0))]
     else:
         doors = [door(*size)]
-    one = s.merged(doors)
+    one = s.merge(doors)
     if len(one.faces) > MOST_TRIANGLES:
         one = doors[0]
     sides = tuple(s.sides([one]))
@@ -310,13 +310,13 @@ def _kitchen(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     top = _of(mesh, ("marble",)) & ~above
     label = "cabinet" if kind is KINDS["kitchen"] else None  # all of an island is a counter
     body = s.surface(mesh, "body", ~above & ~top, picture=picture, label=label)
-    surfaces = [s.seen_from_outside(body)]
+    surfaces = [s.remove_hidden(body)]
     if top.any():
         surfaces.append(s.surface(mesh, "worktop", top, picture=picture))
-    pieces: Made = [("", kind, s.turned(surfaces))]
+    pieces: Made = [("", kind, s.turn(surfaces))]
     if above.any():
-        wall = s.seen_from_outside(s.surface(mesh, "cabinet", above, picture=picture))
-        pieces.append(("_wall", WALL_CABINET, s.turned([wall])))
+        wall = s.remove_hidden(s.surface(mesh, "cabinet", above, picture=picture))
+        pieces.append(("_wall", WALL_CABINET, s.turn([wall])))
     return pieces
 
 

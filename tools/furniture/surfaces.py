@@ -73,29 +73,29 @@ def box(surfaces: Sequence[Surface]) -> tuple[Float64[np.ndarray, " 3"], Float64
     return points.min(axis=0), points.max(axis=0)
 
 
-def turned(surfaces: Sequence[Surface]) -> list[Surface]:
+def turn(surfaces: Sequence[Surface]) -> list[Surface]:
     """Rotated by 90 degrees clockwise, seen from above: +x becomes -y."""
     return [replace(part, vertices=part.vertices[:, (1, 0, 2)] * [1, -1, 1]) for part in surfaces]
 
 
-def scaled(surfaces: Sequence[Surface], factors: Float64[np.ndarray, " 3"]) -> list[Surface]:
+def scale(surfaces: Sequence[Surface], factors: Float64[np.ndarray, " 3"]) -> list[Surface]:
     """Scaled along the axes, with the base at z = 0 and centred in x and y."""
     lowest, highest = box(surfaces)
     foot = np.array([*((lowest + highest) / 2)[:2], lowest[2]])
     return [replace(part, vertices=(part.vertices - foot) * factors) for part in surfaces]
 
 
-def moved(part: Surface, by: Sequence[float]) -> Surface:
+def move(part: Surface, by: Sequence[float]) -> Surface:
     """Moved by a vector [m]."""
     return replace(part, vertices=part.vertices + np.array(by))
 
 
-def mirrored(part: Surface) -> Surface:
+def mirror(part: Surface) -> Surface:
     """Left and right exchanged."""
     return replace(part, vertices=part.vertices * [-1, 1, 1], faces=part.faces[:, ::-1])
 
 
-def merged(surfaces: Sequence[Surface]) -> Surface:
+def merge(surfaces: Sequence[Surface]) -> Surface:
     """Several surfaces of one material as one."""
     starts = np.cumsum([0, *(len(part.vertices) for part in surfaces)])
     faces = np.concatenate([part.faces + start for part, start in zip(surfaces, starts, strict=False)])
@@ -103,7 +103,7 @@ def merged(surfaces: Sequence[Surface]) -> Surface:
     return replace(surfaces[0], vertices=vertices, faces=faces, uv=uv)
 
 
-def seen_from_outside(part: Surface) -> Surface:
+def remove_hidden(part: Surface) -> Surface:
     """The surface without triangles that are invisible from outside, such as drawers behind fronts.
 
     Raises:

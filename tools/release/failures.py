@@ -24,7 +24,7 @@ from semgs.evaluation.run import load_candidate
 from semgs.evaluation.scoring.frame_scores import FrameScores, score
 from semgs.evaluation.scoring.summary import sum_confusions, summarise
 from semgs.figures.class_images import class_picture, true_class_picture
-from semgs.figures.comparison import PictureRow, comparison
+from semgs.figures.comparison import FigureBlock, PictureRow, comparison
 from semgs.figures.view_images import as_bytes
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError, input_error
@@ -189,7 +189,7 @@ def sheet(targets: Sequence[ScoredTarget], most_bytes: int) -> bytes:
     Raises:
         ValueError: there are no targets, or they do not fit.
     """
-    block = Block("", HEADINGS, tuple(_row(one) for one in targets))
+    block = FigureBlock("", HEADINGS, tuple(_row(one) for one in targets))
     png = comparison([block], comparison_legend([one.compared for one in targets]))["png"]
     with Image.open(io.BytesIO(png)) as opened:
         size = (WIDTH, round(opened.height * WIDTH / opened.width))

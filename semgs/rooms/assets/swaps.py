@@ -196,8 +196,8 @@ class Swaps:
             red, green, blue = (float(c * f) for c, f in zip(panel.colour, tint, strict=True))
             return self.coverings.unwrapped(panel.picture, (red, green, blue), rng.uniform(0, 0.2))
         if panel.clear:
-            tint = m.colour(rng, (0.4, 0.6), (0, 0.1), (0.35, 0.7))
-            return m.plain(rng, tint, m.Noise(fine=0.0, blotch=0.05), gloss=0.7)
+            glass = m.colour(rng, (0.4, 0.6), (0, 0.1), (0.35, 0.7))
+            return m.plain(rng, glass, m.Noise(fine=0.0, blotch=0.05), gloss=0.7)
         return self.flat(panel.material.lower(), panel.colour, label)
 
     def flat(self, name: str, colour: tuple[float, float, float], label: int) -> Material:

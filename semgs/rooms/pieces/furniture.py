@@ -146,8 +146,8 @@ def chair(rng: np.random.Generator) -> Piece:
     pad = m.fabric(rng) if rng.random() < 0.5 else frame
     thin = rng.uniform(0.025, 0.05)
     parts = legs(label, frame, width, depth, seat - 0.03, thin)
-    high = seat + rng.uniform(0.0, 0.04)
-    parts.append(block(label, pad, (-0.01, 0, seat - 0.03), (width + 0.01, depth + 0.02, high)))
+    padded = seat + rng.uniform(0.0, 0.04)
+    parts.append(block(label, pad, (-0.01, 0, seat - 0.03), (width + 0.01, depth + 0.02, padded)))
     if look < 0.38:
         return Piece("stool", (width, depth, seat), tuple(parts))
     upright = m.along(frame, 2)

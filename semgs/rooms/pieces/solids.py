@@ -112,7 +112,7 @@ def ring(
     return [block(label, material, (a, b, low), (c, d, high)) for a, b, c, d in sides]
 
 
-def moved(parts: Sequence[Part], origin: Triple, yaw: float = 0.0) -> list[Part]:
+def move(parts: Sequence[Part], origin: Triple, yaw: float = 0.0) -> list[Part]:
     """Parts rotated about z, then translated."""
     cosine, sine = float(np.cos(yaw)), float(np.sin(yaw))
     result = []

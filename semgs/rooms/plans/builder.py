@@ -13,7 +13,7 @@ from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces import openings
 from semgs.rooms.pieces.furniture import LABEL
 from semgs.rooms.pieces.materials import Material
-from semgs.rooms.pieces.solids import Part, Piece, block, gather, moved
+from semgs.rooms.pieces.solids import Part, Piece, block, gather, move
 from semgs.rooms.plans.floor_plan import WALL, Lamp, Opening
 from semgs.rooms.plans.footprints import Span, Wall, around, overlap, rectangle
 from semgs.rooms.plans.outlines import PARTITION, Outline, Zone
@@ -88,7 +88,7 @@ def snug(piece: Piece) -> Piece:
     half = (np.abs(solids.rotations) * solids.sizes[:, None] / 2).sum(-1)
     low, high = (solids.centres - half).min(axis=0), (solids.centres + half).max(axis=0)
     width, depth = float(high[0] - low[0]), float(high[1] - low[1])
-    parts = tuple(moved(piece.parts, (-float(low[0]), -float(low[1]), 0.0)))
+    parts = tuple(move(piece.parts, (-float(low[0]), -float(low[1]), 0.0)))
     return replace(piece, parts=parts, size=(width, depth, float(high[2])))
 
 
@@ -119,7 +119,7 @@ class Builder:
         """A random wall of a room."""
         return zone.walls[int(self.rng.integers(len(zone.walls)))]
 
-    def exchanged(self, piece: Piece) -> Piece:
+    def exchange(self, piece: Piece) -> Piece:
         """The replacement of a piece, or the piece itself."""
         return piece if self.swap is None else self.swap(piece)
 
@@ -154,7 +154,7 @@ class Builder:
                 parts += lining(wall, lower, 0.0, split, 0.006)
             if has_skirting:
                 parts += lining(wall, skirting, 0.0, tall, 0.014)
-            self.parts += moved(parts, (*wall.start, 0.0), wall.yaw)
+            self.parts += move(parts, (*wall.start, 0.0), wall.yaw)
 
     def fill(self) -> None:
         """Fill the built-in blocks, slightly smaller than their walls, so that no camera starts inside one."""
@@ -166,7 +166,7 @@ class Builder:
 
     def hang(self, wall: Wall, piece: Piece, left: float, low: float, recess: float = 0.0) -> None:
         """Hang a piece on a wall: its lower left corner is at (left, low), its back `recess` behind the wall's face [m]."""
-        self.add(moved(self.exchanged(piece).parts, (*wall.at(left, -recess), low), wall.yaw))
+        self.add(move(self.exchange(piece).parts, (*wall.at(left, -recess), low), wall.yaw))
         wall.taken.append((left, left + piece.size[0], low, low + piece.size[2]))
 
     def fits(self, footprint: Footprint, ignore_free: bool = False) -> bool:
@@ -188,8 +188,8 @@ class Builder:
         if not self.fits(inner) or any(overlap(wide, other) for other in (*self.footprints, *self.kept_free)):
             return False
         self.footprints.append(inner)
-        piece = self.exchanged(piece)
-        self.add(moved(piece.parts, (x, y, 0.0), yaw))
+        piece = self.exchange(piece)
+        self.add(move(piece.parts, (x, y, 0.0), yaw))
         if piece.surface is not None:
             self.surfaces.append(Tabletop(piece.name, x, y, yaw, width, depth, piece.surface, _standing_on(piece)))
         return True
@@ -239,7 +239,7 @@ class Builder:
                 return x, y, yaw
         return None
 
-    def covered(self, zone: Zone) -> float:
+    def covered_area(self, zone: Zone) -> float:
         """Floor area under the furniture of a room [m2]."""
         total = 0.0
         for corners in self.footprints:

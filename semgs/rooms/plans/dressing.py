@@ -11,14 +11,14 @@ from semgs.data.tables.classes import IGNORE
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces import openings
 from semgs.rooms.pieces import small_things as things
-from semgs.rooms.pieces.solids import Piece, block, moved, post
+from semgs.rooms.pieces.solids import Piece, block, move, post
 from semgs.rooms.plans.builder import Builder, snug
 from semgs.rooms.plans.floor_plan import Lamp
-from semgs.rooms.plans.footprints import Span, Wall, placed, rectangle
+from semgs.rooms.plans.footprints import Span, Wall, floor_point, rectangle
 from semgs.rooms.plans.outlines import Zone
 
 
-def curtains(builder: Builder, wall: Wall, window: Span) -> bool:
+def hang_curtains(builder: Builder, wall: Wall, window: Span) -> bool:
     """Hang drapes beside a window or across it; returns whether they cover it."""
     rng, height = builder.rng, builder.size[2]
     left, right, low, high = window
@@ -40,7 +40,7 @@ def curtains(builder: Builder, wall: Wall, window: Span) -> bool:
     return closed and hung == 2
 
 
-def pictures(builder: Builder, zone: Zone) -> None:
+def hang_pictures(builder: Builder, zone: Zone) -> None:
     """Hang pictures at eye height on free walls, some in rows."""
     rng = builder.rng
     for _ in range(int(rng.integers(1, 8))):
@@ -59,7 +59,7 @@ def pictures(builder: Builder, zone: Zone) -> None:
                 builder.hang(wall, piece, start, low)
 
 
-def rug(
+def lay_rug(
     builder: Builder, zone: Zone, middle: Float64[np.ndarray, " 2"], yaw: float, width: float | None = None
 ) -> None:
     """Lay a flat rug (ignored) around a place, under any furniture there, as large as the room allows."""
@@ -76,7 +76,7 @@ def rug(
         builder.parts.append(block(IGNORE, m.rug(rng), (left, front, 0), (right, back, 0.008)))
 
 
-def lamps(builder: Builder, zone: Zone, lit: bool) -> None:
+def add_lamps(builder: Builder, zone: Zone, lit: bool) -> None:
     """Add a ceiling lamp or spots, sometimes a floor lamp; `lit`: they are on."""
     rng, height = builder.rng, builder.size[2]
     middle = (np.array(zone.low) + zone.high) / 2 + rng.uniform(-0.3, 0.3, 2)
@@ -115,7 +115,7 @@ PROPERLY = 0.7
 """Share of the things on such a piece that belong there."""
 
 
-def clutter(builder: Builder, zone: Zone) -> None:
+def scatter_clutter(builder: Builder, zone: Zone) -> None:
     """Put small things on tables and cabinets, most of them where they belong, and some on the floor."""
     rng = builder.rng
     while builder.surfaces:
@@ -131,8 +131,8 @@ def clutter(builder: Builder, zone: Zone) -> None:
             if any(a < right and left < a + wide and b < far and near < b + deep for left, right, near, far in taken):
                 continue
             taken.append((a, a + wide, b, b + deep))
-            place = placed((top.x, top.y), top.yaw, a, b)
-            builder.add(moved(builder.exchanged(thing).parts, (*place, top.height), top.yaw))
+            place = floor_point((top.x, top.y), top.yaw, a, b)
+            builder.add(move(builder.exchange(thing).parts, (*place, top.height), top.yaw))
     low, high = np.array(zone.low) + 0.2, np.array(zone.high) - 0.2
     for _ in range(int(rng.integers(1, 9))):
         thing = snug(things.clutter(rng, rng.uniform(0.15, 0.6)))

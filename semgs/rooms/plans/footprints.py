@@ -12,7 +12,7 @@ Span = tuple[float, float, float, float]
 """A part of a wall: left, right, lower and upper edge [m]."""
 
 
-def placed(origin: tuple[float, float], yaw: float, along: float, off: float) -> tuple[float, float]:
+def floor_point(origin: tuple[float, float], yaw: float, along: float, off: float) -> tuple[float, float]:
     """A point on the floor, given in a frame with this origin and yaw."""
     cosine, sine = np.cos(yaw), np.sin(yaw)
     return float(origin[0] + along * cosine - off * sine), float(origin[1] + along * sine + off * cosine)
@@ -71,7 +71,7 @@ class Wall:
 
     def at(self, along: float, off: float = 0.0) -> tuple[float, float]:
         """The point on the floor at a distance along the wall and a distance away from it [m]."""
-        return placed(self.start, self.yaw, along, off)
+        return floor_point(self.start, self.yaw, along, off)
 
     def free(self, left: float, right: float, low: float, high: float) -> bool:
         """Whether that part of the wall is free."""

@@ -10,11 +10,11 @@ import numpy as np
 from semgs.rooms.pieces import cloth, fittings, furniture, kitchen_and_bath, openings
 from semgs.rooms.pieces import small_things as things
 from semgs.rooms.pieces.furniture import Maker
-from semgs.rooms.pieces.solids import Piece, moved
+from semgs.rooms.pieces.solids import Piece, move
 from semgs.rooms.plans import dressing, outlines
 from semgs.rooms.plans.builder import Builder, Swap, cut_door, daylight, snug
 from semgs.rooms.plans.floor_plan import FloorPlan
-from semgs.rooms.plans.footprints import Wall, placed, rectangle
+from semgs.rooms.plans.footprints import Wall, floor_point, rectangle
 from semgs.rooms.plans.outlines import PARTITION, Outline, Zone
 
 
@@ -87,9 +87,9 @@ def draw_home(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
         builder.fill()
     for zone in outline.zones:
         _furnish(builder, zone)
-        dressing.pictures(builder, zone)
-        dressing.lamps(builder, zone, lit=evening or builder.chance(0.45))
-        dressing.clutter(builder, zone)
+        dressing.hang_pictures(builder, zone)
+        dressing.add_lamps(builder, zone, lit=evening or builder.chance(0.45))
+        dressing.scatter_clutter(builder, zone)
     kind = " + ".join(zone.kind for zone in outline.zones)
     return FloorPlan(kind, outline.size, tuple(builder.parts), tuple(builder.windows), tuple(builder.footprints),
                 tuple(builder.pieces), tuple(builder.lamps))  # fmt: skip
@@ -131,12 +131,12 @@ def open_door(builder: Builder, outline: Outline) -> None:
         wall.taken.append((hole[0] - 0.1, hole[1] + 0.1, 0.0, high + 0.1))
         builder.kept_free.append(rectangle(*wall.at(hole[0]), wide, 0.85, wall.yaw))
     wall, middle = outline.passage[0]
-    builder.add(moved(frame.parts, (*wall.at(middle - wide / 2), 0.0), wall.yaw))
+    builder.add(move(frame.parts, (*wall.at(middle - wide / 2), 0.0), wall.yaw))
     if leaf is not None and wide < 1.1:
         wall, middle = outline.passage[int(rng.integers(2))]
         yaw = wall.yaw + rng.uniform(1.3, 1.75)
         x, y = wall.at(middle - wide / 2 + 0.04, 0.04)
-        builder.add(moved(leaf.parts, (x, y, 0.0), yaw))
+        builder.add(move(leaf.parts, (x, y, 0.0), yaw))
         builder.footprints.append(rectangle(x + 0.06 * np.sin(yaw), y - 0.06 * np.cos(yaw), leaf.size[0], 0.16, yaw))
 
 
@@ -175,7 +175,7 @@ def _add_windows(builder: Builder, zone: Zone, light: float) -> None:
         recess = rng.uniform(0.06, 0.1)
         builder.hang(wall, openings.window(rng, width, tall, light, blind), left, low, recess)
         wall.holes.append((left, left + width, low, low + tall))
-        closed = draped and dressing.curtains(builder, wall, (left, left + width, low, low + tall))
+        closed = draped and dressing.hang_curtains(builder, wall, (left, left + width, low, low + tall))
         bright = light * (1 - 0.8 * float(blind)) * (0.15 if closed else 1.0)
         builder.windows.append(daylight(wall, (left, low), (width, tall), bright, 0.06 - recess))
         if low > 0.6 and not bath and builder.chance(0.5):
@@ -194,20 +194,20 @@ def _furnish(builder: Builder, zone: Zone) -> None:
         if zone.kind != "mixed" and place >= 3 and builder.chance(0.3):
             continue
         piece = snug(maker(rng))
-        if builder.covered(zone) + piece.size[0] * piece.size[1] <= budget:
+        if builder.covered_area(zone) + piece.size[0] * piece.size[1] <= budget:
             _place(builder, zone, piece)
     if builder.chance(0.4):
         builder.against_wall(zone, snug(furniture.chair(rng)))
     if zone.kind in ("bathroom", "hallway", "dining", "mixed") and builder.chance(0.4):
-        dressing.rug(builder, zone, (np.array(zone.low) + zone.high) / 2, 0.0)
+        dressing.lay_rug(builder, zone, (np.array(zone.low) + zone.high) / 2, 0.0)
 
 
 def _place(builder: Builder, zone: Zone, piece: Piece) -> None:
     """Put a piece where its kind belongs, and its companions around it."""
     if piece.name in FREE_STANDING and builder.chance(0.85):
-        place = builder.in_the_open(zone, piece)
-        if place and piece.name != "island":
-            _put_chairs_around(builder, piece, *place)
+        pose = builder.in_the_open(zone, piece)
+        if pose and piece.name != "island":
+            _put_chairs_around(builder, piece, *pose)
         return
     if piece.name in ("refrigerator", "stove", "counter") and _continue_row(builder, zone, piece):
         return
@@ -265,7 +265,7 @@ def _furnish_bedside(builder: Builder, zone: Zone, wall: Wall, left: float, bed:
                 builder.beside_wall(wall, stand, side)
     if builder.chance(0.45):
         middle = np.array(wall.at(left + bed.size[0] / 2, bed.size[1] * 0.75))
-        dressing.rug(builder, zone, middle, wall.yaw, bed.size[0] + rng.uniform(0.6, 1.2))
+        dressing.lay_rug(builder, zone, middle, wall.yaw, bed.size[0] + rng.uniform(0.6, 1.2))
 
 
 def _put_chair_at_desk(builder: Builder, wall: Wall, left: float, desk: Piece) -> None:
@@ -284,7 +284,7 @@ def _furnish_sofa_front(builder: Builder, zone: Zone, wall: Wall, left: float, s
     middle = left + sofa.size[0] / 2
     if builder.chance(0.6):
         place = np.array(wall.at(middle, sofa.size[1] + 0.5))
-        dressing.rug(builder, zone, place, wall.yaw, sofa.size[0] * rng.uniform(0.8, 1.3))
+        dressing.lay_rug(builder, zone, place, wall.yaw, sofa.size[0] * rng.uniform(0.8, 1.3))
     if builder.chance(0.8):
         low = snug(furniture.coffee_table(rng))
         x, y = wall.at(middle - low.size[0] / 2, sofa.size[1] + rng.uniform(0.35, 0.55))
@@ -299,13 +299,13 @@ def _furnish_sofa_front(builder: Builder, zone: Zone, wall: Wall, left: float, s
 def _put_television(builder: Builder, wall: Wall, middle: float) -> None:
     """Put a sideboard with a television at a wall, centred `middle` along it if it fits."""
     rng = builder.rng
-    bench = builder.exchanged(snug(fittings.sideboard(rng)))
+    bench = builder.exchange(snug(fittings.sideboard(rng)))
     start = float(np.clip(middle - bench.size[0] / 2, 0.03, max(0.03, wall.length - bench.size[0] - 0.03)))
     screen = things.television(rng, min(bench.size[0] - 0.1, rng.uniform(0.8, 1.3)))
     if bench.surface is not None and builder.beside_wall(wall, bench, start):
         builder.surfaces.pop()
         x, y = wall.at(start + (bench.size[0] - screen.size[0]) / 2, 0.1)
-        builder.add(moved(screen.parts, (x, y, bench.surface), wall.yaw))
+        builder.add(move(screen.parts, (x, y, bench.surface), wall.yaw))
         wall.taken.append((start, start + bench.size[0], bench.surface, bench.surface + screen.size[2]))
 
 
@@ -334,7 +334,9 @@ def _put_sofa_in_room(builder: Builder, zone: Zone, sofa: Piece) -> bool:
             place = wall.at(middle - low.size[0] / 2, off - rng.uniform(0.35, 0.55) - low.size[1])
             builder.stand(low, *place, wall.yaw)
         if builder.chance(0.5):
-            dressing.rug(builder, zone, np.array(wall.at(middle, off - 0.4)), wall.yaw, width * rng.uniform(0.8, 1.3))
+            dressing.lay_rug(
+                builder, zone, np.array(wall.at(middle, off - 0.4)), wall.yaw, width * rng.uniform(0.8, 1.3)
+            )
         return True
     return False
 
@@ -368,7 +370,7 @@ def _hang_shower_curtain(builder: Builder, wall: Wall, tub: Piece) -> None:
     x, y = front + along * (end - start) / tub.size[0] + 0.01 * (front - start) / tub.size[1]
     shape = rectangle(x, y, drape.size[0], drape.size[1], wall.yaw)
     if builder.fits(shape):
-        builder.add(moved(builder.exchanged(drape).parts, (float(x), float(y), 0.0), wall.yaw))
+        builder.add(move(builder.exchange(drape).parts, (float(x), float(y), 0.0), wall.yaw))
         builder.footprints.append(shape)
 
 
@@ -388,4 +390,4 @@ def _put_chairs_around(builder: Builder, table: Piece, x: float, y: float, yaw: 
         out = np.array([np.sin(turn), -np.cos(turn)])
         back = np.array([along, across]) + out * (seat.size[1] + gap)
         corner = back - np.array([np.cos(own), np.sin(own)]) * seat.size[0] / 2
-        builder.stand(seat, *placed((x, y), yaw, *corner), yaw + own)
+        builder.stand(seat, *floor_point((x, y), yaw, *corner), yaw + own)

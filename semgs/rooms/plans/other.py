@@ -19,10 +19,10 @@ from semgs.rooms.pieces import small_things as things
 from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.furniture import LABEL, Maker
 from semgs.rooms.pieces.materials import Material
-from semgs.rooms.pieces.solids import Part, Piece, block, moved, post
+from semgs.rooms.pieces.solids import Part, Piece, block, move, post
 from semgs.rooms.plans.builder import Swap, cut_door, daylight, lining, masonry
 from semgs.rooms.plans.floor_plan import WALL, FloorPlan, Lamp, Opening
-from semgs.rooms.plans.footprints import Wall, overlap, placed, rectangle
+from semgs.rooms.plans.footprints import Wall, floor_point, overlap, rectangle
 from semgs.rooms.plans.outlines import rectangular
 
 ZONES = ("sleeping", "sitting", "working", "eating", "cooking", "bathing", "storing")
@@ -118,7 +118,7 @@ class _Loft:
             if lower is not None:
                 rail = m.plain(rng, self.palette.paint)
                 parts += lining(wall, lower, 0.0, split, 0.006) + lining(wall, rail, split, split + 0.03, 0.025)
-            self.parts += moved(parts, (*wall.start, 0.0), wall.yaw)
+            self.parts += move(parts, (*wall.start, 0.0), wall.yaw)
 
     def _floor(self) -> Material:
         rng, look = self.rng, self.rng.random()
@@ -128,7 +128,7 @@ class _Loft:
             return m.tiles(rng)
         if look < 0.8:
             dark, wood = self.palette.dark, self.palette.wood
-            shape = {"scale": rng.uniform(0.18, 0.3), "aspect": rng.uniform(3, 6)}
+            shape: dict = {"scale": rng.uniform(0.18, 0.3), "aspect": rng.uniform(3, 6)}
             planks = m.Pattern(t.PLANKS, wood, dark, dark, duty=0.985, variation=0.2, tint=0.6, **shape)
             return m.patterned(rng, planks, gloss=0.2)
         return m.plain(rng, self.palette.walls[1], m.Noise(0.2, 0.015, 0.1, 0.2))
@@ -167,7 +167,7 @@ class _Loft:
     def hang(self, wall: Wall, piece: Piece, left: float, low: float) -> None:
         """Hang a piece on a wall with its lower left corner at (left, low) [m]."""
         wall.taken.append((left, left + piece.size[0], low, low + piece.size[2]))
-        self.parts += moved(self.toned(piece).parts, (*wall.at(left), low), wall.yaw)
+        self.parts += move(self.tone(piece).parts, (*wall.at(left), low), wall.yaw)
 
     def stand(self, piece: Piece, x: float, y: float, yaw: float) -> bool:
         """Put a piece on the floor with its origin at (x, y). False if there is no room."""
@@ -177,19 +177,21 @@ class _Loft:
             return False
         if any(overlap(shape, other) for other in (*self.footprints, *self.kept_free)):
             return False
-        piece = self.toned(piece)
+        piece = self.tone(piece)
         self.footprints.append(shape)
-        self.parts += moved(piece.parts, (x, y, 0.0), yaw)
+        self.parts += move(piece.parts, (x, y, 0.0), yaw)
         if piece.surface is not None:
             self.tops.append((x, y, yaw, width, depth, piece.surface))
         return True
 
-    def toned(self, piece: Piece) -> Piece:
+    def tone(self, piece: Piece) -> Piece:
         """The piece, or its replacement, with wood and paint in the room's colours."""
         piece = piece if self.swap is None else self.swap(piece)
-        return replace(piece, parts=tuple(replace(part, material=self._toned(part.material)) for part in piece.parts))
+        return replace(
+            piece, parts=tuple(replace(part, material=self._tone_material(part.material)) for part in piece.parts)
+        )
 
-    def _toned(self, material: Material) -> Material:
+    def _tone_material(self, material: Material) -> Material:
         kind = int(material[t.KIND])
         if kind == t.WOOD:
             colours = self.palette.wood, self.palette.dark
@@ -342,7 +344,7 @@ class _Loft:
                     break
                 a, b = left, (depth - thing.size[1]) * rng.uniform(0.2, 0.8)
                 thing = thing if self.swap is None else self.swap(thing)
-                self.parts += moved(thing.parts, (*placed((x, y), yaw, a, b), height), yaw)
+                self.parts += move(thing.parts, (*floor_point((x, y), yaw, a, b), height), yaw)
                 left += thing.size[0] + rng.uniform(0.04, 0.25)
         for _ in range(int(rng.integers(0, 4))):
             thing, middle = things.clutter(rng, rng.uniform(0.2, 0.5)), rng.uniform(-0.45, 0.45) * self.size[0]

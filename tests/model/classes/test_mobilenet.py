@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, conv2d, interpolate, linear, relu6
 
 from semgs.model.classes.mobilenet import InvertedResidual, MobileNetRefinement, MobileNetV2, SameConv2d, downsample
-from semgs.training.state import hold_statistics
+from semgs.training.state import freeze_statistics
 
 RED_FOX = 278
 """Position of the red fox among the 1,001 classes of the ImageNet file."""
@@ -230,7 +230,7 @@ def test_norms_tell_pictures_of_a_batch_apart_and_measure_only_while_they_may():
     model, pictures = refinement().train(), torch.rand(2, 3, 48, 80, dtype=torch.float64)
     norm = model.last[1]
     before = norm.running_mean.clone()
-    hold_statistics(model)
+    freeze_statistics(model)
     held = model(pictures, not_asked).evidence
     assert torch.equal(norm.running_mean, before)
     torch.testing.assert_close(model(pictures[:1], not_asked).evidence, held[:1])

@@ -22,7 +22,7 @@ def furnished(seed: int, size=(6.5, 5.0, 2.6), kind="living") -> Builder:
 def test_people_live_in_kitchens_living_rooms_and_bedrooms():
     """Of 1,000 outlines a sixth has two rooms; of the rest more than half are one of the three, and a fifth are bathrooms and hallways."""
     rng = np.random.default_rng(0)
-    kinds = Counter(" + ".join(zone.kind for zone in home._outline(rng).zones) for _ in range(1000))
+    kinds = Counter(" + ".join(zone.kind for zone in home._draw_outline(rng).zones) for _ in range(1000))
     single = {kind: count for kind, count in kinds.items() if "+" not in kind}
     assert sum(home.SHARES.values()) == pytest.approx(1)
     assert 0.13 < 1 - sum(single.values()) / 1000 < 0.2
@@ -36,7 +36,7 @@ def test_a_sofa_in_the_room_has_its_back_a_metre_or_more_from_the_wall_behind_it
     for seed in range(20):
         builder = furnished(seed)
         (zone,) = builder.outline.zones
-        assert home._sofa_in_the_room(builder, zone, snug(maker(np.random.default_rng(seed))))
+        assert home._put_sofa_in_room(builder, zone, snug(maker(np.random.default_rng(seed))))
         back_left, back_right, front_right, front_left = builder.footprints[0]
         ahead = (front_left - back_left) / np.linalg.norm(front_left - back_left)
         half = np.array(builder.size[:2]) / 2
@@ -55,7 +55,7 @@ def test_a_sofa_in_the_room_has_its_back_a_metre_or_more_from_the_wall_behind_it
 
 def test_a_sofa_stays_at_the_wall_of_a_room_too_small_to_walk_behind_it():
     builder = furnished(0, (3.0, 2.8, 2.5))
-    assert not home._sofa_in_the_room(
+    assert not home._put_sofa_in_room(
         builder, builder.outline.zones[0], snug(furniture.sofa(np.random.default_rng(0), 2))
     )
     assert not builder.parts
@@ -78,7 +78,7 @@ def test_glazed_cabinets_hang_above_counters_and_nothing_tall_stands_under_them(
         wall, counter = builder.outline.zones[0].walls[0], snug(fittings.counter(np.random.default_rng(seed)))
         assert builder.beside_wall(wall, counter, 0.5)
         before, taken = len(builder.parts), len(builder.surfaces[-1].blocked) if builder.surfaces else 0
-        home._above_the_counter(builder, wall, 0.5, counter)
+        home._hang_wall_cabinet(builder, wall, 0.5, counter)
         added = builder.parts[before:]
         if not added:
             continue
@@ -101,7 +101,7 @@ def test_no_glazed_cabinet_hangs_in_a_window():
         wall, counter = builder.outline.zones[0].walls[0], snug(fittings.counter(np.random.default_rng(seed)))
         wall.taken.append((0.4, 4.0, 1.0, 2.2))
         builder.footprints.append(rectangle(*wall.at(0.5), *counter.size[:2], wall.yaw))
-        home._above_the_counter(builder, wall, 0.5, counter)
+        home._hang_wall_cabinet(builder, wall, 0.5, counter)
         assert not builder.parts
 
 
@@ -127,7 +127,7 @@ def test_desks_have_screens_and_tables_have_plates():
             seen: list[str] = []
             builder.swap = lambda piece, seen=seen: seen.append(piece.name) or piece
             assert builder.stand(snug(maker(rng)), 0.0, 0.0, 0.0)
-            home.dressing.clutter(builder, builder.outline.zones[0])
+            home.dressing.scatter_clutter(builder, builder.outline.zones[0])
             names.update((kind, name) for name in seen)
     assert names["study", "on a desk"] > 30
     assert names["dining", "on a table"] > 60

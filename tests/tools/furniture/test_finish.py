@@ -53,11 +53,11 @@ def test_every_kind_becomes_pieces_of_real_sizes_that_read_back(kind, piece, usu
 
 
 def test_what_looked_along_x_looks_to_the_front():
-    nose = s.turned([cuboid((0.5, -0.1, 0), (1, 0.1, 1))])[0]
+    nose = s.turn([cuboid((0.5, -0.1, 0), (1, 0.1, 1))])[0]
     lowest, highest = s.box([nose])
     np.testing.assert_allclose(lowest, (-0.1, -1, 0), atol=1e-12)
     np.testing.assert_allclose(highest, (0.1, -0.5, 1), atol=1e-12)
-    (left,) = s.turned([cuboid((0, 0.5, 0), (0.1, 1, 1))])  # its left hand, +y, comes to lie at +x
+    (left,) = s.turn([cuboid((0, 0.5, 0), (0.1, 1, 1))])  # its left hand, +y, comes to lie at +x
     assert s.box([left])[0][0] == pytest.approx(0.5)
 
 
@@ -125,7 +125,7 @@ def test_kitchens_are_cabinets_below_a_counter_and_cabinets_on_the_wall():
 
 
 def test_books_stand_on_boards_between_uprights():
-    shelf = s.merged(
+    shelf = s.merge(
         [
             cuboid((-0.5, -0.15, 0), (0.5, 0.15, 0.02)), cuboid((-0.5, -0.15, 0.4), (0.5, 0.15, 0.42)),
             cuboid((-0.5, -0.15, 0.8), (0.5, 0.15, 0.82)), cuboid((-0.5, -0.15, 0), (-0.48, 0.15, 0.82)),
@@ -151,9 +151,9 @@ def test_books_stand_on_boards_between_uprights():
 
 def test_what_nobody_sees_is_left_out():
     outer, inner = cuboid((0, 0, 0), (1, 1, 1)), cuboid((0.3, 0.3, 0.3), (0.7, 0.7, 0.7))
-    assert len(s.seen_from_outside(s.merged([outer, inner])).faces) == 12
+    assert len(s.remove_hidden(s.merge([outer, inner])).faces) == 12
     open_box = replace(outer, faces=outer.faces[2:])  # without one side one looks in
-    assert len(s.seen_from_outside(s.merged([open_box, inner])).faces) > 10
+    assert len(s.remove_hidden(s.merge([open_box, inner])).faces) > 10
 
 
 def test_materials_are_tinted_by_name_each_where_its_triangles_are(piece):

@@ -125,20 +125,17 @@ class Evaluate:
     def _run_single(self) -> None:
         """Score single images, write the folder, and print the tables."""
         with show_stage("Starting"):
-            from semgs.evaluation.run import load_network, open_labelled_scenes
+            from semgs.evaluation.run import open_labelled_scenes, open_network
             from semgs.evaluation.single_images import evaluate_single_images
 
             data = open_labelled_scenes(
-                self.data,
-                self.reading.as_peers,
-                self.reading.asked,
-                self.scenes,
-                needs_labels=True,
-                needs_cameras=False,
+                self.data, self.reading.as_peers, self.reading.asked, self.scenes, needs_cameras=False
             )
+            if data.classes is None:
+                raise InputError(self.data, "labelled images", "none with labels")
         with show_stage("Loading"), what_the_user_gave():
             remarks = self._seen(data.scenes)
-            network, subject = load_network(self.weights, data.classes, self.name)
+            network, subject = open_network(self.weights, data.classes, self.name)
             network.to(chosen_device(self.device))
         images = sum(frame.labels is not None for scene in data.scenes for frame in scene.frames)
         with what_fits(), show_progress(f"Evaluating {subject.name}", images) as done:

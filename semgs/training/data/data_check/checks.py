@@ -19,15 +19,15 @@ def check_scenes(scenes: Sequence[Scene], settings: DataSettings, learning: Supe
     """Refuse scenes from which the network cannot learn.
 
     Raises:
-        InputError: labels are of another table and the settings name none, or the named table has none of their classes; or a scene has no
-            depth, which is to be learned, or no cameras, which all but single images need.
+        InputError: images have no cameras and each sample is more than a single image; labels are of another table and the settings name
+            none, or the named table has none of their classes; or a scene has no depth, which is to be learned.
     """
     table = settings.table
     for scene in scenes:
         if not scene.posed and not learning.single_images:
             raise InputError(
                 scene.path, f"images with cameras, for --supervision {learning.supervision}",
-                f"{scene.layout}, which have none", advice="give --supervision pictures",
+                f"{scene.layout}, which have none", advice="to train on single images, give --supervision pictures",
             )  # fmt: skip
     for scene in scenes if learning.uses_labels else ():
         if scene.classes is None:
