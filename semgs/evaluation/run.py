@@ -29,8 +29,8 @@ from semgs.evaluation.tables.evaluation_report import (
     saved_report,
     timing,
 )
-from semgs.evaluation.tables.notes import notes
 from semgs.evaluation.tables.table_grid import printed
+from semgs.evaluation.tables.table_notes import notes
 from semgs.files.atomic import write_json, write_text
 from semgs.files.errors import InputError
 from semgs.files.folders import own_folder

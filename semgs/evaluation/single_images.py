@@ -21,7 +21,7 @@ from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.data.views import INDOOR_DEPTH_RANGE
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.intervals import intervals
-from semgs.evaluation.scoring.records import encode_scores
+from semgs.evaluation.scoring.score_records import encode_scores
 from semgs.evaluation.scoring.summary import CLASS_METRICS, CONFIDENCE_METRICS, ClassScores, score_classes, summarise
 from semgs.evaluation.tables.environment import hardware, versions
 from semgs.evaluation.tables.evaluation_report import EvaluatedMethod

@@ -23,7 +23,7 @@ from semgs.evaluation.frames.saved import SavedPredictions
 from semgs.evaluation.page.evaluation_page import evaluation_page
 from semgs.evaluation.run import write_evaluation
 from semgs.evaluation.scoring.method_scores import MethodScores, score_method
-from semgs.evaluation.scoring.records import encode_scores
+from semgs.evaluation.scoring.score_records import encode_scores
 from semgs.evaluation.scoring.summary import summarise
 from semgs.evaluation.tables.comparison_tables import (
     BRIEF,
@@ -40,7 +40,7 @@ from semgs.evaluation.tables.evaluation_report import (
     evaluation_numbers,
     read_report,
 )
-from semgs.evaluation.tables.notes import notes
+from semgs.evaluation.tables.table_notes import notes
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
 from semgs.model.encode import encode

@@ -16,7 +16,7 @@ from semgs.evaluation.frames.frame_plan import FramePlan, Task
 from semgs.evaluation.frames.predictions import Method, Prediction
 from semgs.evaluation.frames.reading import make_inputs, read_views
 from semgs.evaluation.scoring.frame_scores import score
-from semgs.evaluation.scoring.records import finite
+from semgs.evaluation.scoring.score_records import finite
 from semgs.evaluation.scoring.summary import summarise
 from semgs.figures.class_images import LegendEntry, class_picture, legend, true_class_picture
 from semgs.figures.comparison import FigureBlock, PictureRow, mosaic

@@ -17,7 +17,7 @@ from semgs.evaluation.frames.predictions import Prediction
 from semgs.evaluation.frames.protocols import TargetSample
 from semgs.evaluation.frames.reading import read_frame
 from semgs.evaluation.scoring.frame_scores import score
-from semgs.evaluation.scoring.records import decode_scores, encode_scores
+from semgs.evaluation.scoring.score_records import decode_scores, encode_scores
 from semgs.evaluation.scoring.similarity import ssim
 from semgs.evaluation.scoring.summary import summarise
 from semgs.objectives.metrics import depth_scores
