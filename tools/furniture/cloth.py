@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64, UInt8
 
 from tools.furniture.kinds import Random
-from tools.furniture.tints import FABRICS, Colour, pick
+from tools.furniture.tints import FABRICS, Colour, pick_colour
 
 SIDE = 512
 """Side of the texture [px]."""
@@ -18,7 +18,7 @@ PALE: tuple[Colour, ...] = ((240, 238, 234), (230, 224, 214))
 
 def cloth_picture(rng: Random, width: float, height: float) -> UInt8[np.ndarray, "h w 3"]:
     """A texture for cloth of a size [m]."""
-    base, other = pick(rng, FABRICS + PALE), pick(rng, FABRICS)
+    base, other = pick_colour(rng, FABRICS + PALE), pick_colour(rng, FABRICS)
     picture = np.full((SIDE, SIDE, 3), base, np.uint8)
     scale = SIDE / width, SIDE / height
     pattern = PATTERNS[int(rng.integers(len(PATTERNS)))]

@@ -13,7 +13,7 @@ from tools.furniture import surfaces as s
 from tools.furniture import tints as t
 from tools.furniture.books import books_on
 from tools.furniture.cloth import cloth_picture
-from tools.furniture.kinds import KINDS, OBJECTS, Job, Kind, Random, Triple
+from tools.furniture.kinds import KINDS, OBJECTS, Kind, PieceJob, Random, Triple
 from tools.furniture.raw import Incomplete, RawMesh, check_complete
 from tools.furniture.surfaces import Surface
 from tools.furniture.tints import Colour, Tint
@@ -47,7 +47,7 @@ class FinishedPiece:
     def row(self, file: str, size: int, version: str) -> dict:
         """The piece's row of `catalog.json`."""
         labelled = [(number, one) for number, one in enumerate(self.surfaces) if one.label is not None]
-        parts = {s.node_name(number, one): one.label for number, one in labelled}
+        parts = {s.surface_node_name(number, one): one.label for number, one in labelled}
         row = {
             "name": self.name, "class": self.kind.label, "subtype": self.kind.subtype,
             "scannet20_strict": self.kind.strict, "file": file,
@@ -66,7 +66,7 @@ class FinishedPiece:
         assert len(read_glb(path)) == len(written)
 
 
-def finish(job: Job, meshes: Sequence[RawMesh]) -> list[FinishedPiece]:
+def finish(job: PieceJob, meshes: Sequence[RawMesh]) -> list[FinishedPiece]:
     """The pieces of a job, one for most kinds.
 
     Raises:
@@ -114,7 +114,7 @@ def _coloured(tints: Callable[[Random], list[Tint]], hollow: bool = False) -> Ca
     """A maker of textured pieces; `hollow` removes what is not visible from outside."""
 
     def make(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
-        one = s.surface(meshes[0], "body", picture=t.tinted(meshes[0], tints(rng)))
+        one = s.surface(meshes[0], "body", picture=t.apply_tints(meshes[0], tints(rng)))
         return [("", kind, _fronted([s.remove_hidden(one) if hollow else one], kind))]
 
     return make
@@ -130,7 +130,7 @@ def _plain(names: Sequence[tuple[str, tuple[str, ...], Sequence[Colour]]]) -> Ca
             wanted = left & _of(mesh, words)
             left &= ~wanted
             if wanted.any():
-                surfaces.append(s.surface(mesh, name, wanted, colour=t.linear(t.pick(rng, colours))))
+                surfaces.append(s.surface(mesh, name, wanted, colour=t.linear_rgb(t.pick_colour(rng, colours))))
         return [("", kind, _fronted(surfaces, kind))]
 
     return make
@@ -146,37 +146,37 @@ def _of(mesh: RawMesh, words: Sequence[str]) -> np.ndarray:
 
 
 def _metal(rng: Random, colours: Sequence[Colour] = t.METALS) -> Tint:
-    return Tint(t.METAL, t.pick(rng, colours), 0.4)
+    return Tint(t.METAL, t.pick_colour(rng, colours), 0.4)
 
 
 def _boards(rng: Random) -> list[Tint]:
-    wood = t.pick(rng, t.WOODS)
+    wood = t.pick_colour(rng, t.WOODS)
     return [_metal(rng), Tint(("",), wood, t.grain(wood))]
 
 
 def _bed(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
-    mesh, wood = meshes[0], t.pick(rng, (*t.NATURAL, t.PAINTED[0], t.PAINTED[3]))
+    mesh, wood = meshes[0], t.pick_colour(rng, (*t.NATURAL, t.PAINTED[0], t.PAINTED[3]))
     keeps_prints = rng.random() < 0.25
     tints = []
     for name in sorted(mesh.materials):
         if any(word in name.lower() for word in t.CLOTH):
-            colour = t.pick(rng, t.FABRICS[:4] + t.FABRICS)
+            colour = t.pick_colour(rng, t.FABRICS[:4] + t.FABRICS)
             printed = "art" in name.lower()
             own = printed and (keeps_prints or rng.random() < 0.45)
             tints.append(Tint((name.lower(),), None if own else colour, 0.8 if own and keeps_prints else 0.5))
     tints.sort(key=lambda tint: -len(tint.words[0]))
     tints += [_metal(rng), Tint(("",), wood, t.grain(wood, 0.5))]
-    return [("", kind, _fronted([s.surface(mesh, "bed", picture=t.tinted(mesh, tints))], kind))]
+    return [("", kind, _fronted([s.surface(mesh, "bed", picture=t.apply_tints(mesh, tints))], kind))]
 
 
 def _seat(rng: Random) -> list[Tint]:
-    leather, wood = Tint(("leather",), t.pick(rng, t.LEATHERS), 0.8), Tint(("wood", *t.METAL), (70, 52, 42), 0.6)
-    return [leather, wood, Tint(("",), t.pick(rng, t.FABRICS), 0.4)]
+    leather, wood = Tint(("leather",), t.pick_colour(rng, t.LEATHERS), 0.8), Tint(("wood", *t.METAL), (70, 52, 42), 0.6)
+    return [leather, wood, Tint(("",), t.pick_colour(rng, t.FABRICS), 0.4)]
 
 
 def _chair(rng: Random) -> list[Tint]:
-    cloth, metal = Tint(t.CLOTH, t.pick(rng, t.FABRICS), 0.5), _metal(rng)
-    return [cloth, metal, Tint(("",), t.pick(rng, t.NATURAL + t.PAINTED[:1] + t.PAINTED[3:4]), 0.7)]
+    cloth, metal = Tint(t.CLOTH, t.pick_colour(rng, t.FABRICS), 0.5), _metal(rng)
+    return [cloth, metal, Tint(("",), t.pick_colour(rng, t.NATURAL + t.PAINTED[:1] + t.PAINTED[3:4]), 0.7)]
 
 
 OFFICE: tuple[Colour, ...] = (
@@ -185,42 +185,42 @@ OFFICE: tuple[Colour, ...] = (
 
 
 def _office_chair(rng: Random) -> list[Tint]:
-    return [_metal(rng, ((60, 60, 62), (150, 152, 155), (40, 40, 42))), Tint(("",), t.pick(rng, OFFICE), 0.5)]
+    return [_metal(rng, ((60, 60, 62), (150, 152, 155), (40, 40, 42))), Tint(("",), t.pick_colour(rng, OFFICE), 0.5)]
 
 
 def _table_tints(rng: Random) -> list[Tint]:
-    return [Tint(("glass",), (170, 190, 195), 0.3), Tint(("marble",), t.pick(rng, t.STONES), 0.8), *_boards(rng)]
+    return [Tint(("glass",), (170, 190, 195), 0.3), Tint(("marble",), t.pick_colour(rng, t.STONES), 0.8), *_boards(rng)]
 
 
 def _table(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     """A table with its longer side at the front."""
-    one = [s.surface(meshes[0], "table", picture=t.tinted(meshes[0], _table_tints(rng)))]
+    one = [s.surface(meshes[0], "table", picture=t.apply_tints(meshes[0], _table_tints(rng)))]
     wide, deep, _ = s.sides(one)
     return [("", kind, one if wide >= deep else s.turn(one))]
 
 
 def _desk(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     """A desk, sometimes with one or two chests of drawers below."""
-    wood = t.pick(rng, t.WOODS)
-    leg = t.pick(rng, (*t.METALS, (60, 60, 62), (235, 235, 235), wood, wood))
+    wood = t.pick_colour(rng, t.WOODS)
+    leg = t.pick_colour(rng, (*t.METALS, (60, 60, 62), (235, 235, 235), wood, wood))
     tints = [Tint(t.METAL, leg, 0.2), Tint(("",), wood, t.grain(wood))]
-    desk = _sized(s.turn([s.surface(meshes[0], "desk", picture=t.tinted(meshes[0], tints))]), kind, rng)
+    desk = _sized(s.turn([s.surface(meshes[0], "desk", picture=t.apply_tints(meshes[0], tints))]), kind, rng)
     if len(meshes) == 1:
         return [("", kind, desk)]
     width, depth, height = s.sides(desk)
     paint = wood if rng.random() < 0.7 else t.PAINTED[0]
-    picture = t.tinted(meshes[1], [Tint(t.METAL, (170, 172, 175), 0.4), Tint(("",), paint, t.grain(paint))])
+    picture = t.apply_tints(meshes[1], [Tint(t.METAL, (170, 172, 175), 0.4), Tint(("",), paint, t.grain(paint))])
     chest = s.turn([s.remove_hidden(s.surface(meshes[1], "drawers", picture=picture))])
     chest = s.scale(chest, np.array([0.4, 0.88 * depth, height - 0.075]) / s.sides(chest))
     places = (-1, 1) if width > 1.5 and rng.random() < 0.4 else (int(rng.choice((-1, 1))),)
-    drawers = [s.move(chest[0], (side * (width / 2 - 0.28), 0, 0)) for side in places]
+    drawers = [s.shift(chest[0], (side * (width / 2 - 0.28), 0, 0)) for side in places]
     office = replace(kind, subtype="office_desk")
     return [("", office, [*desk, *drawers])]
 
 
 def _bookshelf(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     """A shelf; four of five contain books."""
-    picture = t.tinted(meshes[0], _boards(rng))
+    picture = t.apply_tints(meshes[0], _boards(rng))
     shelf = _sized(s.turn([s.surface(meshes[0], "shelf", picture=picture)]), kind, rng)
     books = books_on(shelf[0], rng) if rng.random() < 0.8 else None
     if books is None:
@@ -236,7 +236,7 @@ FRIDGES: tuple[Colour, ...] = (
 
 def _refrigerator(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     """A refrigerator with one door, with a freezer above, with two doors side by side, or a low one."""
-    picture = t.tinted(meshes[0], [Tint(("",), t.pick(rng, FRIDGES), 0.35)])
+    picture = t.apply_tints(meshes[0], [Tint(("",), t.pick_colour(rng, FRIDGES), 0.35)])
     body = s.turn([s.remove_hidden(s.surface(meshes[0], "refrigerator", picture=picture))])
     width, depth, height = rng.uniform(kind.low, kind.high)
     form = rng.choice(("one", "freezer", "double", "low"), p=(0.35, 0.35, 0.2, 0.1))
@@ -247,10 +247,10 @@ def _refrigerator(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
         return s.scale(body, np.array(extents) / s.sides(body))[0]
 
     if form == "freezer":
-        doors = [door(wide, deep, 0.66 * tall), s.move(door(wide, deep, 0.335 * tall), (0, 0, 0.665 * tall))]
+        doors = [door(wide, deep, 0.66 * tall), s.shift(door(wide, deep, 0.335 * tall), (0, 0, 0.665 * tall))]
     elif form == "double":
         half = door(0.497 * wide, deep, tall)
-        doors = [s.move(s.mirror(half), (-0.2515 * wide, 0, 0)), s.move(half, (0.2515 * wide, 0, 0))]
+        doors = [s.shift(s.flip(half), (-0.2515 * wide, 0, 0)), s.shift(half, (0.2515 * wide, 0, 0))]
     else:
         doors = [door(*size)]
     one = s.merge(doors)
@@ -261,10 +261,10 @@ def _refrigerator(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
 
 
 def _door_tints(rng: Random) -> list[Tint]:
-    wood = t.pick(rng, (*t.WOODS, t.PAINTED[0], t.PAINTED[4]))
+    wood = t.pick_colour(rng, (*t.WOODS, t.PAINTED[0], t.PAINTED[4]))
     return [
         Tint(("glass",), (180, 195, 205), 0.3),
-        Tint(t.METAL, t.pick(rng, t.METALS), 0.5),
+        Tint(t.METAL, t.pick_colour(rng, t.METALS), 0.5),
         Tint(("",), wood, t.grain(wood)),
     ]
 
@@ -282,7 +282,7 @@ def _curtain(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     drapes = replace(hanging, vertices=upright, uv=uv, picture=cloth_picture(rng, float(extent[0]), float(extent[2])))
     surfaces = [drapes]
     if rod.any():
-        colour = t.linear(t.pick(rng, (*t.METALS, (70, 52, 42), (235, 235, 232))))
+        colour = t.linear_rgb(t.pick_colour(rng, (*t.METALS, (70, 52, 42), (235, 235, 232))))
         bar = s.surface(mesh, "rod", rod, colour=colour)
         surfaces.append(replace(bar, vertices=bar.vertices * [-1, 1, -1]))
     return [("", kind, surfaces)]
@@ -299,9 +299,11 @@ WALL_CABINET = Kind(
 def _kitchen(kind: Kind, meshes: Sequence[RawMesh], rng: Random) -> Made:
     """Base cabinets under a counter, and the wall cabinets above if there are any; or an island."""
     mesh = meshes[0]
-    paint = t.pick(rng, CUPBOARDS)
-    stone = Tint(("marble",), t.pick(rng, t.STONES), 0.8)
-    picture = t.tinted(mesh, [stone, Tint(t.METAL, (170, 172, 175), 0.4), Tint(("",), paint, t.grain(paint, 0.35))])
+    paint = t.pick_colour(rng, CUPBOARDS)
+    stone = Tint(("marble",), t.pick_colour(rng, t.STONES), 0.8)
+    picture = t.apply_tints(
+        mesh, [stone, Tint(t.METAL, (170, 172, 175), 0.4), Tint(("",), paint, t.grain(paint, 0.35))]
+    )
     heights = mesh.vertices[mesh.faces][..., 2].mean(axis=1)
     levels = np.unique(np.round(heights, 2))
     gap = int(np.diff(levels).argmax())

@@ -18,7 +18,7 @@ from semgs.files.errors import InputError
 from semgs.files.strict_json import parse_json
 from semgs.rooms.assets.lock import LISTS, NAME, make_lock, write_lock
 from tools.furniture.finish import finish
-from tools.furniture.kinds import Job, make_job
+from tools.furniture.kinds import PieceJob, make_job
 from tools.furniture.raw import Incomplete, RawMesh
 from tools.furniture.runner import OutOfTime, run_job
 
@@ -83,7 +83,7 @@ def generate(
     done(count)
     stop, work = Event(), target / WORK
 
-    def make(job: Job) -> None:
+    def make(job: PieceJob) -> None:
         try:
             _record(target, job, run_job(environment, job, work, limit, stop))
         except OutOfTime as error:
@@ -128,12 +128,12 @@ def claim(folder: Path, seed: int, pieces: int) -> None:
         (folder / part).mkdir(exist_ok=True)
 
 
-def record_of(folder: Path, job: Job) -> Path:
+def record_of(folder: Path, job: PieceJob) -> Path:
     """The record of a piece that was tried: its catalogue rows, or why it was excluded."""
     return folder / RECORDS / f"{job.name}.json"
 
 
-def _record(folder: Path, job: Job, meshes: list[RawMesh]) -> None:
+def _record(folder: Path, job: PieceJob, meshes: list[RawMesh]) -> None:
     """Finish one piece, write its files and record it."""
     rows = []
     for piece in finish(job, meshes):
@@ -143,7 +143,7 @@ def _record(folder: Path, job: Job, meshes: list[RawMesh]) -> None:
     write_json(record_of(folder, job), {"rows": rows})
 
 
-def _listed(folder: Path, jobs: list[Job], late: dict[str, str]) -> Generated:
+def _listed(folder: Path, jobs: list[PieceJob], late: dict[str, str]) -> Generated:
     """Write both lists and the lock; returns what the folder contains."""
     rows: list[dict] = []
     left_out = {}

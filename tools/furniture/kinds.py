@@ -82,7 +82,7 @@ class Kind:
 
 
 @dataclass(frozen=True)
-class Job:
+class PieceJob:
     """One piece to generate.
 
     Attributes:
@@ -108,7 +108,7 @@ class Job:
         return np.random.default_rng((self.seed, self.number, 1))
 
 
-def make_job(seed: int, number: int) -> Job:
+def make_job(seed: int, number: int) -> PieceJob:
     """Piece `number` of a seed, independent of all other pieces.
 
     Kinds come in rounds: each occurs as often as its share, evenly spread.
@@ -116,7 +116,7 @@ def make_job(seed: int, number: int) -> Job:
     length = sum(kind.share for kind in KINDS.values())
     kind = _round(seed, number // length)[number % length]
     makes = KINDS[kind].makes(np.random.default_rng((seed, number, 0)))
-    return Job(f"bake_{kind}_{seed}_{number}", kind, number, seed, makes)
+    return PieceJob(f"bake_{kind}_{seed}_{number}", kind, number, seed, makes)
 
 
 @lru_cache

@@ -45,7 +45,7 @@ FEWEST = 40
 
 def main(jobs, out):
     """Do all jobs of a file that have no result yet."""
-    start()
+    start_infinigen()
     for job in json.loads(Path(jobs).read_text(encoding="utf-8")):
         target = Path(out, f"{job['name']}.npz")
         if target.exists():
@@ -59,7 +59,7 @@ def main(jobs, out):
             reason.replace(target.with_suffix(".txt"))
 
 
-def start():
+def start_infinigen():
     """Import Infinigen without its search for add-ons on the network, which furniture does not need."""
     logging.disable(logging.WARNING)
     import infinigen.core.init as infinigen
@@ -93,7 +93,7 @@ def make(factory, seed, setting="", size=(), triangles=7000, flatten="none", wel
     bpy.context.view_layer.update()
     joined = join([root, *root.children_recursive], triangles, flatten, weld)
     arrays = {"picture": bake(joined, picture)} if picture else {"picture": np.zeros((0, 0, 3), np.uint8)}
-    arrays |= read(joined, bool(picture))
+    arrays |= read_arrays(joined, bool(picture))
     return simplified(arrays, simplify) if simplify else arrays
 
 
@@ -470,7 +470,7 @@ def fix(tree, target, value):
     target.default_value = value
 
 
-def read(thing, unwrapped):
+def read_arrays(thing, unwrapped):
     """The arrays of a triangulated object."""
     import numpy as np
 

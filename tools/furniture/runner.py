@@ -14,7 +14,7 @@ from time import monotonic
 
 from semgs.files.errors import InputError
 from tools.furniture.environment import python_of, surroundings
-from tools.furniture.kinds import Job
+from tools.furniture.kinds import PieceJob
 from tools.furniture.raw import Incomplete, RawMesh, read_raw
 
 FAILED_TO_START = 1
@@ -28,7 +28,7 @@ class OutOfTime(Incomplete):
     """A piece was not finished within its time limit; it may succeed on another try."""
 
 
-def run_job(environment: Path, job: Job, folder: Path, limit: float, stop: Event) -> list[RawMesh]:
+def run_job(environment: Path, job: PieceJob, folder: Path, limit: float, stop: Event) -> list[RawMesh]:
     """Generate a piece and read it.
 
     Args:

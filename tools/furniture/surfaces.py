@@ -85,12 +85,12 @@ def scale(surfaces: Sequence[Surface], factors: Float64[np.ndarray, " 3"]) -> li
     return [replace(part, vertices=(part.vertices - foot) * factors) for part in surfaces]
 
 
-def move(part: Surface, by: Sequence[float]) -> Surface:
+def shift(part: Surface, by: Sequence[float]) -> Surface:
     """Moved by a vector [m]."""
     return replace(part, vertices=part.vertices + np.array(by))
 
 
-def mirror(part: Surface) -> Surface:
+def flip(part: Surface) -> Surface:
     """Left and right exchanged."""
     return replace(part, vertices=part.vertices * [-1, 1, 1], faces=part.faces[:, ::-1])
 
@@ -144,14 +144,12 @@ def primitives(surfaces: Sequence[Surface]) -> list[Primitive]:
                 encoded[id(part.picture)] = _jpeg(part.picture)
             texture = encoded[id(part.picture)]
         vertices, faces, uv = part.vertices.astype(np.float32), part.faces.astype(np.int64), part.uv.astype(np.float32)
-        material = f"m{number}_{part.name}"
-        written.append(
-            Primitive(node_name(number, part), material, vertices, faces, uv, part.colour, texture, clear=False)
-        )
+        name, material = surface_node_name(number, part), f"m{number}_{part.name}"
+        written.append(Primitive(name, material, vertices, faces, uv, part.colour, texture, clear=False))
     return written
 
 
-def node_name(number: int, part: Surface) -> str:
+def surface_node_name(number: int, part: Surface) -> str:
     """Name of a surface's node."""
     return f"n{number}_{part.name}"
 

@@ -58,7 +58,7 @@ class Tint:
     contrast: float
 
 
-def pick(rng: Random, colours: Sequence[Colour]) -> Colour:
+def pick_colour(rng: Random, colours: Sequence[Colour]) -> Colour:
     """A random one of some colours."""
     return colours[int(rng.integers(len(colours)))]
 
@@ -72,7 +72,7 @@ def grain(colour: Colour, most: float = 0.45) -> float:
     return 0.2 if saturation < 0.2 else most
 
 
-def tinted(mesh: RawMesh, tints: Sequence[Tint]) -> UInt8[np.ndarray, "h w 3"]:
+def apply_tints(mesh: RawMesh, tints: Sequence[Tint]) -> UInt8[np.ndarray, "h w 3"]:
     """The texture of a mesh in other colours; each material uses the first tint that matches its name."""
     covered, nearest = _regions(mesh)
     picture = mesh.picture.astype(np.float64)
@@ -106,7 +106,7 @@ def _regions(mesh: RawMesh) -> tuple[Int[np.ndarray, "h w"], Int[np.ndarray, "h 
     return covered, covered[tuple(places)]
 
 
-def linear(colour: Colour) -> tuple[float, float, float]:
+def linear_rgb(colour: Colour) -> tuple[float, float, float]:
     """Linear RGB of an sRGB colour."""
     value = np.array(colour) / 255
     red, green, blue = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)

@@ -83,7 +83,7 @@ class Audit:
         return [*lines, f"audited: {self.audited} packages"]
 
 
-def write_lock(path: Path) -> None:
+def write_pins(path: Path) -> None:
     """Write the pins of the base set and all extras with the hashes of their files.
 
     Raises:
@@ -152,7 +152,7 @@ def bundled() -> Iterator[tuple[str, str, str]]:
 
 def audit_release(lock: Path) -> int:
     """Audit the installed environment and the pins, print what was found, and return the exit code."""
-    write_lock(lock)
+    write_pins(lock)
     problems = [f"no hash: {one}" for one in without_hashes(lock.read_text())]
     checked = subprocess.run([sys.executable, "-m", "pip", "check"], capture_output=True, text=True, check=False)
     problems += checked.stdout.strip().splitlines() if checked.returncode else []

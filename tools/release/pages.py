@@ -14,7 +14,7 @@ SCORES = DOCS / "scores"
 """Reports reduced to what the tables of the card need."""
 
 
-def between(page: str, text: str, first: str, last: str) -> str:
+def replace_between(page: str, text: str, first: str, last: str) -> str:
     """A page with the text between two markers replaced.
 
     Raises:
@@ -28,5 +28,5 @@ def between(page: str, text: str, first: str, last: str) -> str:
 
 
 def write_between(path: Path, text: str, first: str, last: str) -> None:
-    """Replace the text between two markers of a file. Raises what `between` raises."""
-    write_text(path, between(path.read_text(encoding="utf-8"), text, first, last))
+    """Replace the text between two markers of a file. Raises what `replace_between` raises."""
+    write_text(path, replace_between(path.read_text(encoding="utf-8"), text, first, last))

@@ -194,11 +194,11 @@ def refrigerator(rng: np.random.Generator) -> Piece:
         start = high - 0.08 - reach if high < height else low + 0.08
         parts.append(block(own, grip, (side - 0.012, depth, start), (side + 0.012, depth + 0.035, start + reach)))
     if rng.random() < 0.4:
-        parts += notes(rng, own, (0.12, width - 0.2), (split + 0.1, height - 0.2), depth, smallest=0.04, most=5)
+        parts += fridge_notes(rng, own, (0.12, width - 0.2), (split + 0.1, height - 0.2), depth, smallest=0.04, most=5)
     return Piece("refrigerator", (width, depth + 0.035, height), tuple(parts))
 
 
-def notes(
+def fridge_notes(
     rng: np.random.Generator, label: int, across: Range, upwards: Range, y: float, smallest: float, most: int
 ) -> list[Part]:
     """One to `most` pictures on a door at depth y, with their lower left corners in two ranges [m]."""

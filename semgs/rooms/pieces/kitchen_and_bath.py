@@ -6,7 +6,7 @@ import numpy as np
 
 from semgs.data.tables.classes import IGNORE
 from semgs.rooms.pieces import materials as m
-from semgs.rooms.pieces.fittings import basin, notes, tap
+from semgs.rooms.pieces.fittings import basin, fridge_notes, tap
 from semgs.rooms.pieces.furniture import LABEL, Front, fronts
 from semgs.rooms.pieces.materials import Material, Range
 from semgs.rooms.pieces.solids import CYLINDER, Part, Piece, Triple, block, post, ring
@@ -16,7 +16,7 @@ CLEAR = 0.45
 """Share of glazed doors through which one looks without any reflection."""
 
 
-def refrigerator(rng: np.random.Generator) -> Piece:
+def home_refrigerator(rng: np.random.Generator) -> Piece:
     """One to four doors and drawers in steel, black, white or a colour, with bars, recessed grips or none; 0.8 to 2 m high."""
     own, skin = LABEL["refrigerator"], _sheet(rng)
     body = skin if rng.random() < 0.5 else _enamel(rng, (0.02, 0.5))
@@ -64,7 +64,7 @@ def refrigerator(rng: np.random.Generator) -> Piece:
         parts.append(block(own, dark, (x, face, z), (x + 0.18, face + 0.003, z + 0.32)))
         parts.append(block(own, grip, (x + 0.01, face + 0.003, z + 0.23), (x + 0.17, face + 0.006, z + 0.31)))
     if rng.random() < 0.35:
-        parts += notes(rng, own, (0.1, width - 0.22), (0.6 * height, height - 0.2), face, smallest=0.03, most=6)
+        parts += fridge_notes(rng, own, (0.1, width - 0.22), (0.6 * height, height - 0.2), face, smallest=0.03, most=6)
     return Piece("refrigerator", (width, face + 0.05, height), tuple(parts), surface=height if height < 1.2 else None)
 
 
@@ -114,7 +114,7 @@ def _grip(
     return [*posts, block(label, metal, (x - 0.012, face + 0.03, low), (x + 0.012, face + 0.05, low + reach))]
 
 
-def island(rng: np.random.Generator) -> Piece:
+def home_island(rng: np.random.Generator) -> Piece:
     """A kitchen island, all of it counter: panels or drawers, a worktop that may overhang at the back, run down the ends or hold a
     sink or a hob."""
     own, body = LABEL["counter"], m.carpentry(rng) if rng.random() < 0.5 else m.lacquer(rng)

@@ -23,8 +23,8 @@ def _choose_from(*makers: Maker) -> Maker:
     return lambda rng: makers[int(rng.integers(len(makers)))](rng)
 
 
-FRIDGE = _choose_from(kitchen_and_bath.refrigerator, kitchen_and_bath.refrigerator, fittings.refrigerator)
-ISLAND = _choose_from(kitchen_and_bath.island, kitchen_and_bath.island, fittings.island)
+FRIDGE = _choose_from(kitchen_and_bath.home_refrigerator, kitchen_and_bath.home_refrigerator, fittings.refrigerator)
+ISLAND = _choose_from(kitchen_and_bath.home_island, kitchen_and_bath.home_island, fittings.island)
 WARDROBE = _choose_from(cloth.canvas_wardrobe, fittings.cabinet, fittings.cabinet)
 SOFA = _choose_from(furniture.sofa, furniture.sofa, cloth.corner_sofa)
 SIDEBOARD = _choose_from(kitchen_and_bath.vitrine, fittings.sideboard)

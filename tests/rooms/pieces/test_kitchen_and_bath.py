@@ -22,7 +22,7 @@ def forty(maker):
 
 
 def test_refrigerators_are_small_to_wide_and_black_to_white():
-    fridges = forty(kitchen_and_bath.refrigerator)
+    fridges = forty(kitchen_and_bath.home_refrigerator)
     widths, depths, heights = np.array([piece.size for piece in fridges]).T
     assert 0.45 <= widths.min() < 0.56
     assert 0.8 < widths.max() <= 0.96
@@ -41,7 +41,7 @@ def test_refrigerators_are_small_to_wide_and_black_to_white():
 def test_doors_of_a_refrigerator_have_gaps_of_4_mm():
     """The widest doors above each other leave 4 mm between the lower and the upper one."""
     gaps = []
-    for piece in forty(kitchen_and_bath.refrigerator):
+    for piece in forty(kitchen_and_bath.home_refrigerator):
         doors = [part for part in piece.parts[3:] if part.size[0] > 0.7 * piece.size[0]]
         for lower, upper in pairwise(doors):
             gaps.append(upper.centre[2] - upper.size[2] / 2 - lower.centre[2] - lower.size[2] / 2)
@@ -50,7 +50,7 @@ def test_doors_of_a_refrigerator_have_gaps_of_4_mm():
 
 
 def test_a_robot_that_passes_an_island_at_40_cm_height_sees_a_counter():
-    for piece in forty(kitchen_and_bath.island):
+    for piece in forty(kitchen_and_bath.home_island):
         width, depth, _ = piece.size
         label, distance = Standing(piece).hit((width / 2, depth + 0.5, 0.4), TOWARDS_THE_BACK)
         assert label == LABEL["counter"]

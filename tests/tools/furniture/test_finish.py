@@ -14,16 +14,16 @@ from tools.furniture import surfaces as s
 from tools.furniture.books import books_on, compartments
 from tools.furniture.cloth import PATTERNS, cloth_picture
 from tools.furniture.finish import finish
-from tools.furniture.kinds import KINDS, Job, Make
+from tools.furniture.kinds import KINDS, Make, PieceJob
 from tools.furniture.raw import Incomplete, RawMesh, check_complete
 from tools.furniture.surfaces import Surface
-from tools.furniture.tints import Tint, tinted
+from tools.furniture.tints import Tint, apply_tints
 
 RNG = np.random.default_rng
 
 
-def job(kind: str, number: int = 0) -> Job:
-    return Job(f"bake_{kind}_0_{number}", kind, number, 0, KINDS[kind].makes(RNG(number)))
+def job(kind: str, number: int = 0) -> PieceJob:
+    return PieceJob(f"bake_{kind}_0_{number}", kind, number, 0, KINDS[kind].makes(RNG(number)))
 
 
 def cuboid(low: tuple, high: tuple, name: str = "x") -> Surface:
@@ -165,10 +165,10 @@ def test_materials_are_tinted_by_name_each_where_its_triangles_are(piece):
         faces=np.zeros((3, 3), np.int32), materials=("shader_Wood.001", "brushed_metal"),
         picture=np.full((40, 60, 3), (10, 90, 40), np.uint8),
     )  # fmt: skip
-    result = tinted(mesh, [Tint(("metal",), (200, 201, 202), 0.5), Tint(("wood",), (120, 80, 40), 0.5)])
+    result = apply_tints(mesh, [Tint(("metal",), (200, 201, 202), 0.5), Tint(("wood",), (120, 80, 40), 0.5)])
     np.testing.assert_allclose(result[20, 10], [120, 80, 40], atol=1)
     np.testing.assert_allclose(result[38, 55], [200, 201, 202], atol=1)
-    kept = tinted(mesh, [Tint(("metal",), (200, 201, 202), 0.5)])
+    kept = apply_tints(mesh, [Tint(("metal",), (200, 201, 202), 0.5)])
     assert kept[20, 10].tolist() == [10, 90, 40]
 
 

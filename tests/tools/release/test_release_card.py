@@ -13,7 +13,7 @@ from semgs.files.errors import InputError
 from semgs.model.weights.header_scores import Figure, read_scores
 from semgs.model.weights.index import read_index, shipped_folder
 from tools.release.card import BEGIN, END, reduced, tables
-from tools.release.pages import CARD, SCORES, between
+from tools.release.pages import CARD, SCORES, replace_between
 from tools.release.ship import known_scores, scores_of
 
 REPORTS = sorted(SCORES.glob("*.json"))
@@ -28,7 +28,7 @@ def content() -> dict:
 def test_the_tables_of_the_card_are_those_of_the_reports_beside_it():
     card = CARD.read_text(encoding="utf-8")
     assert REPORTS
-    assert between(card, tables(SCORES), BEGIN, END) == card, "run python -m tools.release card"
+    assert replace_between(card, tables(SCORES), BEGIN, END) == card, "run python -m tools.release card"
 
 
 @pytest.mark.parametrize("path", REPORTS, ids=lambda path: path.stem)
@@ -70,11 +70,11 @@ def test_a_reduced_report_says_the_same_in_total_and_nothing_of_single_targets(c
 @pytest.mark.parametrize("page", ["", BEGIN, f"{END}\n{BEGIN}", f"{BEGIN}{END}{BEGIN}{END}", f"{BEGIN}{BEGIN}{END}"])
 def test_a_page_without_its_marks_is_refused(page: str):
     with pytest.raises(ValueError, match="once each"):
-        between(page, "", BEGIN, END)
+        replace_between(page, "", BEGIN, END)
 
 
 def test_what_stands_around_the_marks_stays():
-    assert between(f"a\n{BEGIN}\nold\n{END}\nb", "new", BEGIN, END) == f"a\n{BEGIN}\n\nnew\n\n{END}\nb"
+    assert replace_between(f"a\n{BEGIN}\nold\n{END}\nb", "new", BEGIN, END) == f"a\n{BEGIN}\n\nnew\n\n{END}\nb"
 
 
 def test_reports_of_predictions_have_no_scores_of_weights(content: dict, tmp_path: Path):
