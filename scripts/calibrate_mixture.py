@@ -27,6 +27,7 @@ from semgs.evaluation.scoring.confidence_calibration import (
     measure_temperature,
     sample_statements,
 )
+from semgs.geometry.cameras import Cameras
 from semgs.model.encode import encode
 from semgs.model.semgs import SemGS
 from semgs.model.weights.header_temperatures import KEY, temperatures_text
@@ -47,12 +48,11 @@ def statements_of_photos(photos: Scene, network: SemGS, seed: int = 0) -> dict[s
         view = photos.read([index], default_size(frame.lens.size))
         beside = view.cameras.world_from_camera.clone()
         beside[..., 0, 3] += BASELINE
-        moved = view.changed(cameras=view.cameras.__class__(beside, view.cameras.intrinsics, view.size))
+        moved = view.changed(cameras=Cameras(beside, view.cameras.intrinsics, view.size))
         encoding = encode(network, joined([view, moved])).encoding
         rendered = encoding.render(view.cameras).semantics
         assert rendered is not None
-        assert view.labels is not None
-        labels = [view.labels[0]]
+        labels = [None if view.labels is None else view.labels[0]]
         found["rendered"] += sample_statements(rendered, labels, PIXELS, generator)
         found["gaussians"] += sample_statements(encoding.class_maps()[:1], labels, PIXELS, generator)
     return {kind: _joined(parts) for kind, parts in found.items()}

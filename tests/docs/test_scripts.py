@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from image_sets import random_numbers, write_image_set
 
 from semgs.cli.main import main
 from semgs.rooms.sets.dataset import Recipe, write_dataset
@@ -15,6 +16,7 @@ from semgs.rooms.sets.demo_room import demo_scene
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 
 RUNS = {
+    "calibrate_mixture": (("small", "{out}.safetensors", "{rooms}", "{photos}"), "\ngaussians photos: temperature "),
     "fusion_table": (("small", "{rooms}", "1"), "| 4 | 0% |"),
     "locate_depth_errors": (("small", "{rooms}"), "| all | 100% |"),
     "more_views": (("{evaluation}",), " targets in 2 scenes"),
@@ -54,6 +56,12 @@ def evaluation(rooms: Path) -> Path:
     return out
 
 
+@pytest.fixture(scope="module")
+def photos(rooms: Path) -> Path:
+    images = {f"{k}": random_numbers(k, (96, 128)) for k in range(2)}
+    return write_image_set(rooms.parent / "photos", images)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("name", RUNS)
 def test_it_runs_with_the_included_weights(
@@ -63,7 +71,7 @@ def test_it_runs_with_the_included_weights(
     if name == "teach":
         pytest.importorskip("ai_edge_litert")
     places = {"rooms": rooms, "room": demo_scene(), "out": tmp_path / "out"}
-    for fixture in ("evaluation", "shared"):
+    for fixture in ("evaluation", "photos", "shared"):
         if any(f"{{{fixture}}}" in one for one in arguments):
             places[fixture] = request.getfixturevalue(fixture)
     command = [sys.executable, str(SCRIPTS / f"{name}.py"), *[one.format(**places) for one in arguments]]
