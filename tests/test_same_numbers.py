@@ -12,7 +12,7 @@ import pytest
 from semgs.model.weights.load import load
 from semgs.rooms.sets.demo_room import demo_scene
 from semgs.training.loop import train
-from semgs.training.presets import small
+from semgs.training.presets import small_plain
 from semgs.training.run.execution import Execution
 
 
@@ -34,7 +34,7 @@ def test_four_steps_of_small_lead_where_they_always_led(tmp_path: Path):
     Rounding grows from step to step: instruction sets and numbers of threads differ by up to 0.1 % after four steps, and by 0.6 % after twenty.
     """
     settings = replace(
-        small(), steps=4, size=(32, 48), batch=2, contexts=(2, 2), targets=1, validation_scenes=0, data=(str(demo_scene()),)
+        small_plain(), steps=4, size=(32, 48), batch=2, contexts=(2, 2), targets=1, validation_scenes=0, data=(str(demo_scene()),)
     )  # fmt: skip
     train(settings, tmp_path / "run", Execution(workers=0))
     last = json.loads((tmp_path / "run" / "log.jsonl").read_text().splitlines()[-1])

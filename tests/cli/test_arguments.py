@@ -43,7 +43,7 @@ def test_a_wrong_value_is_told_alone_on_one_line(encoding: str):
         ),
         ("train --out run small --step 3", "no option --step; did you mean --steps?"),
         ("train --out run small --steps 0", "steps is 0"),
-        ("train smal --out run", "Unrecognized options: smal; Available subcommands: small, base, paper"),
+        ("train smal --out run", "Unrecognized options: smal; Available subcommands: small, small_plain, base"),
         ("reconstruct scene --out out --quux 3", "Unrecognized options: --quux, 3"),
         ("recontruct scene --out out", "unknown command 'recontruct'; did you mean reconstruct?"),
     ],

@@ -119,4 +119,4 @@ def test_weights_say_which_network_they_are_for(typed: str, network: str, weight
     words = ["scene", "--out", "out", *typed.replace("FILE", str(file)).split()]
     options = parse(Reconstruct, "semgs reconstruct", words)
     expected = (network.replace("FILE", str(file)), weights and weights.replace("FILE", str(file)))
-    assert options._named() == expected
+    assert options._network_and_weights() == expected

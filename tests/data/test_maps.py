@@ -37,9 +37,9 @@ def pixels(lens: Lens = LENS) -> Pixels:
 
 def test_a_map_is_cropped_and_resized_as_the_picture_is(tmp_path):
     """Of 4x6, a square is the middle four columns; halved, each pixel takes the old one at its centre: the second of two."""
-    view = frame(tmp_path, depth=InMemory(NUMBERS)).read(RANGE, size=(2, 2), fit="crop")
+    view = frame(tmp_path, depth=InMemory(NUMBERS)).view(RANGE, size=(2, 2), fit="crop")
     assert view.depths[0].tolist() == [[8, 10], [20, 22]]
-    stretched = frame(tmp_path, depth=InMemory(NUMBERS)).read(RANGE, size=(2, 3))
+    stretched = frame(tmp_path, depth=InMemory(NUMBERS)).view(RANGE, size=(2, 3))
     assert stretched.depths[0].tolist() == [[7, 9, 11], [19, 21, 23]]
 
 
@@ -49,7 +49,7 @@ def test_a_mask_hides_depth_and_labels_of_any_source(tmp_path):
     cv2.imwrite(str(tmp_path / "mask.png"), mask)
     labels = InMemory(np.full((4, 6), 3, np.uint8))
     masked = frame(tmp_path, depth=InMemory(NUMBERS + 1), labels=labels, mask=MaskMap(tmp_path / "mask.png"))
-    view = masked.read(RANGE, SCANNET20)
+    view = masked.view(RANGE, SCANNET20)
     assert view.depths[0, 1:3].tolist() == [[0] * 6, [13, 14, 15, 16, 17, 18]]
     assert view.labels[0, :, 0].tolist() == [255, 255, 3, 3]
     assert masked.measured()[0, 5] == 6  # what was measured is not changed by what may be looked at
@@ -77,9 +77,9 @@ def test_depth_of_another_lens_is_what_each_ray_meets(tmp_path):
 def test_a_map_of_another_size_than_its_picture_is_refused(tmp_path):
     cv2.imwrite(str(tmp_path / "d.png"), np.ones((4, 5), np.uint16))
     with pytest.raises(InputError, match=r"6x4 pixels .*, the size of its image, found 5x4"):
-        frame(tmp_path, depth=DepthMap(tmp_path / "d.png")).read(RANGE)
+        frame(tmp_path, depth=DepthMap(tmp_path / "d.png")).view(RANGE)
     with pytest.raises(ValueError, match=r"the map is \(2, 3\) .* expected \(4, 6\)"):
-        frame(tmp_path, depth=InMemory(np.ones((2, 3), np.float32))).read(RANGE)
+        frame(tmp_path, depth=InMemory(np.ones((2, 3), np.float32))).view(RANGE)
 
 
 def test_a_class_of_the_data_package_is_abstract_or_nobody_derives_from_it():

@@ -51,6 +51,7 @@ SMALLER = {
     "ablate": "--steps 1 --size 32x48 --views 2 --workers 0 --test val24",
     "bench": "--quick",
     "evaluate": "--size 48x64 --views 2",
+    "evaluate --single": "--size 48x64",
     "figure": "--size 48x64 --views 2",
     "label": "--size 48x64",
     "prepare": "--size 48x64 --workers 0",
@@ -218,7 +219,7 @@ def run_semgs(words: Sequence[str]) -> None:
     if name == "view" and "--html" not in rest:
         view(rest)
         return
-    rest = [SMALLER_LISTS.get(word, word) for word in smaller(rest, SMALLER.get(name, ""))]
+    rest = [SMALLER_LISTS.get(word, word) for word in smaller(rest, SMALLER.get(f"{name} --single" if "--single" in rest else name, ""))]
     if "camera_path.json" in rest:  # it says how many frames there are
         del rest[rest.index("--frames") :]
     if name == "rooms" and "--sheet" in rest:

@@ -15,14 +15,18 @@ from pathlib import Path
 from typing import Any
 
 WARM = {
-    "train": ("semgs.training.loop", "semgs.cli.commands.scenes.reconstruct", "torch.utils.tensorboard"),
+    "train": (
+        "semgs.training.loop", "semgs.cli.commands.networks.train", "semgs.cli.commands.scenes.reconstruct", "torch.utils.tensorboard",
+    ),
     "reconstruct": (
+        "semgs.cli.commands.scenes.reconstruct",
         "semgs.reconstruction.output.files", "semgs.reconstruction.pipeline", "semgs.export.ply", "semgs.scene.scene_file",
         "semgs.rendering.render", "semgs.model.weights.load",
     ),
-    "rooms": ("semgs.rooms.sets.dataset",),
-    "prepare": ("semgs.data.preparation.prepared_set",),
-    "export": ("semgs.scene.scene_file", "semgs.export.ply", "semgs.export.points", "semgs.export.gltf", "semgs.export.colmap"),
+    "rooms": ("semgs.cli.commands.scenes.rooms", "semgs.rooms.sets.dataset"),
+    "prepare": ("semgs.cli.commands.scenes.prepare", "semgs.data.preparation.prepared_set"),
+    "export": (
+        "semgs.cli.commands.scenes.export", "semgs.scene.scene_file", "semgs.export.ply", "semgs.export.points", "semgs.export.gltf", "semgs.export.colmap"),
 }  # fmt: skip
 """Imported before the first fork, for each command. None computes anything, so children start threads of their own."""
 
@@ -31,7 +35,7 @@ def warm(names: Iterable[str]) -> None:
     """Import what some commands and all cases need."""
     own = ("semgs.cli.main", "semgs.rooms.sets.room_scenes", "semgs.scene.scene_file", "semgs.training.run.checkpoints")
     for name in names:
-        for module in (*own, f"semgs.cli.{name}", *WARM[name]):
+        for module in (*own, *WARM[name]):
             import_module(module)
 
 

@@ -155,7 +155,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Rendering]:
     for name, module in (("gsplat", package), ("gsplat.cuda", types.ModuleType("gsplat.cuda"))):
         monkeypatch.setitem(sys.modules, name, module)
     monkeypatch.setitem(sys.modules, "gsplat.cuda._backend", backend)
-    monkeypatch.setattr(door, "_backend", lambda name, means: (gsplat_backend, torch.device("cpu")))
+    monkeypatch.setattr(door, "_choose_backend", lambda name, means: (gsplat_backend, torch.device("cpu")))
     return render
 
 
@@ -173,7 +173,7 @@ def test_what_gsplat_is_given_draws_the_reference(
 def reference_rendering(gaussians: Gaussians, cameras: Cameras, near: float | Tensor | None) -> Rendering:
     """The reference's, past the replaced choice of a back-end."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(door, "_backend", lambda name, means: (reference, torch.device("cpu")))
+        patch.setattr(door, "_choose_backend", lambda name, means: (reference, torch.device("cpu")))
         return render(gaussians, cameras, background=BACKGROUND, near=near)
 
 
@@ -212,9 +212,9 @@ def test_a_compiler_or_gsplat_itself_does_not_make_the_cpu_draw_with_it(random_s
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
     monkeypatch.setattr(door, "find_spec", lambda name: object())
     means = random_scene(6)[0].means
-    assert door._backend("auto", means.float()) == (numba_backend, torch.device("cpu"))
+    assert door._choose_backend("auto", means.float()) == (numba_backend, torch.device("cpu"))
     with pytest.raises(ValueError, match=r"backend is 'gsplat' but means is torch.float32 on cpu; expected"):
-        door._backend("gsplat", means.float())
+        door._choose_backend("gsplat", means.float())
 
 
 class OnCuda(Tensor):
@@ -233,13 +233,13 @@ def test_gaussians_on_cuda_are_drawn_there_if_gsplat_is_installed_and_they_are_n
     monkeypatch.setattr(door, "find_spec", lambda name: object())
     on_the_cpu = (numba_backend, torch.device("cpu"))
     for dtype in (torch.float32, torch.bfloat16, torch.float16):
-        assert door._backend("auto", OnCuda(dtype)) == (gsplat_backend, torch.device("cuda", 1))
-    assert door._backend("auto", OnCuda(torch.float64)) == on_the_cpu
+        assert door._choose_backend("auto", OnCuda(dtype)) == (gsplat_backend, torch.device("cuda", 1))
+    assert door._choose_backend("auto", OnCuda(torch.float64)) == on_the_cpu
     monkeypatch.setattr(door, "find_spec", lambda name: None)
     with pytest.warns(UserWarning, match=r"rendered on the CPU, because gsplat is not installed; pip install"):
-        assert door._backend("auto", OnCuda(torch.float32)) == on_the_cpu
+        assert door._choose_backend("auto", OnCuda(torch.float32)) == on_the_cpu
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    assert door._backend("auto", OnCuda(torch.float32)) == on_the_cpu
+    assert door._choose_backend("auto", OnCuda(torch.float32)) == on_the_cpu
 
 
 def test_what_is_missing_is_named(monkeypatch) -> None:

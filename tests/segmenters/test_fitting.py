@@ -122,7 +122,7 @@ def test_a_fit_is_written_and_read_again(tmp_path: Path):
         ("theirs", ["one"], "table is"),
         ("votes", {"theirs": [1], "own": [1], "bias": [1]}, "votes are not of 2 classes"),
         ("votes", {"theirs": [1, 1]}, "TypeError"),
-        ("classes", {}, "KeyError"),
+        ("classes", {}, "name: missing"),
     ],
 )
 def test_a_damaged_fit_is_refused(tmp_path: Path, key: str, value: object, told: str):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, final
+from typing import Any, final
 
 import cv2
 import numpy as np
@@ -28,8 +28,6 @@ class FisheyeLens(AbstractLens):
 
     fisheye: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     as_toolbox: bool = False
-
-    _model: ClassVar[Any] = cv2.fisheye
 
     @property
     def coefficients(self) -> tuple[float, ...]:
@@ -58,6 +56,11 @@ class FisheyeLens(AbstractLens):
     def invents_nothing(self) -> bool:
         """The toolbox allows unseen pixels."""
         return not self.as_toolbox
+
+    @property
+    def _model(self) -> Any:
+        """The fisheye functions."""
+        return cv2.fisheye
 
     @property
     def _half(self) -> float:

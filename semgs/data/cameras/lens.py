@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar, final
+from typing import Any, final
 
 import cv2
 import numpy as np
@@ -48,9 +48,6 @@ class AbstractLens(ABC):
     focal: tuple[float, float]
     centre: tuple[float, float]
 
-    _model: ClassVar[Any] = cv2
-    """OpenCV's functions for this model of distortion."""
-
     def __post_init__(self) -> None:
         if min(self.size) < 1 or not min(self.focal) > 0:
             raise ValueError(
@@ -91,9 +88,19 @@ class AbstractLens(ABC):
         """K [3 3] of the images after undistortion, at the same size [px]."""
 
     @property
+    @abstractmethod
     def invents_nothing(self) -> bool:
         """Whether every undistorted pixel has to come from a pixel of the stored image."""
-        return True
+
+    @property
+    @abstractmethod
+    def _model(self) -> Any:
+        """OpenCV's functions for this model of distortion."""
+
+    @property
+    @abstractmethod
+    def _half(self) -> float:
+        """Our pixel positions minus those passed to OpenCV [px]."""
 
     def directions(self, positions: np.ndarray) -> np.ndarray:
         """Directions in the camera [n 3], z = 1, of positions [n 2] in the stored image [px]."""
@@ -115,11 +122,6 @@ class AbstractLens(ABC):
     def _opencv_matrix(self) -> np.ndarray:
         """K as passed to OpenCV."""
         return matrix(self.focal, (self.centre[0] - self._half, self.centre[1] - self._half))
-
-    @property
-    def _half(self) -> float:
-        """Our pixel positions minus those passed to OpenCV [px]."""
-        return HALF
 
     def maps(self) -> tuple[np.ndarray, np.ndarray]:
         """For every undistorted pixel its (x, y) in the stored image, in OpenCV's positions, float32 [h w] each."""
@@ -161,6 +163,21 @@ class Lens(AbstractLens):
     """
 
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def invents_nothing(self) -> bool:
+        """True."""
+        return True
+
+    @property
+    def _model(self) -> Any:
+        """The radial-tangential functions."""
+        return cv2
+
+    @property
+    def _half(self) -> float:
+        """Half a pixel."""
+        return HALF
 
     @property
     def coefficients(self) -> tuple[float, ...]:

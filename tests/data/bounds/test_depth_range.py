@@ -119,7 +119,7 @@ def test_the_fox_is_between_near_and_far(shared, asked):
 def test_a_choice_has_the_range_of_its_contexts_and_no_frame_is_looked_at_twice(shared, monkeypatch, count):
     fox, looked = open_scene(shared / "data" / "fox"), []
     monkeypatch.setattr(
-        "semgs.data.bounds.depth_range.seen", lambda frame: looked.append(frame.name) or find_features(frame)
+        "semgs.data.bounds.depth_range.find_features", lambda frame: looked.append(frame.name) or find_features(frame)
     )
     choice = choose(fox, count)
     assert len(looked) == len(set(looked))

@@ -58,7 +58,7 @@ def test_a_download_becomes_weights_a_table_beside_the_papers_and_a_figure(
     command("prepare", scans, data, "--scenes", tmp_path / "train.txt", "--size", "48x64", "--workers", 0)
     command("train", *TRAIN.split(), "--steps", 1, "--data", data, "--out", tmp_path / "run")
     weights = tmp_path / "run/weights.safetensors"
-    assert trained_scenes(weights) == ("scene0001_00",)
+    assert trained_scenes(weights) == ("learned", "scene0001_00")
     told = ("--data", scans, "--scenes", tmp_path / "test.txt", "--protocol", "peers", "--size", "48x64")
     with pytest.warns(TermsWarning, match="ScanNet Terms of Use"):
         command("evaluate", weights, *told, "--views", 2, "--out", tmp_path / "eval")

@@ -121,8 +121,8 @@ def test_rooms_that_semgs_drew_leave_no_names(tmp_path: Path):
     assert scenes_of(tmp_path / "data.json") == ("cellar", "attic", "hall")
 
 
-def test_weights_that_saw_no_files_name_none(tmp_path: Path):
-    assert trained_scenes("small") == ()
+def test_weights_name_the_scenes_that_they_saw(tmp_path: Path):
+    assert trained_scenes("small") == ("learned",)  # the folder of labelled photos
     save(tmp_path / "odd.safetensors", load("small_plain", "random"), {"scenes": '{"a": 1}'})
     assert "scenes" in read_header(tmp_path / "odd.safetensors").metadata
     with pytest.raises(InputError, match=r"odd\.safetensors: scenes: expected a list of names"):
