@@ -95,10 +95,10 @@ release: setup
 	scripts/release.sh
 
 fuzz: setup
-	PYTHONPATH=tests $(BIN)/python -m fuzz $(FUZZ)
+	PYTHONPATH=tests:tests/support $(BIN)/python -m fuzz $(FUZZ)
 
 faults: setup
-	PYTHONPATH=.:tests $(BIN)/python -m faults $(FAULTS)
+	PYTHONPATH=.:tests:tests/support $(BIN)/python -m faults $(FAULTS)
 
 check: setup
 	$(BIN)/ruff format --check .

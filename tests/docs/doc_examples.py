@@ -219,7 +219,8 @@ def run_semgs(words: Sequence[str]) -> None:
     if name == "view" and "--html" not in rest:
         view(rest)
         return
-    rest = [SMALLER_LISTS.get(word, word) for word in smaller(rest, SMALLER.get(f"{name} --single" if "--single" in rest else name, ""))]
+    options = SMALLER.get(f"{name} --single" if "--single" in rest else name, "")
+    rest = [SMALLER_LISTS.get(word, word) for word in smaller(rest, options)]
     if "camera_path.json" in rest:  # it says how many frames there are
         del rest[rest.index("--frames") :]
     if name == "rooms" and "--sheet" in rest:

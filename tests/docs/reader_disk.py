@@ -19,6 +19,7 @@ import scannet_writer
 import tiny_models
 import torch
 from golden import golden_tensor
+from image_sets import random_numbers, write_image_set
 from safetensors import safe_open
 from safetensors.torch import save_file
 
@@ -74,6 +75,8 @@ def build(disk: Path) -> None:
         write_views(disk / scene, views)
     bags.robot(miniatures.miniature()).write(disk / "recording")
     pycolmap_photos.take(disk / "photos", pycolmap_photos.poses_of(4))
+    for name in ("labelled_photos", "photos_kept_back"):
+        write_image_set(disk / name, {f"{k}": random_numbers(k, (48, 64)) for k in range(2)})
     _write_for_the_short_reader(disk / "mine" / "kitchen")
     example_pictures.write_for_the_new_reader(disk / "mine" / "hall", open_scene(demo_scene()))
     for name in SCANS:
@@ -105,7 +108,7 @@ def _write_networks(disk: Path) -> None:
         disk / "segformer.onnx", weight, np.zeros(2), shape=(1, 3, "height", "width"), outputs={"logits": "float32"}
     )
     (disk / "segformer.json").write_text(json.dumps(described))
-    for run in ("runs/small", "runs/scannet", "work/runs/scannet", "work/ablation/seed_0/camera/run"):
+    for run in ("runs/small", "runs/photos", "runs/scannet", "work/runs/scannet", "work/ablation/seed_0/camera/run"):
         (disk / run).mkdir(parents=True)
         shutil.copy(shipped_folder() / "small.safetensors", disk / run / "weights.safetensors")
 

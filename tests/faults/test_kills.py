@@ -30,7 +30,11 @@ def test_an_export_survives_a_few_faults_of_every_kind_and_a_second_call_has_not
         "--folder",
         str(tmp_path),
     ]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(TESTS.parent), str(TESTS))), "OMP_NUM_THREADS": "1"}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(map(str, (TESTS.parent, TESTS, TESTS / "support"))),
+        "OMP_NUM_THREADS": "1",
+    }
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr
     kinds = {file.name.rsplit("_export", 1)[0] for file in tmp_path.glob("*_export*.json")}
