@@ -306,7 +306,7 @@ def test_training_and_validation_rooms_take_different_assets(tmp_path, monkeypat
     )
     data = run_data(settings, tmp_path)
     run_portions(settings, Path("unused"), data=data)
-    validation_batches(settings, data)
+    validation_batches(settings, data.classes)
     assert splits == {settings.seed: "training", VALIDATION_SEED: "validation"}
 
 

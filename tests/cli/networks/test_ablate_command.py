@@ -48,7 +48,7 @@ def trained(monkeypatch) -> list[tuple[str, TrainingSettings]]:
     monkeypatch.setattr("semgs.evaluation.scoring.intervals.RESAMPLES", 100)
     monkeypatch.setattr("semgs.evaluation.run.evaluation_page", lambda *given: "")
     monkeypatch.setattr("semgs.training.loop.train", train)
-    monkeypatch.setattr("semgs.training.run.run_folder.finished", lambda run: (run / "weights.safetensors").exists())
+    monkeypatch.setattr("semgs.training.run.run_folder.is_finished", lambda run: (run / "weights.safetensors").exists())
     return runs
 
 
