@@ -113,10 +113,10 @@ def test_processes_exchange_the_gradient_of_all_pieces_and_once(network, batch, 
 @pytest.mark.long
 @pytest.mark.parametrize("supervision", ["rendered", "depth"])
 def test_two_processes_that_share_a_step_have_the_gradient_of_one(supervision: str):
-    tests = Path(__file__).resolve().parent
-    path = os.pathsep.join([str(tests.parent.parent), str(tests.parent), str(tests)])
+    tests = Path(__file__).resolve().parents[1]
+    path = os.pathsep.join([str(tests.parent), str(tests / "support")])
     told = subprocess.run(
-        [sys.executable, str(tests / "two_processes.py"), supervision],
+        [sys.executable, str(tests / "support" / "two_processes.py"), supervision],
         env={**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"},
         capture_output=True, text=True, check=True, timeout=280,
     ).stdout  # fmt: skip
