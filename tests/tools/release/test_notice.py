@@ -32,14 +32,14 @@ def test_works_that_ask_for_it_are_named_once_each_by_licence_and_author():
 
 def test_photos_are_named_by_licence_with_what_leads_to_their_authors():
     listed = [
-        {"set": "coco_permissive", "path": "a/9.jpg", "licence_id": 5, "flickr_url": "http://farm/9.jpg"},
+        {"set": "coco_permissive", "path": "a/9.jpg", "licence_id": 5, "flickr_url": "http://photos.example/9.jpg"},
         {"set": "openimages_doordetect", "path": "images/b2.jpg"},
         {"set": "polyhaven_hdri_crops", "path": "hdri/c.hdr"},
         {"set": "openimages_doordetect", "path": "images/a1.jpg"},
     ]
     assert photos(listed).removeprefix(PHOTOS).splitlines() == [
         "", "CC BY 2.0, Open Images V4, by way of MiguelARD/DoorDetect-Dataset (2 photos)", "  a1 b2",
-        "", "CC BY-SA 2.0, COCO", "  - http://farm/9.jpg",
+        "", "CC BY-SA 2.0, COCO", "  - http://photos.example/9.jpg",
     ]  # fmt: skip
 
 
