@@ -166,6 +166,7 @@ def load_candidate(
     name: str = "",
     labelling: Callable[[Scene], Labelling] | None = None,
     nearest: int | None = None,
+    passes: int = 0,
 ) -> Candidate:
     """Weights to evaluate.
 
@@ -176,6 +177,7 @@ def load_candidate(
         name: in tables; by default that of the network.
         labelling: gives the Gaussians of a scene their classes, instead of the network; the network then needs none.
         nearest: render each target with the Gaussians of only so many input views, the nearest; None for all.
+        passes: refine the Gaussians with so many steps for each input view; 0 for none.
 
     Raises:
         ValueError: there are no included weights of that name, or `nearest` is not positive.
@@ -183,7 +185,7 @@ def load_candidate(
     """
     model, subject = open_network(weights, None if labelling else classes, name)
     chosen = None if nearest is None else NearestViews(nearest, model.placer.shrink_seen)
-    return Candidate(NetworkMethod(model, device, subject.name, labelling, chosen), subject, device)
+    return Candidate(NetworkMethod(model, device, subject.name, labelling, chosen, passes), subject, device)
 
 
 def open_network(weights: str | Path, classes: ClassTable | None, name: str = "") -> tuple[SemGS, EvaluatedMethod]:

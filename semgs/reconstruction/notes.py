@@ -15,6 +15,7 @@ from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras, back_project, project
 from semgs.mapping.mapper import Mapper
 from semgs.model.memory.memory_plan import MemoryPlan
+from semgs.reconstruction.result import Refinement
 from semgs.reconstruction.sensor_depth import Placement
 from semgs.scene.upright import UpDirection
 from semgs.segmenters.features.scene_features import SceneFeatures
@@ -41,6 +42,7 @@ def collect_notes(
     plan: MemoryPlan | None,
     labelling: Labelling | None,
     features: SceneFeatures | None,
+    refinement: Refinement | None,
 ) -> tuple[str, ...]:
     """All notes on a reconstruction, in the order of the report.
 
@@ -48,7 +50,7 @@ def collect_notes(
         scene, choice, context: the source, the chosen frames, and the input views.
         classes: the class table of the Gaussians; None for a colour-only model.
         up: which way is up.
-        placement, plan, labelling, features: as for `Reconstruction`.
+        placement, plan, labelling, features, refinement: as for `Reconstruction`.
     """
     names = [scene.frames[position].name for position in choice.context]
     notes = [
@@ -78,6 +80,8 @@ def collect_notes(
         notes.append(
             "The model predicts colour only, so there are no class maps, no semantics.ply and no class scores."
         )
+    if refinement is not None:
+        notes.append(note_on_refinement(refinement))
     if not choice.targets:
         notes.append("No frame is held out, so the scores do not show how good new views are.")
     if placement is not None:
@@ -90,6 +94,16 @@ def collect_notes(
     if not up.certain:
         notes.append(f"Which way is up is uncertain ({up.reason}): if the PLY files are tilted, use semgs export --up.")
     return tuple(note for note in notes if note)
+
+
+def note_on_refinement(refinement: Refinement) -> str:
+    """What decided when refining stopped."""
+    passes, kept, check = refinement.passes, refinement.kept, refinement.check
+    if check is None:
+        return f"No frame was left to check the refinement, so it ran for all {passes} passes. New views may be worse than before."
+    if kept == 0:
+        return f"Refining made {check} worse, so the Gaussians are as the network placed them. This frame is not held out any more."
+    return f"Refining stopped after pass {kept} of {passes}, where {check} looks best. This frame is not held out any more."
 
 
 def notes_on_walk(mapper: Mapper, metric: bool) -> list[str]:

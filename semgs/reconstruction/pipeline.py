@@ -16,13 +16,14 @@ from semgs.model.encode import Network, encode
 from semgs.model.memory.memory_plan import MemoryPlan
 from semgs.reconstruction.notes import collect_notes
 from semgs.reconstruction.recording import Walk, map_walk
-from semgs.reconstruction.result import Reconstruction, RenderedViews, Role
+from semgs.reconstruction.result import Reconstruction, Refinement, RenderedViews, Role
 from semgs.reconstruction.scores import scores
 from semgs.reconstruction.sensor_depth import DepthSource, Placement, place_gaussians, read_measured
 from semgs.rendering.depth_spread import render_depth_spread
 from semgs.rendering.rendering import check_may_be_unknown, confidence_maps, label_maps
 from semgs.runtime.stopwatch import Stages
 from semgs.scene.encoding import Encoding
+from semgs.scene.refinement import refine_until
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import up_of
 from semgs.segmenters.features.scene_features import Featuring
@@ -130,6 +131,7 @@ def reconstruct(
     labelling: Labelling | None = None,
     featuring: Featuring | None = None,
     min_confidence: float = 0.0,
+    passes: int = 0,
     stages: Stages | None = None,
     notes: Sequence[str] = (),
 ) -> Reconstruction:
@@ -146,7 +148,9 @@ def reconstruct(
         labelling: gives the Gaussians their classes; None for those of the network.
         featuring: gives the Gaussians features; None for none.
         min_confidence: seen pixels with less are unknown in label maps; scores do not change.
-        stages: shows and times the stages read, encode, place, segment, merge, features and render.
+        passes: refine the Gaussians with so many steps for each photo; 0 leaves them as the network placed them. The first held-out frame then
+            decides when to stop, and is held out no longer.
+        stages: shows and times the stages read, encode, place, segment, merge, sharpen, features and render.
         notes: further notes for the user, a sentence each.
 
     Raises:
@@ -175,7 +179,13 @@ def reconstruct(
         with stages("read", f"Reading {count} frames at {height}x{width} (height x width)"):
             context, target = encoder.read(choice.context, choice.depth_range), encoder.read_target(choice)
         encoding = encoder.encode(choice.context, context, target)
-    # A stage that refines the Gaussians belongs here: the windows of a walk are merged, and nothing below moves a Gaussian.
+    refined, unrefined, check, check_name = None, encoding, None, None
+    if passes:
+        check_name, check, choice, target = _split_check(scene, choice, target)
+        count = passes * len(context)
+        with stages.steps("sharpen", f"Refining {len(encoding.gaussians):,} Gaussians in {count} steps", count) as done:
+            refined = refine_until(encoding, context, passes, check=check, moves=depth == "network", done=done)
+        encoding = refined.encoding
     features = None
     if featuring is not None:
         with stages("features", f"Features of {len(context)} photos from {featuring.source.title}"):
@@ -186,12 +196,21 @@ def reconstruct(
         rendered_target = None
         if target is not None:
             rendered_target = render_views("target", scene, choice.targets, target, encoding, min_confidence)
+        refinement = None
+        if refined is not None:
+            rendered = [part for part in (rendered_context, rendered_target) if part is not None]
+            before = [
+                render_views(part.role, scene, part.positions, part.views, unrefined, min_confidence)
+                for part in rendered
+            ]
+            refinement = Refinement(passes, refined.passes, check_name, refined.curve, tuple(before))
         saved = _saved_scene(scene, rendered_context, encoding, network.name, labelling)
         up = up_of(saved)
     placement, plan = encoder.placement(choice.context), encoder.plan
     own_notes = collect_notes(
-        scene, choice, context, classes, up, placement=placement, plan=plan, labelling=labelling, features=features
-    )
+        scene, choice, context, classes, up,
+        placement=placement, plan=plan, labelling=labelling, features=features, refinement=refinement,
+    )  # fmt: skip
     return Reconstruction(
         scene=scene,
         choice=choice,
@@ -207,6 +226,7 @@ def reconstruct(
         features=features,
         placement=placement,
         min_confidence=min_confidence,
+        refinement=refinement,
     )
 
 
@@ -240,6 +260,16 @@ def render_views(
         label_maps(rendering, min_confidence) if semantic else None,
         confidence_maps(rendering) if semantic else None,
     )
+
+
+def _split_check(
+    scene: Scene, choice: Choice, target: Views | None
+) -> tuple[str | None, Views | None, Choice, Views | None]:
+    """The first held-out frame, by name and as a view; and the choice and the held-out views without it."""
+    if target is None:
+        return None, None, choice, None
+    rest = target.select(range(1, len(target))) if len(target) > 1 else None
+    return scene.frames[choice.targets[0]].name, target.select([0]), replace(choice, targets=choice.targets[1:]), rest
 
 
 def _saved_scene(

@@ -61,6 +61,25 @@ class RenderedViews:
 
 
 @dataclass(frozen=True)
+class Refinement:
+    """What refining the Gaussians changed.
+
+    Attributes:
+        passes: steps for each photo.
+        kept: the passes after which the result was taken; less than `passes` if the view that decides was best earlier.
+        check: name of the held-out frame that decided; None without one. It is no target of the reconstruction.
+        curve: PSNR of that frame before the first pass and after each [dB]; empty without one.
+        before: renderings and scores of the same views before.
+    """
+
+    passes: int
+    kept: int
+    check: str | None
+    curve: tuple[float, ...]
+    before: tuple[RenderedViews, ...]
+
+
+@dataclass(frozen=True)
 class Reconstruction:
     """A scene reconstructed from some of its frames; all tensors are on the CPU.
 
@@ -79,6 +98,7 @@ class Reconstruction:
         features: of the Gaussians; None for none.
         placement: how the Gaussians were placed at a sensor's depth; None if their depth is the model's.
         min_confidence: seen pixels with less are unknown in label maps.
+        refinement: what refining changed; None without it.
     """
 
     scene: Scene
@@ -95,6 +115,7 @@ class Reconstruction:
     features: SceneFeatures | None = None
     placement: Placement | None = None
     min_confidence: float = 0.0
+    refinement: Refinement | None = None
 
     @property
     def classes(self) -> ClassTable | None:

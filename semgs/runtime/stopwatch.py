@@ -12,6 +12,12 @@ COMPILE = "compile"
 """The stage for compiling kernels, in whichever stage it happens. It is absent if all kernels are cached on disk."""
 
 
+@contextmanager
+def _show_no_steps(title: str, count: int) -> Iterator[Callable[[int], object]]:
+    """Show nothing."""
+    yield lambda steps: None
+
+
 class Stages:
     """A stopwatch for stages.
 
@@ -22,6 +28,8 @@ class Stages:
 
     Args:
         show: context manager around each stage, given its title, such as a spinner. By default nothing is shown.
+        show_steps: the same around a stage of counted steps, given its title and their number, such as a bar. It yields a function that is
+            called with the number of steps so far.
         compiling: called once, when the first kernel is compiled.
 
     Attributes:
@@ -32,15 +40,29 @@ class Stages:
         self,
         show: Callable[[str], AbstractContextManager[object]] = nullcontext,
         compiling: Callable[[], object] = lambda: None,
+        show_steps: Callable[[str, int], AbstractContextManager[Callable[[int], object]]] = _show_no_steps,
     ) -> None:
         self._show = show
+        self._show_steps = show_steps
         self._compiling = compiling
         self.seconds: dict[str, float] = {}
 
     @contextmanager
     def __call__(self, name: str, title: str) -> Iterator[None]:
         """Time a stage: `name` is its key in `seconds`, `title` is shown."""
-        with self._show(title), watch_compiling(self._compiling_began) as compiled:
+        with self._show(title), self._timing(name):
+            yield
+
+    @contextmanager
+    def steps(self, name: str, title: str, count: int) -> Iterator[Callable[[int], object]]:
+        """Time a stage of counted steps. Call the yielded function with the number of steps so far."""
+        with self._show_steps(title, count) as done, self._timing(name):
+            yield done
+
+    @contextmanager
+    def _timing(self, name: str) -> Iterator[None]:
+        """Add the time of the block to a stage."""
+        with watch_compiling(self._compiling_began) as compiled:
             start = perf_counter()
             yield
             self.seconds[name] = self.seconds.get(name, 0.0) + perf_counter() - start - compiled()

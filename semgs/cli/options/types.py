@@ -48,6 +48,23 @@ def several(metavar: str, read: Callable[[str], Any]) -> PrimitiveConstructorSpe
     )
 
 
+def optional_number(metavar: str, read: Callable[[str], Any], default: int) -> PrimitiveConstructorSpec[Any]:
+    """An option with or without a number: without, it means `default`."""
+
+    def value(typed: list[str]) -> Any:
+        if len(typed) > 1:
+            raise ValueError(f"expected at most one number, found {' '.join(typed)!r}")
+        return read(typed[0]) if typed else default
+
+    return PrimitiveConstructorSpec(
+        nargs=(0, 1),
+        metavar=f"[{metavar}]",
+        instance_from_str=value,
+        is_instance=lambda value: True,
+        str_from_instance=lambda value: [str(value)],
+    )
+
+
 def height_and_width(text: str) -> tuple[int, int]:
     """(height, width) of "240x320".
 
@@ -174,3 +191,7 @@ Minutes = Annotated[float | None, one_word("FLOAT", at_least(0.0, more=True))]
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+Passes = Annotated[int, optional_number("PASSES", at_least(1), -1)]
+"""How often to pass over the photos: a number, or -1 for the default."""

@@ -59,6 +59,7 @@ class Prediction:
         confidences: the probability of the predicted class, calibrated if possible; 0 where the method saw nothing.
         seconds_encode: from its inputs to its scene; None if not measured.
         seconds_render: from its scene to this view.
+        one_pass: what the method predicts before it refines its scene; None if it does not refine.
     """
 
     labels: UInt8[Tensor, "h w"] | None = None
@@ -68,11 +69,12 @@ class Prediction:
     seconds_encode: float | None = None
     seconds_render: float | None = None
     confidences: Float[Tensor, "h w"] | None = None
+    one_pass: Prediction | None = None
 
     def copy(self) -> Prediction:
         """A copy with its own memory."""
         held: dict[str, Any] = {name: value.clone() for name, value in vars(self).items() if isinstance(value, Tensor)}
-        return replace(self, **held)
+        return replace(self, **held, one_pass=None if self.one_pass is None else self.one_pass.copy())
 
 
 @runtime_checkable

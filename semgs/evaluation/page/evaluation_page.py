@@ -124,7 +124,10 @@ def _facts(evaluation: Evaluation, report: SavedReport) -> page.Facts:
             if evaluation.classes
             else []
         ),
-        ("Baselines", "; ".join(NAMES.values())),
+        (
+            "Baselines",
+            "; ".join(text for name, text in NAMES.items() if any(name in one.baselines for one in evaluation.rows)),
+        ),
     ]
     for views, result in report.results.items():
         numbers = result.numbers

@@ -1,5 +1,6 @@
-"""Simple baselines for every table. They reconstruct nothing and use ground truth that no method gets.
+"""Simple baselines for every table. All but the first reconstruct nothing and use ground truth that no method gets.
 
+- one_pass: the method itself before it refines its Gaussians on the input views; only of a method that does.
 - copy: image, true labels and true depth of the nearest context, as if the camera had not moved.
 - warp: images and true labels of the contexts, warped to the target with the target's true depth.
 - majority: the most frequent true class of the whole set, everywhere.
@@ -23,6 +24,7 @@ SAME_SURFACE = 0.05
 """A context sees a point if its own true depth there agrees within this share of the depth."""
 
 NAMES = {
+    "one_pass": "the same Gaussians before they were refined on the input views",
     "copy": "oracle: the nearest input view copied (its image, its true labels), as if the camera had not moved",
     "warp": "oracle: input views warped with true depth (their images, their true labels)",
     "majority": "most frequent class of all true pixels, everywhere",

@@ -92,9 +92,10 @@ def score_method(
 
 @dataclass(frozen=True, eq=False)
 class _TargetScores:
-    """One target: the method's scores, those of copy and warp, and a hash of the truth."""
+    """One target: the method's scores, those before it refines, of copy and of warp, and a hash of the truth."""
 
     method: FrameScores
+    one_pass: FrameScores | None
     copy: FrameScores
     warp: FrameScores | None
     truth: str
@@ -123,6 +124,7 @@ class _TargetScorer:
         warped = warp_contexts(ordered, target)
         scores = _TargetScores(
             method=score(task, prediction, target, self.perceptual),
+            one_pass=None if prediction.one_pass is None else score(task, prediction.one_pass, target, self.perceptual),
             copy=score(task, copy_nearest(ordered[0]), target, self.perceptual),
             warp=None if warped is None else score(task, warped, target, self.perceptual),
             truth=_hash_truth(target),
@@ -141,6 +143,10 @@ def _combine(
 ) -> MethodScores:
     """The scores for one number of views."""
     baselines = {"copy": tuple(target.copy for target in targets)}
+    if any(target.one_pass is not None for target in targets):
+        baselines = {
+            "one_pass": tuple(target.one_pass for target in targets if target.one_pass is not None)
+        } | baselines
     if any(target.warp is not None for target in targets):
         baselines["warp"] = tuple(target.warp for target in targets if target.warp is not None)
     labelled = [(target.copy, target.copy.truth) for target in targets if target.copy.truth is not None]

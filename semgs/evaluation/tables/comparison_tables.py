@@ -33,6 +33,7 @@ DATA = ("miou", *PAPER[:3], "psnr", "fps_encoding_each")
 """The columns of a table of several data sets."""
 
 ROWS = {
+    "one_pass": "before refining",
     "copy": "oracle: nearest input view's true labels",
     "warp": "warped with true depth",
     "majority": "most frequent class",
@@ -221,9 +222,10 @@ def _measured_on(reports: Sequence[SavedReport]) -> str:
 
 
 def _trivial(reports: Sequence[SavedReport]) -> dict[str, dict[int, Mapping[str, Any]]]:
-    """The baselines by name and number of views, from the first report that has them: all reports have the same targets."""
+    """The baselines by name and number of views, from the first report that has them: all reports have the same targets. What a method
+    gives before it refines is shown if it is the only one."""
     rows: dict[str, dict[int, Mapping[str, Any]]] = {}
-    for name in ROWS:
+    for name in [name for name in ROWS if name != "one_pass" or len(reports) == 1]:
         for result in (result for report in reports for result in report.results.values()):
             if name in result.baselines:
                 rows.setdefault(name, {}).setdefault(result.views, result.baselines[name])

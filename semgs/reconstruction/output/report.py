@@ -9,7 +9,7 @@ import numpy as np
 
 from semgs.figures.class_images import legend
 from semgs.figures.html_page import Link
-from semgs.reconstruction.result import Reconstruction, RenderedViews
+from semgs.reconstruction.result import Reconstruction, Refinement, RenderedViews
 from semgs.reconstruction.scores import ViewScores, mean_scores
 from semgs.rendering.rendering import UNKNOWN, UNSEEN
 from semgs.segmenters.features.scene_features import SceneFeatures
@@ -142,6 +142,7 @@ def report_numbers(result: Reconstruction, origin: Provenance, seconds: dict[str
             "context": _rounded(mean_scores(result.context.scores)),
             "target": _rounded(mean_scores(result.target.scores)) if result.target else None,
         },
+        "refinement": result.refinement and _refinement(result.refinement),
         "classes": [
             {"name": entry.name, "share": rounded(entry.share)}
             for entry in (legend(maps, result.classes) if result.classes is not None else ())
@@ -185,6 +186,17 @@ def rounded(value: float | None) -> float | None:
     if value is None or not math.isfinite(value):
         return None
     return float(f"{value:.5g}")
+
+
+def _refinement(refinement: Refinement) -> dict:
+    """What refining changed."""
+    return {
+        "passes": refinement.passes,
+        "kept": refinement.kept,
+        "check": refinement.check,
+        "curve": [rounded(value) for value in refinement.curve],
+        "before": {part.role: _rounded(mean_scores(part.scores)) for part in refinement.before},
+    }
 
 
 def _rounded(score: ViewScores) -> dict[str, float | None]:

@@ -12,8 +12,9 @@ from semgs.figures.view_images import as_bytes, class_map, depth_map, heat_map, 
 from semgs.files.images.colours import depth_limits
 from semgs.objectives.measures import MOSTLY_SEEN, TITLES, shown_number
 from semgs.reconstruction.output.report import Provenance, outputs
-from semgs.reconstruction.output.score_table import score_table, scores_lead
-from semgs.reconstruction.result import Reconstruction, RenderedViews
+from semgs.reconstruction.notes import note_on_refinement
+from semgs.reconstruction.output.score_table import refinement_table, score_table, scores_lead
+from semgs.reconstruction.result import Reconstruction, Refinement, RenderedViews
 from semgs.reconstruction.scores import by_measure, mean_scores
 from semgs.rendering.rendering import UNKNOWN, UNSEEN
 
@@ -21,6 +22,9 @@ _TICKS = 5
 
 MOST_SPREAD = 0.3
 """The uncertainty of depth at the end of its colour scale."""
+
+CURVE = (90, 120, 180)
+"""Colour of the bars of a refinement, sRGB."""
 
 HELD_OUT = "The model did not get these frames: they test the reconstruction. What no input view sees stays empty."
 
@@ -41,6 +45,7 @@ def report_page(result: Reconstruction, origin: Provenance, seconds: dict[str, f
             else []
         ),
         page.Section("Scores", scores_lead(result), (score_table(result),)),
+        *([] if result.refinement is None else [_refinement(result.refinement, result)]),
         page.Section(
             "Files",
             "",
@@ -122,6 +127,10 @@ def _galleries(result: Reconstruction, part: RenderedViews, limits: tuple[float,
             photo(part.rendering.images[index], "render"),
         ]
         more = []
+        if result.refinement is not None:
+            before = next(one for one in result.refinement.before if one.role == part.role)
+            pictures.insert(1, photo(before.rendering.images[index], "render, one pass"))
+            pictures[2] = photo(part.rendering.images[index], "render, refined")
         if labels is not None and classes is not None:
             pictures.append(class_map(labels[index], classes))
             if truth.labels is not None and truth.classes == classes:
@@ -140,6 +149,22 @@ def _galleries(result: Reconstruction, part: RenderedViews, limits: tuple[float,
             detail += f", {percent(float(np.mean(labels[index] == UNKNOWN)))} unknown"
         rows.append(page.Gallery(name, detail, tuple(pictures), tuple(more)))
     return tuple(rows)
+
+
+def _refinement(refinement: Refinement, result: Reconstruction) -> page.Section:
+    """What refining changed: mean scores before and after, and the curve of the view that decided."""
+    lead = f"The Gaussians were optimised on the input photos. {note_on_refinement(refinement)}"
+    if refinement.curve:
+        lead += f" The bars are the PSNR of {refinement.check}, before the first pass and after each."
+    blocks: list[page.Block] = [refinement_table(result)]
+    if refinement.curve:
+        low, high = min(refinement.curve), max(refinement.curve)
+        bars = tuple(
+            page.Bar(f"pass {number}", CURVE, 0.1 + 0.9 * (value - low) / max(high - low, 1e-9), decibels(value))
+            for number, value in enumerate(refinement.curve)
+        )
+        blocks.append(page.Bars(bars))
+    return page.Section("Refinement", lead, tuple(blocks))
 
 
 def _facts(result: Reconstruction, origin: Provenance) -> page.Facts:

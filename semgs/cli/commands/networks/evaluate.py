@@ -11,7 +11,7 @@ import tyro
 from semgs.cli.device import chosen_device
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.options.segmenter_options import SegmenterOptions
-from semgs.cli.options.types import AutoSize, Count, Device, Protocol, SeveralViews, Weights, Workers
+from semgs.cli.options.types import AutoSize, Count, Device, Passes, Protocol, SeveralViews, Weights, Workers
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.files.errors import InputError
@@ -82,6 +82,9 @@ class Evaluate:
     """With --protocol peers: rank input frames as GSNeRF's code does, by world-to-camera translations."""
     nearest: Annotated[Count | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
     """Render each target view with the Gaussians of only this many input views, those nearest to it. By default, with all."""
+    refine: Annotated[Passes, tyro.conf.arg(help_behavior_hint="")] = 0
+    """Refine the Gaussians on the input views before rendering, with PASSES steps for each, by default 15. Tables then also have the scores
+    before. See docs/refine.md."""
     single: bool = False
     """Score the classes of each image by itself."""
     allow_seen: bool = False
@@ -156,6 +159,8 @@ class Evaluate:
         check_folder(self.out, self.overwrite)
         if self.nearest is not None and self.predictions is not None:
             raise UsageError("--nearest is for WEIGHTS; --predictions are rendered already")
+        if self.refine and self.predictions is not None:
+            raise UsageError("--refine is for WEIGHTS; --predictions are rendered already")
         if self.gsnerf_distance and self.protocol[0] != "peers":
             raise UsageError("--gsnerf-distance needs --protocol peers")
         self.reading.check()
@@ -174,6 +179,7 @@ class Evaluate:
             "--views": bool(self.views),
             "--depth-range": self.depth_range is not None,
             "--nearest": self.nearest is not None,
+            "--refine": bool(self.refine),
             "--workers": bool(self.workers),
             "--segmenter": self.segmenting.segmenter is not None,
         }
@@ -206,12 +212,25 @@ class Evaluate:
             if labelling is not None:
                 self._check_table(labelling(plan.scenes[0]).source.classes, classes)
             return load_candidate(
-                self.weights, classes, device, self._name(labelling is not None), labelling, self.nearest
+                self.weights,
+                classes,
+                device,
+                self._name(labelling is not None),
+                labelling,
+                self.nearest,
+                self._passes(),
             )
+
+    def _passes(self) -> int:
+        """How often to pass over the input views; 0 for never."""
+        from semgs.scene.refinement import PASSES
+
+        return PASSES if self.refine < 0 else self.refine
 
     def _name(self, segmented: bool) -> str:
         """The name in tables; "" for that of the network."""
-        choices = ["segmenter"] * segmented + ([] if self.nearest is None else [f"nearest {self.nearest}"])
+        choices = ["segmenter"] * segmented + ["refined"] * bool(self.refine)
+        choices += [] if self.nearest is None else [f"nearest {self.nearest}"]
         return self.name or (" + ".join([Path(self.weights).stem, *choices]) if choices else "")
 
     def _check_table(self, theirs: ClassTable, classes: ClassTable | None) -> None:

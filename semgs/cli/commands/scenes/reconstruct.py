@@ -13,8 +13,8 @@ from semgs.cli.options.feature_options import FeatureOptions
 from semgs.cli.options.posing_options import PosingOptions
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.options.segmenter_options import SegmenterOptions
-from semgs.cli.options.types import AutoSize, Device, Probability, Views, WeightsOrRandom
-from semgs.cli.progress import say_compiling, show_stage
+from semgs.cli.options.types import AutoSize, Device, Passes, Probability, Views, WeightsOrRandom
+from semgs.cli.progress import say_compiling, show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.files.atomic import check_file
 from semgs.files.folders import check_folder, own_folder
@@ -73,6 +73,7 @@ class Reconstruct:
     - semgs reconstruct scans/office --out out/office --segmenter segformer.onnx
     - semgs reconstruct scans/office --out out/office --features clip
     - semgs reconstruct recording --out out/robot --depth sensor
+    - semgs reconstruct scans/office --out out/office --refine
     - semgs reconstruct scans/office --out out/office --refine-poses
     - semgs reconstruct photos --out out/kitchen --scale-from IMG_1.jpg IMG_4.jpg 1.25
     - semgs reconstruct clip.mp4 --out out/kitchen
@@ -107,6 +108,9 @@ class Reconstruct:
     refine_poses: bool = False
     """First correct slightly wrong cameras of the input and held-out frames, by up to a few degrees, so that they fit matches between the
     images. Cameras that fit already stay as they are; the report says what moved. See docs/poses.md."""
+    refine: Annotated[Passes, tyro.conf.arg(help_behavior_hint="")] = 0
+    """Then refine the Gaussians on the input photos, which makes images sharp: PASSES steps for each photo, by default 15, with --all 7. The
+    first held-out frame decides when to stop, and is held out no longer. Not in the paper; see docs/refine.md."""
     min_confidence: Probability = 0.0
     """Pixels whose likeliest class is less likely than this are unknown in class maps: light grey, 254 in label files. Unseen pixels are
     hatched and 255. Scores do not change."""
@@ -149,7 +153,7 @@ class Reconstruct:
 
         asked = self.reading.as_peers, self.reading.asked
         scene = open_with_details(self.scene, *asked, needs_labels=False) if photos is None else photos.scene(*asked)
-        stages = Stages(show_stage, say_compiling)
+        stages = Stages(show_stage, say_compiling, show_progress)
         frames: Choice | Walk = Walk(self.views)
         notes: list[str] = []
         if not self.all:
@@ -168,6 +172,7 @@ class Reconstruct:
                     labelling=labelling,
                     featuring=self.featuring.featuring(scene),
                     min_confidence=self.min_confidence,
+                    passes=self._passes(),
                     stages=stages,
                     notes=[*notes, *self._notes()],
                 )
@@ -180,6 +185,14 @@ class Reconstruct:
             print(f"For Rerun: rerun {self.rerun}")
         if photos is not None:
             print(f"The photos with their estimated cameras are a scene in {photos.scene_path}.")
+
+    def _passes(self) -> int:
+        """How often to pass over the photos; 0 leaves the Gaussians as the network placed them."""
+        from semgs.scene.refinement import PASSES, WALK_PASSES
+
+        if self.refine < 0:
+            return WALK_PASSES if self.all else PASSES
+        return self.refine
 
     def _write_rerun_file(self, path: Path, result: Reconstruction, stages: Stages) -> list[str]:
         """Write a recording for Rerun. Returns notes about what it lacks."""

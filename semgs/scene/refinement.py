@@ -1,0 +1,275 @@
+"""Refinement: a few seconds of optimisation on the input photos, which make a scene's images sharp. Not in the paper.
+
+Each step renders one photo and moves all Gaussians a little towards it. What may move, and how fast, is such that surfaces stay where several views put
+them: Gaussians move along their rays together, by a coarse grid of shifts for each view, and alone only slowly. Their number, their places in
+the photos and their classes stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import log10
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from semgs.data.views import Views
+from semgs.geometry.gaussians import Gaussians
+from semgs.scene.encoding import Encoding
+
+PASSES, WALK_PASSES = 15, 7
+"""Steps for each photo: of a few views, and of a walk."""
+
+CELL = 8
+"""Gaussians along each side of a cell of the grid of depth shifts."""
+
+ERROR_WEIGHT, PRIOR_WEIGHT = 10.0, 1e-3
+"""Weights of the mean squared error, and of shifts in standard deviations, squared."""
+
+CELL_DEVIATION, LEAST_SPREAD = 0.05, 0.01
+"""Standard deviation of a cell's shift, and the least one of a Gaussian's, in log depth."""
+
+DECAY = 0.1
+"""The rates at the end, as a part of those at the start."""
+
+BETAS, EPSILON = (0.9, 0.99), 1e-15
+"""Of Adam."""
+
+
+@dataclass
+class Unknown:
+    """A tensor that learns, by Adam.
+
+    Attributes:
+        value: with a gradient.
+        rate: of the first step.
+        together: divide by one second moment for the whole tensor. With one for each number, noise moves flat walls as fast as errors move edges.
+    """
+
+    value: Tensor
+    rate: float
+    together: bool = False
+
+    def __post_init__(self) -> None:
+        self.value = self.value.detach().clone().requires_grad_()
+        self._first = torch.zeros_like(self.value)
+        self._second = torch.zeros(()).to(self.value) if self.together else torch.zeros_like(self.value)
+        self._steps = 0
+
+    @torch.no_grad()
+    def step(self, factor: float) -> None:
+        """One step against the gradient, at a part of the rate."""
+        gradient = self.value.grad
+        if gradient is None:
+            return
+        self._steps += 1
+        first, second = BETAS
+        square = gradient.square()
+        self._first.lerp_(gradient, 1 - first)
+        self._second.lerp_(square.mean() if self.together else square, 1 - second)
+        mean = self._first / (1 - first**self._steps)
+        scale = (self._second / (1 - second**self._steps)).sqrt() + EPSILON
+        self.value -= factor * self.rate * mean / scale
+        self.value.grad = None
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A refined scene.
+
+    Attributes:
+        encoding: the scene.
+        passes: after which it was taken; 0 is before the first.
+        curve: PSNR of the view that decided when to stop, before the first pass and after each [dB]; empty without such a view.
+    """
+
+    encoding: Encoding
+    passes: int
+    curve: tuple[float, ...] = ()
+
+
+def refine(encoding: Encoding, views: Views, passes: int = PASSES, *, seed: int = 0) -> Encoding:
+    """The same scene with sharper images.
+
+    Args:
+        encoding: of one scene.
+        views: its input views.
+        passes: steps for each photo.
+        seed: of the order of the photos.
+
+    Raises:
+        ValueError: passes is less than 1; the views are not those of the encoding, or it has a batch axis.
+    """
+    return refine_until(encoding, views, passes, seed=seed).encoding
+
+
+@torch.enable_grad()
+def refine_until(
+    encoding: Encoding,
+    views: Views,
+    passes: int = PASSES,
+    *,
+    seed: int = 0,
+    check: Views | None = None,
+    moves: bool = True,
+    exposure: bool = False,
+    done: Callable[[int], None] = lambda steps: None,
+) -> Refined:
+    """As `refine`, with a view that decides when to stop.
+
+    Args:
+        encoding, views, passes, seed: as for `refine`.
+        check: views that the result must render well; of all passes the best one is kept. None keeps the last one.
+        moves: whether Gaussians may move; not those that a sensor has placed.
+        exposure: fit a gain and an offset of each photo and channel in every step.
+        done: called after each step with the number of steps so far.
+
+    Raises:
+        ValueError: as for `refine`.
+    """
+    if passes < 1:
+        raise ValueError(f"passes is {passes}; expected 1 or more")
+    if encoding.depths.shape != (len(views), *views.size):
+        raise ValueError(
+            f"the encoding has depths {tuple(encoding.depths.shape)}; expected those of {len(views)} views of {views.size[0]}x{views.size[1]}"
+        )
+    unknowns = Unknowns(encoding, views, moves)
+    curve, best = [], None
+    if check is not None:
+        curve, best = [_psnr(encoding, check)], encoding
+    order = torch.Generator().manual_seed(seed)
+    steps, taken = passes * len(views), 0
+    for _ in range(passes):
+        for view in torch.randperm(len(views), generator=order).tolist():
+            loss = ERROR_WEIGHT * _error(unknowns.gaussians(), encoding, views, view, exposure)
+            (loss + PRIOR_WEIGHT * unknowns.prior()).backward()
+            unknowns.step(DECAY ** (taken / steps))
+            taken += 1
+            done(taken)
+        if check is not None:
+            now = unknowns.encoding()
+            curve.append(_psnr(now, check))
+            if curve[-1] > max(curve[:-1]):
+                best = now
+    if best is None:
+        return Refined(unknowns.encoding(), passes)
+    return Refined(best, int(torch.tensor(curve).argmax()), tuple(curve))
+
+
+class Unknowns:
+    """What learns, and the scene that it makes of another."""
+
+    def __init__(self, encoding: Encoding, views: Views, moves: bool) -> None:
+        self._start, self._moves = encoding, moves
+        gaussians = encoding.gaussians.detach()
+        height, width = views.size
+        self._grid = rows, columns = -(-height // encoding.stride), -(-width // encoding.stride)
+        places = encoding.places
+        self._places = torch.arange(len(gaussians)) if places is None else places
+        self._places = self._places.to(gaussians.means.device)
+        owner = self._places // (rows * columns)
+        poses = views.cameras.world_from_camera.to(gaussians.means)[owner]
+        self._rays = gaussians.means - poses[:, :3, 3]
+        self._centres = poses[:, :3, 3]
+        depths = (self._rays * poses[:, :3, 2]).sum(-1)
+        pixel = depths[:, None] / views.cameras.focal_px.to(gaussians.means)[owner]
+        self._pixel = poses[:, :3, :2] * pixel[:, None]
+        self._spread = encoding.per_gaussian(encoding.depth_spread.detach()[:, None])[:, 0].clamp(min=LEAST_SPREAD)
+        colour, zeros = gaussians.colour, gaussians.means.new_zeros
+        opacities = gaussians.opacities.clamp(1e-4, 1 - 1e-4)
+        cells = [-(-side // CELL) for side in (rows, columns)]
+        self.colour = Unknown(colour.features[:, :1], 0.01)
+        self.harmonics = Unknown(colour.features[:, 1:], 0.001)
+        self.log_size = Unknown(colour.scales.clamp(min=1e-9).log(), 0.01)
+        self.rotation = Unknown(colour.quaternions, 0.002)
+        self.opacity = Unknown(opacities.logit(), 0.05)
+        self.cells = Unknown(zeros(len(views), 1, *cells), 0.003)
+        self.depth = Unknown(zeros(len(gaussians)), 0.002, together=True)
+        self.aside = Unknown(zeros(len(gaussians), 2), 0.05, together=True)
+
+    def step(self, factor: float) -> None:
+        """One step of all."""
+        for unknown in vars(self).values():
+            if isinstance(unknown, Unknown):
+                unknown.step(factor)
+
+    def prior(self) -> Tensor:
+        """How unlikely the shifts of depth are."""
+        own = (self.depth.value / self._spread).square().mean()
+        return own + (self.cells.value / CELL_DEVIATION).square().mean()
+
+    def gaussians(self) -> Gaussians:
+        """The Gaussians, without classes, which do not learn."""
+        start = self._start.gaussians
+        means, factors = start.means, 1.0
+        if self._moves:
+            factors = (self._cell_shifts().flatten()[self._places] + self.depth.value).exp()[:, None]
+            aside = (self._pixel @ self.aside.value[..., None])[..., 0]
+            means = self._centres + (self._rays + aside) * factors
+        return replace(
+            start,
+            means=means,
+            opacities=self.opacity.value.sigmoid(),
+            colour=replace(
+                start.colour,
+                features=torch.cat((self.colour.value, self.harmonics.value), 1),
+                scales=self.log_size.value.exp() * factors,
+                quaternions=torch.nn.functional.normalize(self.rotation.value, dim=-1),
+            ),
+            semantic=None,
+        )
+
+    @torch.no_grad()
+    def encoding(self) -> Encoding:
+        """The scene now: classes stay, depths follow."""
+        start, gaussians = self._start, self.gaussians().detach()
+        if not self._moves:
+            return replace(start, gaussians=replace(gaussians, semantic=start.gaussians.semantic))
+        shifts = self._cell_shifts()
+        own = shifts.flatten()
+        own[self._places] += self.depth.value
+        factors = own[self._places].exp()[:, None]
+        semantic = start.gaussians.semantic
+        if semantic is not None:
+            semantic = replace(semantic, scales=semantic.scales * factors)
+        ratios = own.reshape(shifts.shape).exp()
+        height, width = start.depths.shape[-2:]
+        full = ratios.repeat_interleave(start.stride, -2).repeat_interleave(start.stride, -1)[..., :height, :width]
+        return replace(start, gaussians=replace(gaussians, semantic=semantic), depths=start.depths * full)
+
+    def _cell_shifts(self) -> Float[Tensor, "v rows columns"]:
+        """The shift of log depth of each block, from those of the cells."""
+        rows, columns = self._grid
+        fine = torch.nn.functional.interpolate(
+            self.cells.value, scale_factor=CELL, mode="bilinear", align_corners=False
+        )
+        return fine[:, 0, :rows, :columns]
+
+
+def _error(gaussians: Gaussians, encoding: Encoding, views: Views, view: int, exposure: bool) -> Tensor:
+    """The mean squared error of a photo's rendering."""
+    photo = views.images[view].to(gaussians.means)
+    image = replace(encoding, gaussians=gaussians).render(views.cameras[view : view + 1], clamp=False).images[0]
+    if exposure:
+        image = _as_exposed(image, photo)
+    return (image - photo).square().mean()
+
+
+def _as_exposed(image: Float[Tensor, "3 h w"], photo: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 h w"]:
+    """The rendering with the gain and offset of each channel that come closest to the photo."""
+    with torch.no_grad():
+        flat, wanted = image.flatten(1), photo.flatten(1)
+        centred = flat - flat.mean(1, keepdim=True)
+        gain = (centred * wanted).sum(1) / centred.square().sum(1).clamp(min=1e-9)
+        offset = wanted.mean(1) - gain * flat.mean(1)
+    return gain[:, None, None] * image + offset[:, None, None]
+
+
+@torch.no_grad()
+def _psnr(encoding: Encoding, views: Views) -> float:
+    """Of the renderings of views, together [dB]."""
+    without = replace(encoding, gaussians=replace(encoding.gaussians, semantic=None))
+    error = (without.render(views.cameras).images - views.images).square().mean()
+    return -10 * log10(max(float(error), 1e-12))
