@@ -3,7 +3,7 @@
     python scripts/pose_noise.py small NAME=ROOMS [NAME=OTHER_ROOMS ...] --plot pose_noise.png
 
 Each input camera is turned by the angle about a random axis and moved by the share of the mean distance between neighbouring input cameras in
-a random direction, with a seed for each target. The held-out camera stays true. Cameras are refined (`semgs.sfm.refine`) either on the input
+a random direction, with a seed for each target. The held-out camera stays true. Cameras are refined (`semgs.sfm.camera_refinement`) either on the input
 views alone, or on these and the held-out photo, as `semgs reconstruct --refine-poses` does; in the second case the held-out view is rendered
 from its refined camera. The row `aligned` has true input cameras, moved together to where the noisy ones are: what is left is the error of the world's
 frame, which the input views alone cannot know.
@@ -36,7 +36,7 @@ from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.rotations import nearest_rotation
-from semgs.sfm.refine import refine
+from semgs.sfm.camera_refinement import refine_cameras
 
 TURNS_DEG = (0.25, 0.5, 1.0, 2.0, 4.0)
 SHIFTS = (0.005, 0.01, 0.02, 0.05, 0.1)
@@ -121,7 +121,7 @@ class WithNoise:
         camera = inputs.camera
         if self.condition.then.startswith("refined"):
             held_out = [sample.target] * (self.condition.then != "refined")
-            scene = refine(scene, [*order, *held_out]).applied(scene)
+            scene = refine_cameras(scene, [*order, *held_out]).applied(scene)
             camera = _cameras(scene, [sample.target], camera)
         contexts = inputs.contexts.changed(cameras=_cameras(scene, sample.contexts, inputs.contexts.cameras))
         return self.method.predict(Inputs(replace(inputs.task, scene=scene), contexts, camera))

@@ -23,7 +23,7 @@ from semgs.data.scenes import open_scene
 from semgs.model.semgs import SemGS
 from semgs.model.weights.load import load
 from semgs.reconstruction.scores import mean_scores, scores
-from semgs.sfm.refine import refine
+from semgs.sfm.camera_refinement import refine_cameras
 
 
 def turn_deg(poses: np.ndarray, true: np.ndarray) -> float:
@@ -57,11 +57,11 @@ def main() -> None:
         order = sorted(choice.context)
         frames = [*order, *choice.targets]
         true = np.stack([scene.frames[index].world_from_camera for index in order])
-        untouched = refine(scene, frames).applied(scene)
+        untouched = refine_cameras(scene, frames).applied(scene)
         for seed in arguments.seeds:
             given = noisy(true, arguments.turn, arguments.shift, np.random.default_rng(seed))
             moved = with_poses(scene, dict(zip(order, given, strict=True)))
-            found = refine(moved, frames)
+            found = refine_cameras(moved, frames)
             refined = found.applied(moved)
             turns = [turn_deg(poses, true) for poses in (given, found.poses[: len(order)])]
             values = [psnr(model, one, choice) for one in (scene, moved, refined, untouched)]

@@ -21,10 +21,11 @@ if TYPE_CHECKING:
     from semgs.rendering.temperatures import tempered
     from semgs.robotics.objects import Objects, objects
     from semgs.robotics.occupancy import Occupancy, occupancy
+    from semgs.scene.photo_refinement import refine
     from semgs.scene.scene_file import SavedScene, load_scene, save_scene
 
 __all__ = [
-    "Cameras", "Gaussians", "Objects", "Occupancy", "SavedScene", "Views", "load", "load_scene", "objects", "occupancy", "open_scene", "render",
+    "Cameras", "Gaussians", "Objects", "Occupancy", "SavedScene", "Views", "load", "load_scene", "objects", "occupancy", "open_scene", "refine", "render",
     "save_ply", "save_scene", "save_semantic_ply", "stream", "tempered",
 ]  # fmt: skip
 
@@ -40,6 +41,7 @@ _HOMES = {
     "objects": "semgs.robotics.objects",
     "occupancy": "semgs.robotics.occupancy",
     "open_scene": "semgs.data.scenes",
+    "refine": "semgs.scene.photo_refinement",
     "render": "semgs.rendering.render",
     "save_ply": "semgs.export.ply",
     "save_scene": "semgs.scene.scene_file",

@@ -15,7 +15,7 @@ from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras, back_project, project
 from semgs.mapping.mapper import Mapper
 from semgs.model.memory.memory_plan import MemoryPlan
-from semgs.reconstruction.result import Refinement
+from semgs.reconstruction.result import PhotoRefinement
 from semgs.reconstruction.sensor_depth import Placement
 from semgs.scene.upright import UpDirection
 from semgs.segmenters.features.scene_features import SceneFeatures
@@ -42,7 +42,7 @@ def collect_notes(
     plan: MemoryPlan | None,
     labelling: Labelling | None,
     features: SceneFeatures | None,
-    refinement: Refinement | None,
+    refinement: PhotoRefinement | None,
 ) -> tuple[str, ...]:
     """All notes on a reconstruction, in the order of the report.
 
@@ -96,7 +96,7 @@ def collect_notes(
     return tuple(note for note in notes if note)
 
 
-def note_on_refinement(refinement: Refinement) -> str:
+def note_on_refinement(refinement: PhotoRefinement) -> str:
     """What decided when refining stopped."""
     passes, kept, check = refinement.passes, refinement.kept, refinement.check
     if check is None:

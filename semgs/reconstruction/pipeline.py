@@ -16,14 +16,14 @@ from semgs.model.encode import Network, encode
 from semgs.model.memory.memory_plan import MemoryPlan
 from semgs.reconstruction.notes import collect_notes
 from semgs.reconstruction.recording import Walk, map_walk
-from semgs.reconstruction.result import Reconstruction, Refinement, RenderedViews, Role
+from semgs.reconstruction.result import PhotoRefinement, Reconstruction, RenderedViews, Role
 from semgs.reconstruction.scores import scores
 from semgs.reconstruction.sensor_depth import DepthSource, Placement, place_gaussians, read_measured
 from semgs.rendering.depth_spread import render_depth_spread
 from semgs.rendering.rendering import check_may_be_unknown, confidence_maps, label_maps
 from semgs.runtime.stopwatch import Stages
 from semgs.scene.encoding import Encoding
-from semgs.scene.refinement import refine_until
+from semgs.scene.photo_refinement import refine_until
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import up_of
 from semgs.segmenters.features.scene_features import Featuring
@@ -203,7 +203,7 @@ def reconstruct(
                 render_views(part.role, scene, part.positions, part.views, unrefined, min_confidence)
                 for part in rendered
             ]
-            refinement = Refinement(passes, refined.passes, check_name, refined.curve, tuple(before))
+            refinement = PhotoRefinement(passes, refined.passes, check_name, refined.curve, tuple(before))
         saved = _saved_scene(scene, rendered_context, encoding, network.name, labelling)
         up = up_of(saved)
     placement, plan = encoder.placement(choice.context), encoder.plan

@@ -61,7 +61,7 @@ class RenderedViews:
 
 
 @dataclass(frozen=True)
-class Refinement:
+class PhotoRefinement:
     """What refining the Gaussians changed.
 
     Attributes:
@@ -115,7 +115,7 @@ class Reconstruction:
     features: SceneFeatures | None = None
     placement: Placement | None = None
     min_confidence: float = 0.0
-    refinement: Refinement | None = None
+    refinement: PhotoRefinement | None = None
 
     @property
     def classes(self) -> ClassTable | None:

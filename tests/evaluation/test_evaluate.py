@@ -210,6 +210,21 @@ def test_a_target_may_be_rendered_with_the_nearest_input_views_alone(plan: Frame
     assert not torch.equal(found.image, every.image)
 
 
+def test_a_refined_network_is_scored_beside_itself_before(plan: FramePlan, tmp_path: Path):
+    tasks = tuple(task for task in plan.tasks if len(task.sample.contexts) == 2)[:2]
+    few = replace(plan, tasks=tasks)
+    model = load("small").eval()
+    scored = []
+    for passes in (0, 2):
+        (tmp_path / str(passes)).mkdir()
+        (rows,) = score_method(few, NetworkMethod(model, "cpu", "small", passes=passes), tmp_path / str(passes))
+        scored.append(rows)
+    plain, refined = scored
+    assert "one_pass" not in plain.baselines
+    assert [frame.psnr for frame in refined.baselines["one_pass"]] == [frame.psnr for frame in plain.method]
+    assert [frame.psnr for frame in refined.method] != [frame.psnr for frame in plain.method]
+
+
 @pytest.mark.long
 def test_two_workers_give_the_same_numbers(plan: FramePlan, tmp_path: Path):
     found = []

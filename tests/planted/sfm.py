@@ -5,7 +5,7 @@ from __future__ import annotations
 from planted.mutant import Mutant
 
 OF_SFM = "tests/sfm/test_"
-OF_REFINE = "tests/sfm/test_refine.py::"
+OF_REFINE = "tests/sfm/test_camera_refinement.py::"
 
 SFM = (
     Mutant(
@@ -19,52 +19,52 @@ SFM = (
         ("tests/doctor/test_registered.py::test_depth_of_another_camera_in_the_included_room_is_named",),
     ),
     Mutant(
-        "epipolar distances are those of angles", "semgs/sfm/refine.py",
+        "epipolar distances are those of angles", "semgs/sfm/camera_refinement.py",
         "np.cross(b, baseline)) / seen.focal[:, 0]", "np.cross(b, baseline)) / seen.focal[:, 1]",
         (f"{OF_REFINE}test_a_match_3_px_below_its_epipolar_line_is_off_by_the_share_of_both_images",),
     ),
     Mutant(
-        "epipolar distances are those in one image", "semgs/sfm/refine.py",
+        "epipolar distances are those in one image", "semgs/sfm/camera_refinement.py",
         "np.sqrt((by_first**2).sum(1) + (by_second**2).sum(1))", "np.sqrt((by_second**2).sum(1))",
         (f"{OF_REFINE}test_a_match_3_px_below_its_epipolar_line_is_off_by_the_share_of_both_images",),
     ),
     Mutant(
-        "gradients stay in the world", "semgs/sfm/refine.py",
+        "gradients stay in the world", "semgs/sfm/camera_refinement.py",
         '"mji,mj->mi", first[:, :3, :2]', '"mij,mj->mi", first[:, :2, :3]',
         (f"{OF_REFINE}test_the_distance_is_that_by_which_the_pixels_have_to_move",),
     ),
     Mutant(
-        "the baseline is between the wrong cameras", "semgs/sfm/refine.py",
+        "the baseline is between the wrong cameras", "semgs/sfm/camera_refinement.py",
         "second[:, :3, 3] - first[:, :3, 3]", "second[:, :3, 3] + first[:, :3, 3]",
         (f"{OF_REFINE}test_a_match_3_px_below_its_epipolar_line_is_off_by_the_share_of_both_images",),
     ),
     Mutant(
-        "matches are squared, so wrong ones win", "semgs/sfm/refine.py",
+        "matches are squared, so wrong ones win", "semgs/sfm/camera_refinement.py",
         "np.sign(distance) * np.sqrt(np.log1p(distance**2))", "distance",
         (f"{OF_REFINE}test_a_third_of_wrong_matches_does_little_harm",),
     ),
     Mutant(
-        "nothing holds the cameras where they are", "semgs/sfm/refine.py",
+        "nothing holds the cameras where they are", "semgs/sfm/camera_refinement.py",
         "np.sqrt(np.log1p(distance**2)), step))", "np.sqrt(np.log1p(distance**2)), 0 * step))",
         (f"{OF_REFINE}test_a_match_and_a_usual_error_of_one_degree_weigh_the_same_if_a_degree_moves_it_by_a_pixel",),
     ),
     Mutant(
-        "cameras are usually off by one radian", "semgs/sfm/refine.py",
+        "cameras are usually off by one radian", "semgs/sfm/camera_refinement.py",
         "np.radians(TURN_DEG) * turn", "TURN_DEG * turn",
         (f"{OF_REFINE}test_a_match_and_a_usual_error_of_one_degree_weigh_the_same_if_a_degree_moves_it_by_a_pixel",),
     ),
     Mutant(
-        "frames are taken in the order of the file", "semgs/sfm/refine.py",
+        "frames are taken in the order of the file", "semgs/sfm/camera_refinement.py",
         "for camera, index in enumerate(frames)}", "for camera, index in enumerate(sorted(frames))}",
         (f"{OF_REFINE}test_matches_become_rays_of_the_frames_in_the_order_given",),
     ),
     Mutant(
-        "the focal length is that of the full image", "semgs/sfm/refine.py",
+        "the focal length is that of the full image", "semgs/sfm/camera_refinement.py",
         "focal * matches.shrink[..., None])", "focal)",
         (f"{OF_REFINE}test_matches_become_rays_of_the_frames_in_the_order_given",),
     ),
     Mutant(
-        "any improvement is taken", "semgs/sfm/refine.py",
+        "any improvement is taken", "semgs/sfm/camera_refinement.py",
         "accepted = after <= FALLS_TO * before", "accepted = True",
         (f"{OF_REFINE}test_good_cameras_stay_and_slightly_wrong_ones_are_corrected",),
     ),

@@ -2,12 +2,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from reconstruction.conftest import SIZE, TURN, WALL
+from reconstruction.conftest import SIZE, TURN, WALL, Oracle
 from safetensors import safe_open
 
 from semgs import load
@@ -21,6 +22,7 @@ from semgs.reconstruction.output.report import Provenance, report_numbers
 from semgs.reconstruction.pipeline import reconstruct
 from semgs.reconstruction.recording import Walk
 from semgs.runtime.stopwatch import Stages
+from semgs.scene.encoding import Encoding
 from semgs.scene.scene_file import load_scene, save_scene
 
 
@@ -103,6 +105,70 @@ def test_two_frames_leave_none_to_hold_out(wall_scene: Callable[..., Scene], ora
     result = reconstruct(scene, choose(scene, 2), oracle)
     assert result.target is None
     assert any("held out" in note for note in result.notes)
+
+
+class PaleOracle(Oracle):
+    """An oracle that makes colours grey: by a third nearer to the middle."""
+
+    def forward(self, views: Views) -> Encoding:
+        encoding = super().forward(views)
+        gaussians = encoding.gaussians
+        colour = replace(gaussians.colour, features=gaussians.colour.features * 2 / 3)
+        return replace(encoding, gaussians=replace(gaussians, colour=colour))
+
+
+def test_refined_gaussians_show_the_photos_better_and_the_first_held_out_frame_decides(
+    wall_scene: Callable[..., Scene],
+) -> None:
+    """Frames 1 and 2 are held out; 1 decides, so 2 is the only target."""
+    scene, oracle = wall_scene(), PaleOracle()
+    choice, stages = choose_named(scene, [0, 3]), Stages()
+    result = reconstruct(scene, choice, oracle, passes=4, stages=stages)
+    assert list(stages.seconds) == ["read", "encode", "sharpen", "render"]
+    refinement = result.refinement
+    assert refinement is not None
+    assert (refinement.passes, refinement.check, len(refinement.curve)) == (4, scene.frames[1].name, 5)
+    assert result.choice.targets == (2,)
+    before, after = refinement.before[0], result.context
+    assert [part.role for part in refinement.before] == ["context", "target"]
+    assert all(new.psnr > old.psnr for old, new in zip(before.scores, after.scores, strict=True))
+    assert before.scores == reconstruct(scene, choice, oracle).context.scores
+    np.testing.assert_array_equal(before.labels, after.labels)
+    assert refinement.kept > 0
+    assert any(
+        f"where {scene.frames[1].name} looks best. This frame is not held out any more." in note
+        for note in result.notes
+    )
+
+
+def test_what_refining_makes_worse_stays_as_it_was(wall_scene: Callable[..., Scene], oracle: Network) -> None:
+    """The oracle's wall is already as good as Gaussians of that size allow: 36 dB."""
+    scene = wall_scene()
+    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle, passes=2)
+    assert result.refinement is not None
+    assert result.refinement.kept == 0
+    assert any(note.startswith(f"Refining made {scene.frames[1].name} worse") for note in result.notes)
+    assert result.context.scores == result.refinement.before[0].scores
+
+
+def test_without_a_frame_to_check_refining_runs_to_its_end_and_says_so(
+    wall_scene: Callable[..., Scene], oracle: Network
+) -> None:
+    scene = wall_scene(shifts=(0.0, 0.1))
+    result = reconstruct(scene, choose(scene, 2), oracle, passes=2)
+    assert result.refinement is not None
+    assert (result.refinement.kept, result.refinement.check, result.refinement.curve) == (2, None, ())
+    assert any(note.startswith("No frame was left to check the refinement") for note in result.notes)
+
+
+def test_gaussians_at_a_sensors_depth_stay_there_when_refined(
+    wall_scene: Callable[..., Scene], oracle: Network
+) -> None:
+    scene = wall_scene()
+    choice = choose_named(scene, [0, 3])
+    plain, refined = (reconstruct(scene, choice, oracle, depth="sensor", passes=passes) for passes in (0, 2))
+    assert torch.equal(plain.encoding.gaussians.means, refined.encoding.gaussians.means)
+    assert not torch.equal(plain.encoding.gaussians.colour.features, refined.encoding.gaussians.colour.features)
 
 
 def test_stages_are_announced_and_timed_in_order(wall_scene: Callable[..., Scene], oracle: Network) -> None:

@@ -16,7 +16,7 @@ from semgs.rendering.rendering import SEEN_ALPHA, confidence_maps, likeliest
 from semgs.runtime.stopwatch import now
 from semgs.scene.encoding import Encoding
 from semgs.scene.nearest import NearestViews
-from semgs.scene.refinement import refine
+from semgs.scene.photo_refinement import refine
 from semgs.segmenters.labelling import Labelling
 
 

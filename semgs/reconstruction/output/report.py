@@ -9,7 +9,7 @@ import numpy as np
 
 from semgs.figures.class_images import legend
 from semgs.figures.html_page import Link
-from semgs.reconstruction.result import Reconstruction, Refinement, RenderedViews
+from semgs.reconstruction.result import PhotoRefinement, Reconstruction, RenderedViews
 from semgs.reconstruction.scores import ViewScores, mean_scores
 from semgs.rendering.rendering import UNKNOWN, UNSEEN
 from semgs.segmenters.features.scene_features import SceneFeatures
@@ -188,7 +188,7 @@ def rounded(value: float | None) -> float | None:
     return float(f"{value:.5g}")
 
 
-def _refinement(refinement: Refinement) -> dict:
+def _refinement(refinement: PhotoRefinement) -> dict:
     """What refining changed."""
     return {
         "passes": refinement.passes,

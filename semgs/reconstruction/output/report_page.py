@@ -11,10 +11,10 @@ from semgs.figures.number_texts import decibels, duration, length, percent
 from semgs.figures.view_images import as_bytes, class_map, depth_map, heat_map, photo, please_note, true_class_map
 from semgs.files.images.colours import depth_limits
 from semgs.objectives.measures import MOSTLY_SEEN, TITLES, shown_number
-from semgs.reconstruction.output.report import Provenance, outputs
 from semgs.reconstruction.notes import note_on_refinement
+from semgs.reconstruction.output.report import Provenance, outputs
 from semgs.reconstruction.output.score_table import refinement_table, score_table, scores_lead
-from semgs.reconstruction.result import Reconstruction, Refinement, RenderedViews
+from semgs.reconstruction.result import PhotoRefinement, Reconstruction, RenderedViews
 from semgs.reconstruction.scores import by_measure, mean_scores
 from semgs.rendering.rendering import UNKNOWN, UNSEEN
 
@@ -151,7 +151,7 @@ def _galleries(result: Reconstruction, part: RenderedViews, limits: tuple[float,
     return tuple(rows)
 
 
-def _refinement(refinement: Refinement, result: Reconstruction) -> page.Section:
+def _refinement(refinement: PhotoRefinement, result: Reconstruction) -> page.Section:
     """What refining changed: mean scores before and after, and the curve of the view that decided."""
     lead = f"The Gaussians were optimised on the input photos. {note_on_refinement(refinement)}"
     if refinement.curve:
@@ -164,7 +164,7 @@ def _refinement(refinement: Refinement, result: Reconstruction) -> page.Section:
             for number, value in enumerate(refinement.curve)
         )
         blocks.append(page.Bars(bars))
-    return page.Section("Refinement", lead, tuple(blocks))
+    return page.Section("PhotoRefinement", lead, tuple(blocks))
 
 
 def _facts(result: Reconstruction, origin: Provenance) -> page.Facts:

@@ -12,7 +12,7 @@ import pytest
 import semgs
 from semgs.cli.main import main
 from semgs.data.scene import Scene
-from semgs.sfm.refine import Refinement
+from semgs.sfm.camera_refinement import CameraRefinement
 
 
 def test_the_refined_cameras_are_used_and_the_report_says_by_how_much_they_moved(
@@ -21,14 +21,14 @@ def test_the_refined_cameras_are_used_and_the_report_says_by_how_much_they_moved
     """The cameras are 12.2 cm apart in a row; each is moved by 6.1 mm, 5 % of that."""
     spacing, moved = np.hypot(0.12, 0.02), []
 
-    def refine(scene: Scene, frames: Sequence[int]) -> Refinement:
+    def refine(scene: Scene, frames: Sequence[int]) -> CameraRefinement:
         given = np.stack([scene.frames[index].world_from_camera for index in frames])
         poses = given.copy()
         poses[:, 2, 3] += 0.05 * spacing
         moved.extend(poses[:2])
-        return Refinement(tuple(frames), given, poses, 77, float(spacing), 2.5, 0.5, accepted=True)
+        return CameraRefinement(tuple(frames), given, poses, 77, float(spacing), 2.5, 0.5, accepted=True)
 
-    monkeypatch.setattr("semgs.sfm.refine.refine", refine)
+    monkeypatch.setattr("semgs.sfm.camera_refinement.refine_cameras", refine)
     options = ["--weights", "random", "--context", "0", "3", "--refine-poses"]
     assert main(["reconstruct", str(room), "--out", str(tmp_path / "out"), *options]) == 0
     report = json.loads((tmp_path / "out" / "report.json").read_text())

@@ -223,7 +223,7 @@ class Evaluate:
 
     def _passes(self) -> int:
         """How often to pass over the input views; 0 for never."""
-        from semgs.scene.refinement import PASSES
+        from semgs.scene.photo_refinement import PASSES
 
         return PASSES if self.refine < 0 else self.refine
 

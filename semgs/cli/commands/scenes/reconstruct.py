@@ -188,7 +188,7 @@ class Reconstruct:
 
     def _passes(self) -> int:
         """How often to pass over the photos; 0 leaves the Gaussians as the network placed them."""
-        from semgs.scene.refinement import PASSES, WALK_PASSES
+        from semgs.scene.photo_refinement import PASSES, WALK_PASSES
 
         if self.refine < 0:
             return WALK_PASSES if self.all else PASSES
@@ -209,9 +209,9 @@ class Reconstruct:
         notes: list[str] = []
         if self.refine_poses:
             with stages("refine", f"Refining {len(chosen)} cameras"):
-                from semgs.sfm.refine import refine
+                from semgs.sfm.camera_refinement import refine_cameras
 
-                refinement = refine(scene, chosen)
+                refinement = refine_cameras(scene, chosen)
                 notes += refinement.notes(scene)
                 scene = refinement.applied(scene)
         with stages("check", "Checking the cameras"):

@@ -56,7 +56,7 @@ class MatchedRays:
 
 @final
 @dataclass(frozen=True, eq=False)
-class Refinement:
+class CameraRefinement:
     """Refined cameras, and what was refined.
 
     Attributes:
@@ -119,7 +119,7 @@ class Refinement:
         ]
 
 
-def refine(scene: Scene, frames: Sequence[int]) -> Refinement:
+def refine_cameras(scene: Scene, frames: Sequence[int]) -> CameraRefinement:
     """Refine the cameras of some frames on matches between their images; intrinsics stay.
 
     The cameras are taken only if the median distance of the matches falls to `FALLS_TO` of what it was. Frames without matches stay where they
@@ -135,7 +135,7 @@ def refine(scene: Scene, frames: Sequence[int]) -> Refinement:
     frames = tuple(frames)
     given = np.stack([scene.frames[index].world_from_camera for index in frames])
     spacing = _spacing(given)
-    unchanged = Refinement(frames, given, given, 0, spacing, np.nan, np.nan, accepted=False)
+    unchanged = CameraRefinement(frames, given, given, 0, spacing, np.nan, np.nan, accepted=False)
     if not spacing:
         return unchanged
     seen = sightings(scene, frames, find_matches(scene, frames))
@@ -145,7 +145,7 @@ def refine(scene: Scene, frames: Sequence[int]) -> Refinement:
     found = adjusted(given, seen, spacing)
     before, after = (float(np.median(np.abs(epipolar_px(poses, seen)))) for poses in (given, found))
     accepted = after <= FALLS_TO * before
-    return Refinement(frames, given, found if accepted else given, count, spacing, before, after, accepted)
+    return CameraRefinement(frames, given, found if accepted else given, count, spacing, before, after, accepted)
 
 
 def sightings(scene: Scene, frames: Sequence[int], matches: Matches) -> MatchedRays:

@@ -253,11 +253,11 @@ def _error(gaussians: Gaussians, encoding: Encoding, views: Views, view: int, ex
     photo = views.images[view].to(gaussians.means)
     image = replace(encoding, gaussians=gaussians).render(views.cameras[view : view + 1], clamp=False).images[0]
     if exposure:
-        image = _as_exposed(image, photo)
+        image = fit_exposure(image, photo)
     return (image - photo).square().mean()
 
 
-def _as_exposed(image: Float[Tensor, "3 h w"], photo: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 h w"]:
+def fit_exposure(image: Float[Tensor, "3 h w"], photo: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 h w"]:
     """The rendering with the gain and offset of each channel that come closest to the photo."""
     with torch.no_grad():
         flat, wanted = image.flatten(1), photo.flatten(1)

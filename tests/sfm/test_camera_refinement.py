@@ -18,9 +18,9 @@ from semgs.data.scenes import open_scene
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.rooms.sets.demo_room import demo_scene
-from semgs.sfm import refine as module
+from semgs.sfm import camera_refinement as module
+from semgs.sfm.camera_refinement import MatchedRays, adjusted, epipolar_px, refine_cameras, sightings
 from semgs.sfm.matches import Matches
-from semgs.sfm.refine import MatchedRays, adjusted, epipolar_px, refine, sightings
 
 SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "scripts" / "pose_noise.py"))
 SIZE = (480, 640)
@@ -166,13 +166,13 @@ def test_matches_become_rays_of_the_frames_in_the_order_given(scene: Scene):
 
 
 def test_good_cameras_stay_and_slightly_wrong_ones_are_corrected(scene: Scene):
-    untouched = refine(scene, FRAMES)
+    untouched = refine_cameras(scene, FRAMES)
     assert not untouched.accepted
     np.testing.assert_array_equal(untouched.poses, untouched.given)
     (sentence,) = untouched.notes(scene)
     assert sentence.startswith("The cameras were left as they are:")
     true, wrong = untouched.given, spoiled(scene, 1.0, 0.02)
-    found = refine(wrong, FRAMES)
+    found = refine_cameras(wrong, FRAMES)
     assert found.accepted
     assert found.after_px < 0.25 * found.before_px
     assert relative_turns(found.poses, true).mean() < 0.3 * relative_turns(found.given, true).mean()
@@ -194,10 +194,12 @@ def test_cameras_without_matches_or_baseline_are_left_alone(scene: Scene, monkey
         pose[:3, 3] = here
         frames[index] = replace(frames[index], world_from_camera=pose)
     fixed = replace(scene, frames=tuple(frames))
-    assert refine(fixed, FRAMES).notes(fixed) == ["The cameras were not refined: they are all at the same place."]
+    assert refine_cameras(fixed, FRAMES).notes(fixed) == [
+        "The cameras were not refined: they are all at the same place."
+    ]
     none = Matches(np.zeros((0, 2), int), np.zeros(0, int), np.zeros((0, 2, 2)), np.zeros((0, 2)), np.zeros((0, 2)))
     monkeypatch.setattr(module, "find_matches", lambda scene, frames: none)
-    found = refine(scene, FRAMES)
+    found = refine_cameras(scene, FRAMES)
     np.testing.assert_array_equal(found.poses, found.given)
     assert found.notes(scene) == ["The cameras were not refined: too few matches were found between the images."]
 

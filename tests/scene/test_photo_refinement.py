@@ -1,0 +1,140 @@
+"""Refinement on input photos: its steps by hand, what it may change and what not, and when it stops."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+from golden import fill_golden
+from networks import preset
+from posed import posed_views
+
+from semgs.data.views import Views
+from semgs.scene.encoding import Encoding
+from semgs.scene.photo_refinement import Unknown, fit_exposure, refine, refine_until
+
+SIZE = (29, 37)
+
+
+@pytest.fixture(scope="module")
+def views() -> Views:
+    return posed_views(2, SIZE)
+
+
+@pytest.fixture(scope="module")
+def encoding(views: Views) -> Encoding:
+    model = fill_golden(preset("small_plain"))
+    with torch.no_grad():
+        return replace(model(views), classes=None)
+
+
+def errors(encoding: Encoding, views: Views) -> torch.Tensor:
+    """The mean squared error of each view."""
+    return (encoding.render(views.cameras).images - views.images).square().mean((1, 2, 3))
+
+
+@pytest.mark.parametrize(
+    ("together", "expected"), [(False, [[0.9, -1.9], [0.8, -1.8]]), (True, [[0.91515, -1.88686], [0.8303, -1.77373]])]
+)
+def test_steps_are_adams(together: bool, expected: list[list[float]]) -> None:
+    """A constant gradient (3, -4) moves each number by the rate; together by rate / sqrt((9 + 16) / 2) times the gradient."""
+    unknown = Unknown(torch.tensor([1.0, -2.0]), 0.1, together)
+    for wanted in expected:
+        unknown.value.grad = torch.tensor([3.0, -4.0])
+        unknown.step(1.0)
+        torch.testing.assert_close(unknown.value.detach(), torch.tensor(wanted), rtol=0, atol=2e-5)
+
+
+def test_a_step_at_half_the_rate_is_half_as_long() -> None:
+    unknown = Unknown(torch.tensor([1.0]), 0.1)
+    unknown.value.grad = torch.tensor([7.0])
+    unknown.step(0.5)
+    assert unknown.value.item() == pytest.approx(0.95)
+
+
+def test_images_come_closer_to_the_photos_and_what_is_no_image_stays(encoding: Encoding, views: Views) -> None:
+    refined = refine(encoding, views, 10)
+    assert (errors(refined, views) < 0.85 * errors(encoding, views)).all()
+    before, after = encoding.gaussians, refined.gaussians
+    assert len(after) == len(before)
+    assert torch.equal(after.semantic.features, before.semantic.features)
+    assert torch.equal(after.semantic.quaternions, before.semantic.quaternions)
+    assert not torch.equal(after.means, before.means)
+    after.checked()
+
+
+def test_depths_follow_the_gaussians_and_class_gaussians_grow_with_them(encoding: Encoding, views: Views) -> None:
+    """A pixel's depth times the ratio of its Gaussian's old and new depth; sizes of semantic Gaussians by the same ratio."""
+    refined = refine(encoding, views, 5)
+    ratios = refined.placed_depths(views.cameras) / encoding.placed_depths(views.cameras)
+    assert (ratios - 1).abs().max() > 1e-4
+    torch.testing.assert_close(refined.depths, encoding.depths * ratios, rtol=1e-4, atol=0)
+    sizes = refined.gaussians.semantic.scales / encoding.gaussians.semantic.scales
+    own = encoding.per_gaussian(ratios[:, None])[:, 0]
+    torch.testing.assert_close(sizes, own[:, None].expand(-1, 3), rtol=1e-3, atol=0)
+
+
+def test_gaussians_that_a_sensor_placed_do_not_move(encoding: Encoding, views: Views) -> None:
+    refined = refine_until(encoding, views, 3, moves=False).encoding
+    assert torch.equal(refined.gaussians.means, encoding.gaussians.means)
+    assert torch.equal(refined.depths, encoding.depths)
+    assert (errors(refined, views) < errors(encoding, views)).all()
+
+
+def test_the_same_seed_gives_the_same_bits(encoding: Encoding, views: Views) -> None:
+    one, again, other = (refine(encoding, views, 5, seed=seed) for seed in (3, 3, 4))
+    assert all(torch.equal(a, b) for a, b in zip(one.tensors(), again.tensors(), strict=True))
+    assert not torch.equal(one.gaussians.means, other.gaussians.means)
+
+
+def test_gaussians_of_merged_windows_know_their_photos(encoding: Encoding, views: Views) -> None:
+    """Without every third Gaussian, those that are left are refined as the places in their photos say."""
+    places = torch.arange(len(encoding.gaussians))
+    places = places[places % 3 > 0]
+    merged = replace(encoding, gaussians=encoding.gaussians.map(lambda tensor: tensor[places]), places=places)
+    refined = refine(merged, views, 4)
+    assert (errors(refined, views) < errors(merged, views)).all()
+    centres = views.cameras.centres.float()
+    rows_and_columns = 15 * 19  # ceil(29 / 2), ceil(37 / 2)
+    owner = centres[places // rows_and_columns]
+    aside = torch.linalg.cross(refined.gaussians.means - owner, merged.gaussians.means - owner).norm(dim=-1)
+    distance = (refined.gaussians.means - owner).norm(dim=-1) * (merged.gaussians.means - owner).norm(dim=-1)
+    assert (aside / distance).max() < 0.05, "they stay near their own rays"
+
+
+def test_the_pass_that_renders_the_other_view_best_is_kept(encoding: Encoding, views: Views) -> None:
+    refined = refine_until(encoding, views, 6, check=views)
+    assert len(refined.curve) == 7
+    assert refined.passes == max(range(7), key=refined.curve.__getitem__)
+    error = float((refined.encoding.render(views.cameras).images - views.images).square().mean())
+    assert max(refined.curve) == pytest.approx(-10 * torch.log10(torch.tensor(error)).item(), abs=1e-4)
+
+
+def test_a_scene_that_only_gets_worse_stays_as_it_was(encoding: Encoding, views: Views) -> None:
+    now = encoding.render(views.cameras).images
+    refined = refine_until(encoding, views, 3, check=views.changed(images=now))
+    assert refined.passes == 0
+    assert refined.curve[0] == pytest.approx(120)  # of equal images, by the least error that counts
+    assert refined.encoding is encoding
+
+
+def test_a_darker_photo_is_fitted_with_gain_and_offset() -> None:
+    """Photo = 0.5 image + 0.1 in red, 2 image - 0.2 in green, the image itself in blue."""
+    image = torch.rand(3, 5, 7, generator=torch.Generator().manual_seed(1))
+    gains, offsets = torch.tensor([0.5, 2.0, 1.0]), torch.tensor([0.1, -0.2, 0.0])
+    photo = gains[:, None, None] * image + offsets[:, None, None]
+    torch.testing.assert_close(fit_exposure(image, photo), photo)
+
+
+def test_each_step_is_told(encoding: Encoding, views: Views) -> None:
+    told: list[int] = []
+    refine_until(encoding, views, 3, done=told.append)
+    assert told == [1, 2, 3, 4, 5, 6]
+
+
+def test_what_cannot_be_refined_is_refused(encoding: Encoding, views: Views) -> None:
+    with pytest.raises(ValueError, match="passes is 0; expected 1 or more"):
+        refine(encoding, views, 0)
+    with pytest.raises(ValueError, match=r"depths \(2, 29, 37\); expected those of 3 views of 29x37"):
+        refine(encoding, posed_views(3, SIZE), 1)
