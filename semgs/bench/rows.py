@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-Kind = Literal["network", "render", "train", "command"]
+Kind = Literal["network", "refine", "render", "train", "command"]
 Precision = Literal["float32", "bfloat16"]
 
 SIZE = (240, 320)
@@ -30,8 +30,8 @@ class BenchRow:
 
     Attributes:
         name: unique.
-        kind: what runs: encoding views and rendering one target (`network`), rendering a generated scene (`render`), a training
-            step (`train`), the program itself (`command`).
+        kind: what runs: encoding views and rendering one target (`network`), refining the Gaussians of views (`refine`), rendering a
+            generated scene (`render`), a training step (`train`), the program itself (`command`).
         part: which part of that: "total" or a stage, the passes, or the command.
         network: its name; empty if none is used.
         views: number of input views.
@@ -105,6 +105,7 @@ def _others() -> Iterator[BenchRow]:
     yield BenchRow("render_n2", "render", "both", quick=True)
     yield BenchRow("render_n2_colour", "render", "colour", quick=True)
     yield BenchRow("render_n2_backward", "render", "backward", quick=True)
+    yield BenchRow("refine_small_n2", "refine", "passes", "small")
     yield BenchRow("train_small_n2", "train", "step", "small")
     yield BenchRow("command_small_n2", "command", "reconstruct", "small")
     yield BenchRow("command_help", "command", "help", quick=True)
@@ -119,5 +120,5 @@ def _on_cuda() -> Iterator[BenchRow]:
             name = f"total_{network}_n2_{precision}_b{BATCH}_cuda"
             yield BenchRow(name, "network", "total", network, precision=precision, device="cuda", batch=BATCH)
     for row in _others():
-        if row.kind in ("render", "train"):
+        if row.kind in ("refine", "render", "train"):
             yield replace(row, name=f"{row.name}_cuda", device="cuda", quick=False)

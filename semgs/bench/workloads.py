@@ -24,6 +24,7 @@ from semgs.model.memory.memory_plan import NotEnoughMemoryError
 from semgs.model.semgs import SemGS
 from semgs.rendering.render import render
 from semgs.rooms.sets.demo_room import demo_scene
+from semgs.scene.photo_refinement import refine
 
 Watch = Callable[[str], AbstractContextManager[object]]
 """A context manager around each part of a run, given its name: measures time or memory. `WHOLE` is around all parts."""
@@ -48,7 +49,7 @@ def prepare(row: BenchRow) -> Run:
         CannotMeasureError: it cannot run here.
     """
     _check(row)
-    makers = {"network": _frame, "render": _drawing, "train": _training, "command": _command}
+    makers = {"network": _frame, "refine": _refining, "render": _drawing, "train": _training, "command": _command}
     made = makers[row.kind](row)
 
     def run(watch: Watch) -> None:
@@ -77,7 +78,7 @@ def _check(row: BenchRow) -> None:
     if row.device == "cuda":
         if not torch.cuda.is_available():
             raise CannotMeasureError("no CUDA device")
-        if row.kind in ("network", "render", "train") and find_spec("gsplat") is None:
+        if row.kind in ("network", "refine", "render", "train") and find_spec("gsplat") is None:
             raise CannotMeasureError("gsplat is not installed")
         return
     import numba
@@ -105,6 +106,19 @@ def _frame(row: BenchRow) -> Run:
                 encoding = model(views, chunks, watch)
             with watch("render"):
                 encoding.render(camera)
+
+    return run
+
+
+def _refining(row: BenchRow) -> Run:
+    """Refine the Gaussians of views, with the usual number of passes."""
+    model, views = load_network(row.network).to(row.device), context_views(row.views, row.size).to(row.device)
+    with torch.no_grad():
+        encoding = model(views)
+
+    def run(watch: Watch) -> None:
+        with watch(WHOLE):
+            refine(encoding, views)
 
     return run
 

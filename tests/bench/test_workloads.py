@@ -39,6 +39,7 @@ def test_a_frame_tells_of_all_its_parts_and_they_fill_it() -> None:
         "render_n2",
         "render_n2_colour",
         pytest.param("render_n2_backward", marks=pytest.mark.long),
+        pytest.param("refine_small_n2", marks=pytest.mark.long),
         pytest.param("train_small_n2", marks=pytest.mark.long),
     ],
 )
