@@ -25,7 +25,7 @@ PASSES, WALK_PASSES = 15, 7
 CELL = 8
 """Gaussians along each side of a cell of the grid of depth shifts."""
 
-ERROR_WEIGHT, PRIOR_WEIGHT = 10.0, 1e-3
+ERROR_WEIGHT, PRIOR_WEIGHT = 10.0, 1e-4
 """Weights of the mean squared error, and of shifts in standard deviations, squared."""
 
 CELL_DEVIATION, LEAST_SPREAD = 0.05, 0.01
@@ -180,10 +180,10 @@ class Unknowns:
         colour, zeros = gaussians.colour, gaussians.means.new_zeros
         opacities = gaussians.opacities.clamp(1e-4, 1 - 1e-4)
         cells = [-(-side // CELL) for side in (rows, columns)]
-        self.colour = Unknown(colour.features[:, :1], 0.01)
-        self.harmonics = Unknown(colour.features[:, 1:], 0.001)
-        self.log_size = Unknown(colour.scales.clamp(min=1e-9).log(), 0.01)
-        self.rotation = Unknown(colour.quaternions, 0.002)
+        self.colour = Unknown(colour.features[:, :1], 0.02)
+        self.harmonics = Unknown(colour.features[:, 1:], 0.002)
+        self.log_size = Unknown(colour.scales.clamp(min=1e-9).log(), 0.02)
+        self.rotation = Unknown(colour.quaternions, 0.004)
         self.opacity = Unknown(opacities.logit(), 0.05)
         self.cells = Unknown(zeros(len(views), 1, *cells), 0.003)
         self.depth = Unknown(zeros(len(gaussians)), 0.002, together=True)
