@@ -41,6 +41,7 @@ SCENE = (
     Step("Read", "crop and resize images, maps and cameras", "data/resampling.py", "Views"),
     Step("Encode", "plan memory, run the network", "model/encode.py  model/memory/", "Encoding"),
     Step("Place and segment", "depth, classes and features from elsewhere", "reconstruction/  segmenters/", "Encoding"),
+    Step("Refine", "with --refine: a few steps on the photos", "scene/photo_refinement.py", "Encoding"),
     Step("Render", "colour, classes and depth; scores", "rendering/  objectives/", "Reconstruction"),
     Step("Write", "scene, PLY, renders, report", "reconstruction/output/", "scene.safetensors"),
     Step("Use", "semgs view, render, export, query", "viewer/  export/  robotics/"),

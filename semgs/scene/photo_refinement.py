@@ -162,8 +162,8 @@ class Unknowns:
     """What learns, and the scene that it makes of another."""
 
     def __init__(self, encoding: Encoding, views: Views, moves: bool) -> None:
-        self._start, self._moves = encoding, moves
-        gaussians = encoding.gaussians.detach()
+        self._start, self._moves = encoding.map(torch.Tensor.detach), moves
+        gaussians = self._start.gaussians
         height, width = views.size
         self._grid = rows, columns = -(-height // encoding.stride), -(-width // encoding.stride)
         places = encoding.places
@@ -176,7 +176,7 @@ class Unknowns:
         depths = (self._rays * poses[:, :3, 2]).sum(-1)
         pixel = depths[:, None] / views.cameras.focal_px.to(gaussians.means)[owner]
         self._pixel = poses[:, :3, :2] * pixel[:, None]
-        self._spread = encoding.per_gaussian(encoding.depth_spread.detach()[:, None])[:, 0].clamp(min=LEAST_SPREAD)
+        self._spread = self._start.per_gaussian(self._start.depth_spread[:, None])[:, 0].clamp(min=LEAST_SPREAD)
         colour, zeros = gaussians.colour, gaussians.means.new_zeros
         opacities = gaussians.opacities.clamp(1e-4, 1 - 1e-4)
         cells = [-(-side // CELL) for side in (rows, columns)]
