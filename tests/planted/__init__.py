@@ -24,6 +24,7 @@ from planted.rendering import RENDERING
 from planted.robotics import ROBOTICS
 from planted.rooms import ROOMS
 from planted.ros import ROS
+from planted.scene import SCENE
 from planted.segmenters import SEGMENTERS
 from planted.sfm import SFM
 from planted.training import TRAINING
@@ -50,6 +51,7 @@ MUTANTS: tuple[Mutant, ...] = (
     *ROBOTICS,
     *ROOMS,
     *ROS,
+    *SCENE,
     *SEGMENTERS,
     *SFM,
     *TRAINING,
