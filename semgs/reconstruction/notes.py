@@ -34,6 +34,7 @@ def collect_notes(
     scene: Scene,
     choice: Choice,
     context: Views,
+    target: Views | None,
     classes: ClassTable | None,
     up: UpDirection,
     *,
@@ -45,7 +46,7 @@ def collect_notes(
     """All notes on a reconstruction, in the order of the report.
 
     Args:
-        scene, choice, context: the source, the chosen frames, and the input views.
+        scene, choice, context, target: the source, the chosen frames, the input views and the held-out ones.
         classes: the class table of the Gaussians; None for a colour-only model.
         up: which way is up.
         placement, plan, labelling, features: as for `Reconstruction`.
@@ -55,6 +56,7 @@ def collect_notes(
         *scene.notes,
         note_on_aspect([scene.frames[position] for position in (*choice.context, *choice.targets)], context.size),
         *choice.notes,
+        note_on_hidden(context, target),
     ]
     if not has_parallax(context):
         notes.append(
@@ -125,6 +127,18 @@ def note_on_aspect(frames: Sequence[Frame], size: tuple[int, int]) -> str:
         f"{len(cropped)} of {len(frames)} images have another aspect ratio than {size[0]}x{size[1]} (height x width) and are centre-cropped "
         f"with their cameras: {first.name}, for example, from {rows}x{columns} to {height}x{width} before it is resized."
     )
+
+
+def note_on_hidden(context: Views, target: Views | None) -> str:
+    """How many pixels are hidden; empty if none is."""
+    counts = [
+        f"{int(views.hidden.sum()):,} of {views.hidden.numel():,} pixels of the {title} views"
+        for title, views in (("input", context), ("held-out", target))
+        if views is not None and views.hidden is not None
+    ]
+    if not counts:
+        return ""
+    return f"Hidden: {' and '.join(counts)} are a black border or masked. They have no Gaussians and count in no score."
 
 
 def strangers(context: Views) -> list[int]:

@@ -174,7 +174,7 @@ def reconstruct(
         encoder.try_segmenter(choice.context)
         with stages("read", f"Reading {count} frames at {height}x{width} (height x width)"):
             context, target = encoder.read(choice.context, choice.depth_range), encoder.read_target(choice)
-        encoding = encoder.encode(choice.context, context, target)
+        encoding = encoder.encode(choice.context, context, target).without(context.hidden)
     # A stage that refines the Gaussians belongs here: the windows of a walk are merged, and nothing below moves a Gaussian.
     features = None
     if featuring is not None:
@@ -190,7 +190,16 @@ def reconstruct(
         up = up_of(saved)
     placement, plan = encoder.placement(choice.context), encoder.plan
     own_notes = collect_notes(
-        scene, choice, context, classes, up, placement=placement, plan=plan, labelling=labelling, features=features
+        scene,
+        choice,
+        context,
+        target,
+        classes,
+        up,
+        placement=placement,
+        plan=plan,
+        labelling=labelling,
+        features=features,
     )
     return Reconstruction(
         scene=scene,
