@@ -42,7 +42,7 @@ PYTHON
 taught=()
 teach "$folder/wide"
 if [ -n "$teacher" ]; then taught=(--teacher "$folder/teacher"); fi
-backbone_given=(--network.class-backbone)
+backbone_given=()
 if [ "$backbone" != random ]; then backbone_given+=(--backbone "$backbone"); fi
 
 # What things look like, from single images: 25,600 small ones, then 13,200 of the size that they are used at.
@@ -68,7 +68,7 @@ fourth="$folder/fourth_$share""_$seed"
 fifth="$folder/fifth_$share""_$seed"
 sixth="$folder/sixth_$share""_$seed"
 pairs=(--contexts 2 2 --batch 4 --learning-rate 5e-4)
-deepen "$third" 1600 "${pairs[@]}" --init "$second/weights.safetensors" --network.cost-filter 16 --network.depth-cue --seed "$((seed - 1))" \
+deepen "$third" 1600 "${pairs[@]}" --init "$second/weights.safetensors" --seed "$((seed - 1))" \
     --data "$folder/many=2" "$folder/wide=1" --size 120x160 --average-decay 0.995 --augmentation.crop 0.5 --augmentation.camera 0.5
 deepen "$fourth" 360 "${pairs[@]}" --init "$third/weights.safetensors" --seed "$seed" --data "$folder/wide" "$folder/long" --size 240x320 \
     --average-decay 0.99 --augmentation.crop 0.6 --augmentation.camera 0.5
@@ -113,7 +113,7 @@ eleventh="$folder/eleventh_$share""_$seed"
 deeper=(--contexts 2 4 --learning-rate 4e-4 --size 240x320 --average-decay 0.98 --augmentation.crop 0.6 --augmentation.camera 0.3)
 deepen "$eleventh" 900 "${deeper[@]}" --batch 3 --init "$mean" --seed "$((seed + 35))" --data "$folder/walks"
 twelfth="$folder/twelfth_$share""_$seed"
-colour "$twelfth" 720 --network.class-fusion --init "$eleventh/weights.safetensors" --seed "$((seed + 37))" --data "$folder/walks"
+colour "$twelfth" 720 --init "$eleventh/weights.safetensors" --seed "$((seed + 37))" --data "$folder/walks"
 
 # Depth learns on twice, each time from new rooms, then colour. The mean with version 12 is version 13.
 rooms strolls 250 8 2404 240x320
@@ -213,7 +213,7 @@ for part in ("kept_back", "learned"):
     (target / part / "classes.json").write_text(json.dumps(table))
 PYTHON
     twentysixth="$folder/twentysixth_$share""_$seed"
-    train "$twentysixth" 600 --init "$folder/version_16_$share""_$seed.safetensors" --network.class-fusion --seed "$((seed + 131))" --data "$folder/cabins=3" "$folder/photos/learned=2" \
+    train "$twentysixth" 600 --init "$folder/version_16_$share""_$seed.safetensors" --seed "$((seed + 131))" --data "$folder/cabins=3" "$folder/photos/learned=2" \
         --size 176x224 --batch 12 --learning-rate 6e-4 --backbone-rate 0.25 --average-decay 0.99 --augmentation.colour 0.4 --augmentation.roll 8 \
         --validation "$folder/photos/kept_back" --validation-scenes 50
     average "$folder/version_17_$share""_$seed.safetensors" "$folder/version_16_$share""_$seed.safetensors" "$twentysixth/weights.safetensors"

@@ -24,7 +24,7 @@ from semgs.geometry.rigid import move_cameras, move_gaussians
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.model.weights.load import load
 from semgs.rooms.sets.carried_cameras import draw_camera, draw_habit, draw_path
-from semgs.rooms.sets.room_scenes import Recipe, build_room, write_views
+from semgs.rooms.sets.room_scenes import RoomSettings, build_room, write_views
 from semgs.rooms.sets.room_stream import generator, keep_overlap, shoot
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import up_of
@@ -32,16 +32,16 @@ from semgs.scene.upright import up_of
 ROOMS, FRAMES, SIZE = 24, 8, (240, 320)
 
 
-def write_room(folder: Path, recipe: Recipe, index: int, pitch: float) -> None:
-    """Room `index` of a recipe, as `semgs rooms` writes it, with pitched cameras [degrees]."""
-    rng = generator(recipe.seed, index)
-    room = build_room(rng, recipe.library, recipe.style)
-    habit = draw_habit(rng, recipe.style)
-    camera = draw_camera(rng, recipe.size, habit)
-    reach = (recipe.frames - 1) / 2
+def write_room(folder: Path, settings: RoomSettings, index: int, pitch: float) -> None:
+    """Room `index` of a set with these settings, as `semgs rooms` writes it, with pitched cameras [degrees]."""
+    rng = generator(settings.seed, index)
+    room = build_room(rng, settings.library, settings.style)
+    habit = draw_habit(rng, settings.style)
+    camera = draw_camera(rng, settings.size, habit)
+    reach = (settings.frames - 1) / 2
     path = draw_path(rng, room, camera, reach, habit)
     path = keep_overlap(rng, room, replace(path, pitch=path.pitch + radians(pitch)), camera, habit.overlap)
-    poses = [path.pose(float(s)) for s in np.linspace(-reach, reach, recipe.frames)]
+    poses = [path.pose(float(s)) for s in np.linspace(-reach, reach, settings.frames)]
     write_views(folder, shoot(rng, room, poses, camera))
 
 
@@ -49,11 +49,11 @@ def write_room(folder: Path, recipe: Recipe, index: int, pitch: float) -> None:
 def main() -> None:
     """Print the error in each room and the summary."""
     given = [*sys.argv[1:], *("31", "0", "home")[len(sys.argv) - 1 :]]
-    recipe, pitch = Recipe(int(given[0]), SIZE, FRAMES, given[2]), float(given[1])  # type: ignore[arg-type]
+    settings, pitch = RoomSettings(int(given[0]), SIZE, FRAMES, given[2]), float(given[1])  # type: ignore[arg-type]
     model, errors = load("small"), []
     for index in range(ROOMS):
         with TemporaryDirectory() as folder:
-            write_room(Path(folder), recipe, index, pitch)
+            write_room(Path(folder), settings, index, pitch)
             scene = open_scene(folder)
             choice = choose(scene, 2)
             views = scene.read(choice.context, SIZE, choice.depth_range)

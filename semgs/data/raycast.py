@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int, Num
 
-from semgs.files.errors import import_error
+from semgs.files.extras import needs_extra
 
 REACH = 1e30
 """The length of an unlimited ray [m]; Embree reports anything beyond as a miss."""
@@ -88,8 +88,7 @@ class Raycaster:
 
 def _embree() -> tuple[type, type]:
     """Embree's scene and mesh types."""
-    advice = "casting rays needs embreex, which is not installed; pip install '.[raycast]' in SemGS's folder"
-    with import_error(advice, "embreex"):
+    with needs_extra("raycast", "casting rays needs embreex", "embreex"):
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
     return EmbreeScene, TriangleMesh

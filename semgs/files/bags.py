@@ -8,9 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from semgs.files.errors import import_error
-
-INSTALL = "rosbags: pip install '.[ros]' in SemGS's folder"
+from semgs.files.extras import needs_extra
 
 VISION = {
     "BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
@@ -30,7 +28,7 @@ def bag_reader(path: Path) -> Any:
     Raises:
         ImportError: rosbags is not installed.
     """
-    with import_error(f"{path} is a ROS bag; reading it needs {INSTALL}", "rosbags"):
+    with needs_extra("ros", f"{path} is a ROS bag; reading it needs rosbags", "rosbags"):
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     return AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
@@ -43,7 +41,7 @@ def message_store() -> Any:
     Raises:
         ImportError: rosbags is not installed.
     """
-    with import_error(f"messages of ROS need {INSTALL}", "rosbags"):
+    with needs_extra("ros", "messages of ROS need rosbags", "rosbags"):
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     store = get_typestore(Stores.ROS2_HUMBLE)
     for name, definition in VISION.items():
@@ -57,7 +55,7 @@ def check_bag_library() -> None:
     Raises:
         ImportError: rosbags is not installed.
     """
-    with import_error(f"writing a ROS bag needs {INSTALL}", "rosbags"):
+    with needs_extra("ros", "writing a ROS bag needs rosbags", "rosbags"):
         import rosbags.rosbag2  # noqa: F401
 
 

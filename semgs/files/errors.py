@@ -67,23 +67,6 @@ def readable(path: str | Path) -> Iterator[None]:
 
 
 @contextmanager
-def import_error(message: str, library: str) -> Iterator[None]:
-    """Say what to install if a library of an extra is missing.
-
-    Args:
-        message: what needs the library, and how to install it.
-        library: its name for `import`.
-
-    Raises:
-        ImportError: in place of the block's own.
-    """
-    try:
-        yield
-    except ImportError as error:
-        raise ImportError(message, name=library) from error
-
-
-@contextmanager
 def input_error(path: str | Stored, expected: str, key: str | None = None, advice: str | None = None) -> Iterator[None]:
     """Turn a ValueError about the content of a file into an InputError that names the file.
 

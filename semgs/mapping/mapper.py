@@ -15,7 +15,7 @@ from semgs.data.views import Views, joined
 from semgs.geometry.cameras import Cameras
 from semgs.mapping import merging
 from semgs.mapping.keyframes import Known, Verdict, judge_frame, near
-from semgs.mapping.merging import Part
+from semgs.mapping.merging import KeyframePart
 from semgs.mapping.voxels import join_in_voxels
 from semgs.scene.encoding import Encoding
 
@@ -58,7 +58,7 @@ class Keyframe:
     name: str
     view: Views
     known: Known
-    part: Part | None = None
+    part: KeyframePart | None = None
     maps: Tensor | None = None
 
 
@@ -197,7 +197,7 @@ class Mapper:
         self._keyframes = tuple(keyframes)
         return True
 
-    def _with_part(self, keyframes: list[Keyframe], index: int, part: Part, maps: Tensor) -> list[Keyframe]:
+    def _with_part(self, keyframes: list[Keyframe], index: int, part: KeyframePart, maps: Tensor) -> list[Keyframe]:
         """The keyframes with the Gaussians of one of them, after it and its neighbours have judged one another."""
         one = keyframes[index]
         neighbours = {keyframes[place].number for place in near(one.known.camera, [other.known for other in keyframes])}

@@ -154,7 +154,7 @@ class Votes:
 
 
 @dataclass(frozen=True)
-class Part:
+class KeyframePart:
     """The Gaussians of one keyframe, and the votes about them. The Gaussians stay as the network placed them; `settle` applies the votes.
 
     Attributes:
@@ -176,11 +176,11 @@ class Part:
     def __len__(self) -> int:
         return len(self.index)
 
-    def __getitem__(self, keep: Bool[Tensor, " g"]) -> Part:
+    def __getitem__(self, keep: Bool[Tensor, " g"]) -> KeyframePart:
         """Some of the Gaussians."""
         if keep.all():
             return self
-        return Part(
+        return KeyframePart(
             self.sheet,
             self.gaussians.map(lambda tensor: tensor[keep]),
             self.index[keep],
@@ -189,14 +189,14 @@ class Part:
             self.votes.map(lambda tensor: tensor[keep]),
         )
 
-    def judged_by(self, other: Sheet) -> Part:
+    def judged_by(self, other: Sheet) -> KeyframePart:
         """The same Gaussians, with the votes of one more keyframe; without those that are not needed any more."""
         voted = replace(self, votes=self.votes + votes_of(self, other))
         return voted[voted.votes.before < LAYERS]
 
 
-def parts_of(encoding: Encoding, seen: Views, numbers: Sequence[int]) -> list[Part]:
-    """The Gaussians of each view of a window, without votes of others and without those of hidden pixels.
+        part = KeyframePart(sheet, gaussians, torch.arange(count), spreads[view].flatten(), level, votes)
+        found.append(part if sheet.shown is None else part[sheet.shown.flatten()])
 
     Args:
         encoding: of the window.
@@ -246,8 +246,12 @@ def parts_of(encoding: Encoding, seen: Views, numbers: Sequence[int]) -> list[Pa
         none = None if logs is None else torch.zeros(count, logs.shape[-1])
         votes = Votes(zeros, zeros, zeros, zeros, zeros, none, tried, tried)
         level = sharpness(depths[view].flatten(), sheet.focal_px)
+<<<<<<< HEAD
         part = Part(sheet, gaussians, torch.arange(count), spreads[view].flatten(), level, votes)
         found.append(part if sheet.shown is None else part[sheet.shown.flatten()])
+=======
+        found.append(KeyframePart(sheet, gaussians, torch.arange(count), spreads[view].flatten(), level, votes))
+>>>>>>> main
     return found
 
 
@@ -256,7 +260,7 @@ def sharpness(depths: Float[Tensor, "*n"], focal_px: float) -> Float[Tensor, "*n
     return ((depths / focal_px).log() / log(SHARPER)).floor()
 
 
-def votes_of(part: Part, other: Sheet) -> Votes:
+def votes_of(part: KeyframePart, other: Sheet) -> Votes:
     """What one keyframe says about Gaussians of another."""
     means = part.gaussians.means
     found = other.sightings(means)
@@ -292,7 +296,7 @@ def steps(spread: Float[Tensor, " g"]) -> Float[Tensor, "g step"]:
     return torch.linspace(-REACH, REACH, STEPS).to(spread) * (spread + SPREAD)[:, None]
 
 
-def compare_photos(part: Part, other: Sheet) -> tuple[Float[Tensor, "g step"], Float[Tensor, "g step"]]:
+def compare_photos(part: KeyframePart, other: Sheet) -> tuple[Float[Tensor, "g step"], Float[Tensor, "g step"]]:
     """At which depths a keyframe would see Gaussians of another with the colour of its own photo, and at which with another colour; 1 or 0."""
     camera, centre = other.camera, part.sheet.camera.centres
     pixel_from_world = camera.intrinsics @ camera.world_from_camera[:3, :3].T
@@ -335,7 +339,7 @@ def exposure(one: Sheet, other: Sheet) -> float:
     return float(differences.quantile(0.75)) if len(differences) else 1.0
 
 
-def choose_shifts(part: Part) -> tuple[Float[Tensor, " g"], Bool[Tensor, " g"]]:
+def choose_shifts(part: KeyframePart) -> tuple[Float[Tensor, " g"], Bool[Tensor, " g"]]:
     """The log of how much farther each Gaussian goes, and whether photos allow it there.
 
     It goes to the mean depth of the keyframes, weighted by certainty, unless clearly more photos speak for another of the depths that were tried. The
@@ -360,7 +364,7 @@ def choose_shifts(part: Part) -> tuple[Float[Tensor, " g"], Bool[Tensor, " g"]]:
     return torch.where(stays, mean, found), allowed[:, 0]
 
 
-def settle(part: Part) -> Part:
+def settle(part: KeyframePart) -> KeyframePart:
     """The Gaussians that stay, at the depth and with the classes that the keyframes agree on.
 
     Those that more of the other keyframes look through than agree with are floaters and go, and so do those that more photos contradict than show.
@@ -383,7 +387,7 @@ def settle(part: Part) -> Part:
     return replace(part, gaussians=moved)
 
 
-def join_parts(parts: Sequence[Part]) -> tuple[Gaussians, Int64[Tensor, " g"]]:
+def join_parts(parts: Sequence[KeyframePart]) -> tuple[Gaussians, Int64[Tensor, " g"]]:
     """All Gaussians of some keyframes, and the places that they stand for, counted over the views in this order."""
     first = parts[0]
     blocks = first.sheet.depths.numel()

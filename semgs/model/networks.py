@@ -16,7 +16,7 @@ from semgs.model.settings import (
     SemanticSettings,
     TransformerSettings,
 )
-from semgs.model.switches import switched
+from semgs.model.switches import Switches, switched, switches_of
 
 
 def base() -> NetworkSettings:
@@ -85,3 +85,8 @@ NETWORKS: dict[str, Callable[[], NetworkSettings]] = dict(
     zip(NAMES, (small, small_plain, base, base_text, mvsplat), strict=True)
 )
 """By their names."""
+
+
+def named_switches(name: str) -> Switches:
+    """The switches of the network of that name."""
+    return switches_of(NETWORKS[name]())

@@ -20,7 +20,7 @@ from jaxtyping import Float, Int64
 from torch import Tensor
 
 from semgs.files.cache import cache_folder
-from semgs.files.errors import import_error
+from semgs.files.extras import needs_extra
 from semgs.geometry.rotations import covariance
 from semgs.rendering.pinhole import Pinhole, near_plane
 from semgs.rendering.rules import BLUR_PX2
@@ -80,7 +80,7 @@ def rasterizer() -> Callable:
         ImportError: gsplat is not installed, or could not be compiled.
     """
     lock = nullcontext() if COMPILED in sys.modules else FileLock(_lock_path())
-    with import_error("splatting on CUDA needs gsplat; pip install '.[cuda]' in SemGS's folder", "gsplat"), lock:
+    with needs_extra("cuda", "splatting on CUDA needs gsplat", "gsplat"), lock:
         from gsplat import rasterization
         from gsplat.cuda._backend import _C
     if _C is None:

@@ -69,10 +69,10 @@ def confidence_maps(rendering: Rendering) -> Float32[np.ndarray, "*batch v h w"]
     """
     if rendering.semantics is None:
         raise ValueError(WITHOUT_CLASSES)
-    confidence = (
-        highest_probability(rendering.semantics.detach().movedim(-3, -1), rendering.temperature).float().cpu().numpy()
-    )
-    return np.where(_unseen(rendering), np.float32(0), confidence)
+    views = rendering.semantics.detach().movedim(-3, -1)
+    confidence = [highest_probability(view, rendering.temperature).float() for view in views.flatten(0, -4)]
+    together = torch.stack(confidence).reshape(views.shape[:-1]).cpu().numpy()
+    return np.where(_unseen(rendering), np.float32(0), together)
 
 
 def check_may_be_unknown(classes: int) -> None:

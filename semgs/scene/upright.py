@@ -75,6 +75,9 @@ UPRIGHT_LINES, LEVEL_SURFACES, UPRIGHT_SURFACES = 0.3, 0.3, 0.3
 STEP = 2
 """Normals come from differences over this many Gaussians to both sides."""
 
+DIRECTIONS = 16
+"""Directions that are scored at a time."""
+
 EVERY = 8
 """One surface in so many is used: neighbours say the same."""
 
@@ -165,7 +168,12 @@ class Cues:
         return torch.cos(roll) * (torch.cos(pitch) * up + torch.sin(pitch) * forward) + torch.sin(roll) * right
 
     def score(self, pitch: Float64[Tensor, " n"], roll: Float64[Tensor, " n"], one: Round) -> Float64[Tensor, " n"]:
-        """The weighted log likelihood of directions, against that of directions that nothing depends on."""
+        """The weighted log likelihood of directions, against that of directions that nothing depends on. Some directions at a time, since
+        each is compared with all lines and surfaces."""
+        parts = zip(pitch.split(DIRECTIONS), roll.split(DIRECTIONS), strict=True)
+        return torch.cat([self._score(*part, one) for part in parts])
+
+    def _score(self, pitch: Float64[Tensor, " n"], roll: Float64[Tensor, " n"], one: Round) -> Float64[Tensor, " n"]:
         ups = self.directions(pitch, roll)
         mean, deviation = PITCH
         total = -one.pitch * ((pitch - mean) / deviation) ** 2

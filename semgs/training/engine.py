@@ -7,6 +7,7 @@ from typing import Any
 
 import torch
 
+from semgs.files.extras import needs_extra
 from semgs.rendering.gsplat_backend import rasterizer
 from semgs.training.run.execution import Execution
 
@@ -22,11 +23,9 @@ def launch(execution: Execution) -> Any:
     Raises:
         ImportError: Lightning Fabric is not installed; the message names the extra.
     """
-    try:
+    with needs_extra("train", "training needs Lightning Fabric", "lightning_fabric"):
         from lightning_fabric import Fabric
         from lightning_fabric.plugins import MixedPrecision, Precision
-    except ImportError as error:
-        raise ImportError("training needs Lightning Fabric: pip install '.[train]' in SemGS's folder") from error
 
     class LayersInBfloat16(MixedPrecision):
         """Autocast around the forward pass; inputs and outputs keep their precision."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from semgs.model.networks import named_switches
 from semgs.objectives.loss_weights import LossWeights
 from semgs.training.run.differences import describe, differences
 from semgs.training.training_settings import TrainingSettings
@@ -15,6 +16,7 @@ def small() -> TrainingSettings:
     return TrainingSettings(
         preset="small",
         model="small",
+        network=named_switches("small"),
         steps=12_000,
         batch=2,
         size=(96, 128),
@@ -31,7 +33,7 @@ def small() -> TrainingSettings:
 
 def small_plain() -> TrainingSettings:
     """As `small`, with the paper's layers alone: no class backbone, cost filter, cue or fusion."""
-    return replace(small(), preset="small_plain", model="small_plain")
+    return replace(small(), preset="small_plain", model="small_plain", network=named_switches("small_plain"))
 
 
 def base() -> TrainingSettings:
@@ -50,7 +52,14 @@ def paper() -> TrainingSettings:
 def base_text() -> TrainingSettings:
     """As `paper`, with every sentence of the paper read word by word; MVSplat's weights do not fit its heads, so it starts from random ones."""
     losses = LossWeights(0.1, 1.0, 0.001, smoothness_over="sum")
-    return replace(paper(), preset="base_text", model="base_text", losses=losses, init="random")
+    return replace(
+        paper(),
+        preset="base_text",
+        model="base_text",
+        network=named_switches("base_text"),
+        losses=losses,
+        init="random",
+    )
 
 
 PRESETS = {"small": small, "small_plain": small_plain, "base": base, "paper": paper, "base_text": base_text}

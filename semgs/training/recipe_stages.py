@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from semgs.model.switches import Switches
 from semgs.objectives.loss_weights import LossWeights
 from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.presets import PRESETS
@@ -81,7 +80,7 @@ def _classes(common: TrainingSettings, start: Start) -> TrainingSettings:
     return replace(
         common, supervision="pictures", steps=4000, batch=16, half_size=0.6,
         learning_rate=2e-3, clip=2.0, average_decay=0.998, class_weights="inverse_fourth_root_frequency",
-        network=Switches(class_backbone=True, class_fusion=True), backbone=start.backbone, teacher=start.teacher,
+        network=replace(common.network, class_backbone=True, class_fusion=True), backbone=start.backbone, teacher=start.teacher,
         augmentation=Augmentation(colour=0.5, crop=0.4, flip=True, roll=10.0, camera=1.0),
         validate_every=500, validation_scenes=48,
     )  # fmt: skip
@@ -91,7 +90,7 @@ def _depth(common: TrainingSettings, start: Start) -> TrainingSettings:
     """How far things are: two to four views against true depth, nothing rendered; classes stay."""
     return replace(
         common, supervision="depth", steps=2500, batch=4, contexts=(2, 4), targets=1, half_size=0.6,
-        learning_rate=5e-4, average_decay=0.99, network=Switches(cost_filter=16, depth_cue=True),
+        learning_rate=5e-4, average_decay=0.99, network=replace(common.network, cost_filter=16, depth_cue=True),
         augmentation=Augmentation(colour=0.3, crop=0.6, flip=True, camera=0.4),
         validate_every=500, validation_scenes=24,
     )  # fmt: skip

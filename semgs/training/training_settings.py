@@ -46,7 +46,7 @@ class TrainingSettings(Rates, SupervisionSettings, Schedule, DataSettings):
     semantic_branch: SemanticBranch = "kept"
     """Keep the semantic branch of the initial weights, or reinitialise it and keep depth and colour."""
     network: Switches = field(default_factory=Switches)
-    """Switches of the network."""
+    """Switches of the network; presets have those of their own network."""
     validate_every: int = 1000
     """Steps between validations."""
     preset: str = field(default="", compare=False)

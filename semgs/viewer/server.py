@@ -9,6 +9,7 @@ from contextlib import contextmanager, redirect_stdout
 from typing import TYPE_CHECKING
 
 from semgs.files.errors import InputError
+from semgs.files.extras import needs_extra
 
 if TYPE_CHECKING:
     from viser import (  # noqa: F401 - the types of viser, for the modules that use this server
@@ -39,12 +40,8 @@ def check_viewer_library() -> None:
     Raises:
         ImportError: viser is not installed.
     """
-    try:
+    with needs_extra("viewer", "viewing needs viser", "viser"):
         import viser  # noqa: F401
-    except ImportError as error:
-        raise ImportError(
-            "viewing needs viser: pip install '.[viewer]' in SemGS's folder, or pip install viser"
-        ) from error
 
 
 @contextmanager

@@ -10,7 +10,7 @@ import pytest
 from image_sets import random_numbers, write_image_set
 
 from semgs.cli.main import main
-from semgs.rooms.sets.dataset import Recipe, write_dataset
+from semgs.rooms.sets.dataset import RoomSettings, write_dataset
 from semgs.rooms.sets.demo_room import demo_scene
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
@@ -44,7 +44,7 @@ def test_every_script_is_run_here() -> None:
 @pytest.fixture(scope="module")
 def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("scripts") / "rooms"
-    write_dataset(folder, Recipe(77, (240, 320), 6), 2)
+    write_dataset(folder, RoomSettings(77, (240, 320), 6), 2)
     return folder
 
 

@@ -19,7 +19,7 @@ from semgs.mapping.merging import (
     SHRINK,
     STAY,
     STEPS,
-    Part,
+    KeyframePart,
     Sheet,
     exposure,
     join_parts,
@@ -34,7 +34,7 @@ def flat(*depths: float) -> torch.Tensor:
     return torch.stack([torch.full(SIZE, depth) for depth in depths])
 
 
-def alone(encoding: Encoding, cameras: Cameras) -> list[Part]:
+def alone(encoding: Encoding, cameras: Cameras) -> list[KeyframePart]:
     """The views as keyframes 0, 1, ..., each of a window of its own."""
     found = []
     for view, part in enumerate(parts_of(encoding, seen_at(cameras), range(len(encoding.depths)))):
@@ -44,9 +44,9 @@ def alone(encoding: Encoding, cameras: Cameras) -> list[Part]:
     return found
 
 
-def merged(parts: list[Part]) -> list[Part]:
+def merged(parts: list[KeyframePart]) -> list[KeyframePart]:
     """The parts after each has been judged by all others, added one by one."""
-    kept: list[Part] = []
+    kept: list[KeyframePart] = []
     for part in parts:
         new = part
         for other in kept:
@@ -55,7 +55,7 @@ def merged(parts: list[Part]) -> list[Part]:
     return kept
 
 
-def photos_by_loops(part: Part, others: list[Sheet]) -> list[list[list[float]]]:
+def photos_by_loops(part: KeyframePart, others: list[Sheet]) -> list[list[list[float]]]:
     """For each Gaussian and each depth that is tried for it, how many photos fit it and how many contradict."""
     centre = part.sheet.camera.centres
     rays, spreads = part.gaussians.means.double() - centre, part.spread.tolist()
@@ -85,7 +85,7 @@ def photos_by_loops(part: Part, others: list[Sheet]) -> list[list[list[float]]]:
     return found
 
 
-def by_loops(parts: list[Part], part: Part) -> dict[int, tuple[float, list[float]]]:
+def by_loops(parts: list[KeyframePart], part: KeyframePart) -> dict[int, tuple[float, list[float]]]:
     """The specification: depth ratio and class distribution of each Gaussian of a part that stays, by its place; all keyframes at once."""
     some = {}
     others = [one.sheet for one in parts if one.sheet.number != part.sheet.number]

@@ -17,7 +17,7 @@ from semgs.data.views import Views
 from semgs.model.encode import Network
 from semgs.objectives.metrics import psnr
 from semgs.reconstruction.notes import strangers
-from semgs.reconstruction.output.report import Origin, report_numbers
+from semgs.reconstruction.output.report import Provenance, report_numbers
 from semgs.reconstruction.pipeline import reconstruct
 from semgs.reconstruction.recording import Walk
 from semgs.runtime.stopwatch import Stages
@@ -183,7 +183,7 @@ def test_a_pose_in_the_coordinates_of_a_far_scene_is_rendered_and_files_are_in_t
         again.gaussians.means.double() + torch.tensor(again.origin) - torch.tensor(MOVED, dtype=torch.float64)
     ).numpy()
     np.testing.assert_allclose((wall - [3.0, -1.0, 0.5]) @ TURN[:, 2], WALL, atol=1e-5)
-    report = report_numbers(result, Origin("semgs", "none", 0, "cpu"), {})
+    report = report_numbers(result, Provenance("semgs", "none", 0, "cpu"), {})
     assert report["scene"]["origin"] == [5_000_003, -4_000_001, 300_001]
 
 

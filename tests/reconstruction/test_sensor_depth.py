@@ -17,7 +17,7 @@ from semgs.data.views import Views
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_uint16, write_png
 from semgs.reconstruction.output.files import summary
-from semgs.reconstruction.output.report import Origin, report_numbers
+from semgs.reconstruction.output.report import Provenance, report_numbers
 from semgs.reconstruction.output.report_page import report_page
 from semgs.reconstruction.pipeline import reconstruct
 from semgs.reconstruction.registration import Registration
@@ -25,7 +25,7 @@ from semgs.reconstruction.sensor_depth import OPACITY, place_gaussians, sensor_s
 from semgs.scene.encoding import Encoding
 from semgs.scene.scene_file import load_scene, save_scene
 
-ORIGIN = Origin("semgs 9.9", "drawn from a hat", 1234567, "cpu")
+ORIGIN = Provenance("semgs 9.9", "drawn from a hat", 1234567, "cpu")
 
 
 class Mistaken(Oracle):

@@ -22,7 +22,7 @@ pytest.importorskip("embreex")
 
 from semgs.files.images.pictures import read_uint8
 from semgs.rooms.plans.style import STYLES
-from semgs.rooms.sets.room_scenes import Recipe, Walk, draw_scene, write_views
+from semgs.rooms.sets.room_scenes import DrawnScene, RoomSettings, draw_scene, write_views
 
 SEED, SCENES, FRAMES, SIZE = 3, 3, 2, (48, 64)
 DECIMALS = 9
@@ -35,9 +35,10 @@ LABELS = Path(__file__).with_name("pinned_labels.png")
 
 
 @pytest.fixture(scope="module")
-def walks() -> dict[str, list[Walk]]:
+def walks() -> dict[str, list[DrawnScene]]:
     return {
-        style: [draw_scene(Recipe(SEED, SIZE, FRAMES, style), index) for index in range(SCENES)] for style in STYLES
+        style: [draw_scene(RoomSettings(SEED, SIZE, FRAMES, style), index) for index in range(SCENES)]
+        for style in STYLES
     }
 
 

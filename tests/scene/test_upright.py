@@ -92,6 +92,16 @@ def test_floor_and_walls_say_which_way_is_up_whatever_the_pitch(classes: bool) -
     assert off_degrees(found.direction, up) < 1.5, "the mean roll of 1 degree may be taken for level"
 
 
+@pytest.mark.parametrize("at_once", [1, 10_000])
+def test_how_many_directions_are_scored_at_a_time_decides_nothing(
+    at_once: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, _ = tilt(scene_of(looking(40, roll=4), looking(46, roll=-2)))
+    usual = up_of(scene).direction
+    monkeypatch.setattr("semgs.scene.upright.DIRECTIONS", at_once)
+    assert torch.allclose(up_of(scene).direction, usual, atol=1e-12)
+
+
 def test_surfaces_that_fit_no_direction_leave_it_uncertain() -> None:
     scene = scene_of(looking(0), looking(6))
     noise = torch.randn(len(scene.gaussians), 3, generator=torch.Generator().manual_seed(2))

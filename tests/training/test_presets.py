@@ -32,6 +32,7 @@ def test_the_paper_word_by_word_differs_from_its_preset_in_the_network_the_smoot
     literal = differences(base_text(), paper())
     assert literal == {
         "model": ("base_text", "base"),
+        "network": (Switches(output_transform=False, paper_heads=True), Switches()),
         "losses": (LossWeights(0.1, 1.0, 0.001, smoothness_over="sum"), LossWeights(0.1, 1.0, 0.001)),
         "init": ("random", ""),
     }

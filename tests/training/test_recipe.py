@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from semgs.model.build import build
 from semgs.model.networks import base, small
-from semgs.model.switches import Switches, switched
+from semgs.model.switches import switched
+from semgs.model.weights.initial_weights import changed_switches
 from semgs.training.recipe_stages import STAGES, Start, folder, settings_of
 
 OUT = Path("out")
@@ -44,10 +45,8 @@ def test_a_share_shortens_every_stage():
 def test_both_networks_have_what_the_stages_switch_on(network):
     settings = network()
     for stage in STAGES:
-        asked, usual = (
-            asdict(one) for one in (settings_of(stage, Start(model=settings.name), OUT).network, Switches())
-        )
-        settings = switched(settings, {name: value for name, value in asked.items() if value != usual[name]})
+        requested = settings_of(stage, Start(model=settings.name), OUT).network
+        settings = switched(settings, changed_switches(requested, settings.name))
     built = build(settings)
     assert built.pretrained_parameters()
     assert built.colour.depth.reads_cues

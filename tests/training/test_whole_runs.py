@@ -23,6 +23,7 @@ from semgs.data.tables.class_files import read_class_file
 from semgs.data.tables.classes import SCANNET20
 from semgs.data.views import Batch
 from semgs.files.errors import InputError
+from semgs.model.networks import named_switches
 from semgs.model.weights.load import data_terms, load
 from semgs.model.weights.weights_file import read_header, save
 from semgs.objectives.loss_weights import LossWeights
@@ -175,7 +176,7 @@ def test_a_training_on_own_classes_begins_with_weights_and_leaves_some_that_know
         tmp_path / "own", 1, labels=(0, 4, 5), change=lambda one: one.update(label_set="../three.json")
     )
     settings = replace(
-        SETTINGS, model="small", init="small", classes=table.table, data=(str(own),), validation=str(own), steps=1, learning_rate=1e-6,
+        SETTINGS, model="small", network=named_switches("small"), init="small", classes=table.table, data=(str(own),), validation=str(own), steps=1, learning_rate=1e-6,
         class_weights="inverse_root_frequency", augmentation=Augmentation(flip=True),
     )  # fmt: skip
     console = Console(file=io.StringIO(), width=300)

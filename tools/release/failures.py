@@ -30,7 +30,7 @@ from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError, input_error
 from semgs.files.images.colours import depth_limits, depth_picture
 from semgs.model.weights.index import SHOWN
-from semgs.rooms.sets.dataset import Recipe, write_dataset
+from semgs.rooms.sets.dataset import RoomSettings, write_dataset
 from semgs.training.data.data_settings import VALIDATION_SEED
 from tools.release.pages import CARD, DOCS, write_between
 
@@ -119,7 +119,7 @@ def targets(weights: str, data: Path | None) -> tuple[tuple[ScoredTarget, ...], 
     """
     with TemporaryDirectory() as drawn:
         if data is None:
-            write_dataset(drawn, Recipe(VALIDATION_SEED, SIZE, FRAMES, "other"), SCENES)
+            write_dataset(drawn, RoomSettings(VALIDATION_SEED, SIZE, FRAMES, "other"), SCENES)
         scenes = open_scenes(data or drawn)
         classes = next((scene.classes for scene in scenes if scene.classes), SCANNET20)
         plan = make_plan("neighbours", neighbours, scenes, [VIEWS])

@@ -6,7 +6,8 @@ import io
 
 from PIL.ImageFile import ImageFile
 
-from semgs.files.errors import InputError, import_error
+from semgs.files.errors import InputError
+from semgs.files.extras import needs_extra
 from semgs.files.stored import Stored
 
 BRANDS = (b"heic", b"heix", b"heim", b"heis", b"mif1")
@@ -29,8 +30,7 @@ def open_heic(path: str | Stored, data: bytes) -> ImageFile:
         InputError: it is damaged.
         ImportError: pillow-heif is not installed.
     """
-    advice = f"{path} is a HEIC image, which needs pillow-heif: pip install '.[phone]' in SemGS's folder"
-    with import_error(advice, "pillow_heif"):
+    with needs_extra("phone", f"{path} is a HEIC image, which needs pillow-heif", "pillow_heif"):
         from pillow_heif import HeifImageFile
     try:
         return HeifImageFile(io.BytesIO(data))

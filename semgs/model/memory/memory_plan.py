@@ -132,7 +132,7 @@ def _too_much(work: Work, size: tuple[int, int], best: MemoryPlan, held: float) 
     for views in dict.fromkeys((work.views, 2)):
         for part in (1, 2, 4, 8):
             smaller = size if part == 1 else tuple(max(SMALLEST_SIDE, _rounded(side / part)) for side in size)
-            less = _resized(replace(work, views=views, drawn=views + work.drawn), smaller)
+            less = _resized(replace(work, views=views, drawn=work.drawn - work.views + views), smaller)
             plan = _fitting(less, held, best.available_bytes)
             if plan.peak_bytes <= best.available_bytes:
                 named = "" if views == work.views else f"N = {views} at "

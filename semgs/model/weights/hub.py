@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semgs.files.errors import InputError
+from semgs.files.extras import needs_extra
 from semgs.files.hashes import sha256
 
 SCHEME = "hf://"
@@ -63,12 +64,8 @@ def fetch(text: str) -> Path:
         ImportError: huggingface_hub is not installed; the message names the extra.
     """
     requested = HubId.parsed(text)
-    try:
+    with needs_extra("hub", "weights on the hub need huggingface_hub", "huggingface_hub"):
         from huggingface_hub import HfApi, hf_hub_download
-    except ImportError as error:
-        raise ImportError(
-            "weights on the hub need huggingface_hub: pip install '.[hub]' in SemGS's folder", name="huggingface_hub"
-        ) from error
     try:
         repository = HfApi().model_info(requested.repository, revision=requested.revision, files_metadata=True)
     except Exception as error:  # the library passes on errors of its HTTP client, which changes between versions

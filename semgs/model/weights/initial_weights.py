@@ -11,7 +11,7 @@ from torch import Tensor
 
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
-from semgs.model.networks import NAMES, NETWORKS
+from semgs.model.networks import NAMES, NETWORKS, named_switches
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 from semgs.model.switches import Switches, switched, switches_of
@@ -106,7 +106,8 @@ def _from_weights(
     header = read_header(path)
     _check_switches(path, requested, switches_of(header.settings))
     present = _switched(header.settings, {key: requested[key] for key in NO_WEIGHTS if key in requested})
-    wanted = _switched(present, {key: requested[key] for key in (*SEMANTIC_SHAPE, *MORE_DEPTH) if requested.get(key)})
+    layers = {key: requested[key] for key in (*SEMANTIC_SHAPE, *MORE_DEPTH) if key in requested}
+    wanted = _switched(present, layers)
     if header.settings.name != name:
         return load(name, path, classes=classes)  # raises an InputError
     fresh_semantics |= wanted.semantic != present.semantic
@@ -130,9 +131,10 @@ def _check_switches(path: Path, requested: Mapping[str, Any], present: Switches)
             )
 
 
-def changed_switches(switches: Switches) -> dict[str, Any]:
-    """The switches that differ from their defaults."""
-    return {name: value for name, value in asdict(switches).items() if value != getattr(Switches, name)}
+def changed_switches(switches: Switches, network: str) -> dict[str, Any]:
+    """The switches that differ from those of the network of that name."""
+    own = asdict(named_switches(network))
+    return {name: value for name, value in asdict(switches).items() if value != own[name]}
 
 
 def _switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSettings:

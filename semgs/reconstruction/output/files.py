@@ -11,7 +11,7 @@ from semgs.figures.number_texts import duration, length, percent
 from semgs.figures.view_images import as_bytes
 from semgs.files.atomic import write_json, write_text
 from semgs.reconstruction.output.renders import write_renders
-from semgs.reconstruction.output.report import SCENE_PAGE, Origin, outputs, report_numbers
+from semgs.reconstruction.output.report import SCENE_PAGE, Provenance, outputs, report_numbers
 from semgs.reconstruction.output.report_page import report_page
 from semgs.reconstruction.output.score_table import score_lines
 from semgs.reconstruction.result import Reconstruction, RenderedViews
@@ -23,7 +23,7 @@ from semgs.segmenters.features.scene_features import save_features
 from semgs.viewer.viewer_page import scene_page
 
 
-def write_results(folder: Path, result: Reconstruction, origin: Origin, stages: Stages, page: bool = False) -> None:
+def write_results(folder: Path, result: Reconstruction, origin: Provenance, stages: Stages, page: bool = False) -> None:
     """Write all files of a reconstruction into an existing folder.
 
     The report is written last, because it contains the time of every other stage.

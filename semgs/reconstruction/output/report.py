@@ -16,7 +16,7 @@ from semgs.segmenters.features.scene_features import SceneFeatures
 
 
 @dataclass(frozen=True)
-class Origin:
+class Provenance:
     """How a reconstruction was made.
 
     Attributes:
@@ -76,7 +76,7 @@ def outputs(result: Reconstruction, page: bool = False) -> tuple[Link, ...]:
     return tuple(link for link in listed if link.name not in absent)
 
 
-def report_numbers(result: Reconstruction, origin: Origin, seconds: dict[str, float]) -> dict:
+def report_numbers(result: Reconstruction, origin: Provenance, seconds: dict[str, float]) -> dict:
     """All numbers of the report, ready for JSON; unknown values are None.
 
     Lengths are in metres if `scene.unit` is "metric", else in the scene's own unit. Add `scene.origin` to positions in `scene.safetensors` to get

@@ -11,7 +11,7 @@ from semgs.figures.number_texts import decibels, duration, length, percent
 from semgs.figures.view_images import as_bytes, class_map, depth_map, heat_map, photo, please_note, true_class_map
 from semgs.files.images.colours import depth_limits
 from semgs.objectives.measures import MOSTLY_SEEN, TITLES, shown_number
-from semgs.reconstruction.output.report import Origin, outputs
+from semgs.reconstruction.output.report import Provenance, outputs
 from semgs.reconstruction.output.score_table import score_table, scores_lead
 from semgs.reconstruction.result import Reconstruction, RenderedViews
 from semgs.reconstruction.scores import by_measure, mean_scores
@@ -25,7 +25,7 @@ MOST_SPREAD = 0.3
 HELD_OUT = "The model did not get these frames: they test the reconstruction. What no input view sees stays empty."
 
 
-def report_page(result: Reconstruction, origin: Origin, seconds: dict[str, float], page_in_3d: bool = False) -> str:
+def report_page(result: Reconstruction, origin: Provenance, seconds: dict[str, float], page_in_3d: bool = False) -> str:
     """The report as one self-contained HTML page; `page_in_3d` says whether to link the page that shows the scene in 3D."""
     scene = result.scene
     limits = depth_limits(_depth_maps(result))
@@ -142,7 +142,7 @@ def _galleries(result: Reconstruction, part: RenderedViews, limits: tuple[float,
     return tuple(rows)
 
 
-def _facts(result: Reconstruction, origin: Origin) -> page.Facts:
+def _facts(result: Reconstruction, origin: Provenance) -> page.Facts:
     """The scene, the choices, and the model."""
     scene = result.scene
     native, used = (f"{height}x{width}" for height, width in (result.native_size, result.size))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from types import ModuleType
 
+from semgs.files.extras import needs_extra
+
 
 def rerun_library() -> ModuleType:
     """rerun, with its `blueprint`.
@@ -11,9 +13,7 @@ def rerun_library() -> ModuleType:
     Raises:
         ImportError: rerun-sdk is not installed.
     """
-    try:
+    with needs_extra("rerun", "--rerun needs rerun-sdk", "rerun"):
         import rerun
         import rerun.blueprint
-    except ImportError as error:
-        raise ImportError("--rerun needs rerun-sdk: pip install '.[rerun]' in SemGS's folder", name="rerun") from error
     return rerun

@@ -38,7 +38,7 @@ FOOTREST_DEPTH = 1.2
 
 
 @dataclass(frozen=True)
-class Origin:
+class FileSource:
     """Where a file comes from.
 
     Attributes:
@@ -78,7 +78,7 @@ class MeshEntry:
     extents: tuple[float, float, float]
     mount: str
     parts: tuple[tuple[str, str], ...] = ()
-    origin: Origin = Origin()
+    origin: FileSource = FileSource()
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class ImageEntry:
     size: tuple[int, int]
     tileable: bool
     tile: float | None
-    origin: Origin
+    origin: FileSource
 
 
 Entry = TypeVar("Entry", MeshEntry, ImageEntry)
@@ -165,9 +165,9 @@ def _image(row: dict) -> ImageEntry:
     return ImageEntry(name, kind, file, (width, height), bool(row["tileable"]), tile, _origin(row))
 
 
-def _origin(row: dict) -> Origin:
+def _origin(row: dict) -> FileSource:
     source, commit, path, licence = (str(row[key]) for key in ("source_repo", "commit", "path", "licence"))
-    return Origin(source, commit, path, licence, str(row.get("author") or ""))
+    return FileSource(source, commit, path, licence, str(row.get("author") or ""))
 
 
 def inside(file: str) -> str:

@@ -17,7 +17,7 @@ from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.furniture import LABEL
 from semgs.rooms.pieces.materials import Material
 from semgs.rooms.pieces.picture_kernels import LINEAR, PANORAMA, STRETCHED, TILED, UNWRAPPED, VIEW
-from semgs.rooms.pieces.solids import SHELL, Part
+from semgs.rooms.pieces.solids import SHELL, Solid
 
 TILE = {
     "wood_floor": 1.5, "wood": 1.0, "carpet": 0.8, "tile": 0.8, "stone": 1.2, "concrete": 2.0, "plaster": 1.5, "wallpaper": 0.7,
@@ -80,11 +80,11 @@ class Coverings:
         self._chosen: dict[tuple[int, bytes], Material | None] = {}
         self._woods: list[ImageEntry] = []
 
-    def cover(self, parts: Sequence[Part]) -> list[Part]:
+    def cover(self, parts: Sequence[Solid]) -> list[Solid]:
         """The same parts, some of them covered with images."""
         return [self._covered(part) for part in parts]
 
-    def material(self, part: Part) -> Material | None:
+    def material(self, part: Solid) -> Material | None:
         """An image material for a part, None to keep its own material."""
         label, material, share = part.label, part.material, self.shares
         kind = int(material[t.KIND])
@@ -152,7 +152,7 @@ class Coverings:
         result[t.GLOSS] = gloss
         return result
 
-    def _covered(self, part: Part) -> Part:
+    def _covered(self, part: Solid) -> Solid:
         if part.shape == SHELL:
             return part
         key = part.label, part.material.tobytes()

@@ -13,7 +13,7 @@ from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
 from semgs.files.strict_json import parse_json
 from semgs.files.text import listed
-from semgs.rooms.assets.catalogue import ImageEntry, MeshEntry, Origin, inside, read_catalogue
+from semgs.rooms.assets.catalogue import FileSource, ImageEntry, MeshEntry, inside, read_catalogue
 
 NAME = "lock.json"
 LISTS = ("catalog.json", "textures.json")
@@ -32,7 +32,7 @@ class LockEntry:
     """
 
     file: str
-    origin: Origin
+    origin: FileSource
     sha256: str
 
 
@@ -44,7 +44,7 @@ def make_lock(folder: str | Path) -> tuple[LockEntry, ...]:
     """
     folder = Path(folder)
     catalogue = read_catalogue(folder)
-    lists = tuple(LockEntry(name, Origin(), _digest(folder, name)) for name in LISTS)
+    lists = tuple(LockEntry(name, FileSource(), _digest(folder, name)) for name in LISTS)
     named: list[MeshEntry | ImageEntry] = [*catalogue.meshes, *catalogue.images]
     return (*lists, *(LockEntry(row.file, row.origin, _digest(folder, row.file)) for row in named))
 
@@ -74,7 +74,7 @@ def read_lock(path: str | Path | None = None) -> tuple[LockEntry, ...]:
         rows = []
         for file, origin, inner, sha256 in content["files"]:
             source, commit, licence, author = content["origins"][origin]
-            rows.append(LockEntry(inside(file), Origin(source, commit, inner, licence, author), sha256))
+            rows.append(LockEntry(inside(file), FileSource(source, commit, inner, licence, author), sha256))
         return tuple(rows)
     except (OSError, KeyError, IndexError, TypeError, ValueError) as error:
         reason, advice = f"{type(error).__name__}: {error}", "install semgs, or generate the folder, again"

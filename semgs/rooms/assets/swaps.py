@@ -16,7 +16,7 @@ from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.furniture import LABEL
 from semgs.rooms.pieces.materials import Material
 from semgs.rooms.pieces.shells import Shell
-from semgs.rooms.pieces.solids import SHELL, Part, Piece, Triple
+from semgs.rooms.pieces.solids import SHELL, Piece, Solid, Triple
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class Swaps:
 
     def _parts(
         self, panels: tuple[Panel, ...], entry: MeshEntry, scale: Float64[np.ndarray, " 3"], foot: np.ndarray
-    ) -> list[Part]:
+    ) -> list[Solid]:
         own = LABEL.get(entry.label, IGNORE)
         tint = np.clip(self.rng.normal(1.0, 0.06, 3) * self.rng.uniform(0.8, 1.15), 0.5, 1.3)
         chosen: dict[str, Material] = {}
@@ -187,7 +187,7 @@ class Swaps:
             x, y, z = (float(c) for c in middle + foot)
             width, depth, height = (max(float(side), 1e-3) for side in highest - lowest)
             shell = Shell((corners - middle).astype(np.float32), normals.astype(np.float32), panel.shell.uv)
-            parts.append(Part(label, chosen[make], (x, y, z), (width, depth, height), SHELL, shell=shell))
+            parts.append(Solid(label, chosen[make], (x, y, z), (width, depth, height), SHELL, shell=shell))
         return parts
 
     def _material(self, panel: Panel, entry: MeshEntry, label: int, tint: np.ndarray) -> Material:
@@ -274,7 +274,7 @@ def _drape(
     return scale, np.array([foot[0] - middle[0], off - middle[1], foot[2] - scale[2] * lowest[2]])
 
 
-def _kept_parts(piece: Piece) -> list[Part]:
+def _kept_parts(piece: Piece) -> list[Solid]:
     """Parts of the piece that stay, because they close a hole in the wall: the leaf of a door; the pane of a window, enlarged to the
     hole, and its blind."""
     if piece.name == "door":
@@ -288,7 +288,7 @@ def _kept_parts(piece: Piece) -> list[Part]:
     return wide + blind
 
 
-def _frame_art(parts: list[Part], piece: Piece) -> list[Part]:
+def _frame_art(parts: list[Solid], piece: Piece) -> list[Solid]:
     """A frame with the piece's art on its canvas, the part with the fewest triangles."""
     canvas = min(parts, key=lambda part: 0 if part.shell is None else len(part.shell.corners))
     art = replace(piece.parts[-1], centre=canvas.centre, size=canvas.size)

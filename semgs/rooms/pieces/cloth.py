@@ -8,7 +8,7 @@ from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.furniture import LABEL, legs, scatter_cushions, seat_cushions
 from semgs.rooms.pieces.materials import Material
-from semgs.rooms.pieces.solids import BOX, CUSHION, Part, Piece, block, post
+from semgs.rooms.pieces.solids import BOX, CUSHION, Piece, Solid, block, post
 
 
 def canvas_wardrobe(rng: np.random.Generator) -> Piece:
@@ -66,13 +66,13 @@ def _tone(material: Material) -> m.Colour:
 
 def _flap(
     rng: np.random.Generator, canvas: Material, across: tuple[float, float], front: float, upwards: tuple[float, float]
-) -> list[Part]:
+) -> list[Solid]:
     """Hanging cloth in two to four strips that lean a little to either side, as it never hangs flat."""
     (left, right), (low, high), label = across, upwards, LABEL["cabinet"]
     count = int(rng.integers(2, 5))
     step, middle, long = (right - left) / count, (low + high) / 2, high - low
     return [
-        Part(label, canvas, (left + (i + 0.5) * step, front + 0.004, middle), (step + 0.002, 0.004, long), BOX,
+        Solid(label, canvas, (left + (i + 0.5) * step, front + 0.004, middle), (step + 0.002, 0.004, long), BOX,
              rng.uniform(-0.07, 0.07), rng.uniform(-0.004, 0.004))
         for i in range(count)
     ]  # fmt: skip
@@ -80,7 +80,7 @@ def _flap(
 
 def _clothes(
     rng: np.random.Generator, across: tuple[float, float], front: float, upwards: tuple[float, float]
-) -> list[Part]:
+) -> list[Solid]:
     """What an open flap shows: shirts on a rail, or shelves with folded cloth."""
     (left, right), (low, high), label = across, upwards, LABEL["cabinet"]
     if rng.random() < 0.5:

@@ -8,7 +8,7 @@ from semgs.data.tables.classes import IGNORE
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces.furniture import LABEL, Front, fronts, legs
 from semgs.rooms.pieces.materials import Material, Range
-from semgs.rooms.pieces.solids import BALL, BOX, CUSHION, CYLINDER, Part, Piece, Triple, block, post, ring
+from semgs.rooms.pieces.solids import BALL, BOX, CUSHION, CYLINDER, Piece, Solid, Triple, block, post, ring
 from semgs.rooms.pieces.texture_kernels import STRIPES
 
 
@@ -93,7 +93,7 @@ def bookshelf(rng: np.random.Generator) -> Piece:
     return Piece("bookshelf", (width, depth, height), tuple(parts), surface=height if height < 1.2 else None)
 
 
-def basin(label: int, material: Material, low: Triple, high: Triple) -> list[Part]:
+def basin(label: int, material: Material, low: Triple, high: Triple) -> list[Solid]:
     """The bowl of a sink (walls of 2 cm) or the tub of a bath (5 cm): an open box of these outer corners."""
     (left, near, bottom), (right, far, top) = low, high
     thick = 0.02 if right - left < 1 else 0.05
@@ -103,7 +103,7 @@ def basin(label: int, material: Material, low: Triple, high: Triple) -> list[Par
     return [block(label, material, low, (right, far, floor)), *walls]
 
 
-def tap(rng: np.random.Generator, label: int, x: float, y: float, z: float) -> list[Part]:
+def tap(rng: np.random.Generator, label: int, x: float, y: float, z: float) -> list[Solid]:
     """A post and a spout towards +y."""
     steel, tall, long = m.metal(rng), rng.uniform(0.1, 0.3), rng.uniform(0.12, 0.2)
     spout = block(label, steel, (x - 0.012, y, z + tall - 0.02), (x + 0.012, y + long, z + tall + 0.004))
@@ -200,7 +200,7 @@ def refrigerator(rng: np.random.Generator) -> Piece:
 
 def fridge_notes(
     rng: np.random.Generator, label: int, across: Range, upwards: Range, y: float, smallest: float, most: int
-) -> list[Part]:
+) -> list[Solid]:
     """One to `most` pictures on a door at depth y, with their lower left corners in two ranges [m]."""
     parts = []
     for _ in range(int(rng.integers(1, most + 1))):

@@ -10,7 +10,7 @@ import numpy as np
 from semgs.data.tables.classes import IGNORE, SCANNET20
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces.materials import Material, Range
-from semgs.rooms.pieces.solids import BOX, CUSHION, CYLINDER, Part, Piece, block, post
+from semgs.rooms.pieces.solids import BOX, CUSHION, CYLINDER, Piece, Solid, block, post
 
 Maker = Callable[[np.random.Generator], Piece]
 """A function that makes a piece from a random generator."""
@@ -20,7 +20,7 @@ LABEL = {name: SCANNET20.index(name) for name in SCANNET20.names}
 
 def legs(
     label: int, material: Material, width: float, depth: float, height: float, thickness: float, inset: float = 0.0
-) -> list[Part]:
+) -> list[Solid]:
     """Four legs under a rectangle."""
     upright = m.along(material, 2)
     near, far = inset, thickness + inset
@@ -91,7 +91,7 @@ def sofa(rng: np.random.Generator, seats: int | None = None, label: int = LABEL[
 
 def seat_cushions(
     label: int, cloth: Material, shape: int, across: Range, deep: Range, upwards: tuple[float, float, float]
-) -> list[Part]:
+) -> list[Solid]:
     """The cushion of a seat, from its back to its front edge (`deep`), and the one behind it; `upwards`: underside and top of the first,
     top of the second."""
     (left, right), (back, front), (low, seat, high) = across, deep, upwards
@@ -104,7 +104,7 @@ def seat_cushions(
 
 def scatter_cushions(
     rng: np.random.Generator, label: int, count: int, across: Range, back: float, seat: float
-) -> list[Part]:
+) -> list[Solid]:
     """Cushions that lean against the back of a sofa, on its seat, with their middles in a range [m]."""
     parts = []
     for _ in range(count):
@@ -175,7 +175,7 @@ def chair(rng: np.random.Generator) -> Piece:
 
 def _table_under(
     rng: np.random.Generator, label: int, frame: Material, width: float, depth: float, height: float
-) -> list[Part]:
+) -> list[Solid]:
     """Support of a table top: legs, panels or a central post."""
     look = rng.random()
     if look < 0.65:
@@ -271,7 +271,7 @@ class Front:
     rows: int
 
 
-def fronts(rng: np.random.Generator, label: int, material: Material, front: Front) -> list[Part]:
+def fronts(rng: np.random.Generator, label: int, material: Material, front: Front) -> list[Solid]:
     """Doors or drawers with gaps between them and handles."""
     parts = []
     handle = m.metal(rng)

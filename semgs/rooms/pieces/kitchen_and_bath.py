@@ -9,7 +9,7 @@ from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces.fittings import basin, fridge_notes, tap
 from semgs.rooms.pieces.furniture import LABEL, Front, fronts
 from semgs.rooms.pieces.materials import Material, Range
-from semgs.rooms.pieces.solids import CYLINDER, Part, Piece, Triple, block, post, ring
+from semgs.rooms.pieces.solids import CYLINDER, Piece, Solid, Triple, block, post, ring
 from semgs.rooms.pieces.texture_kernels import STRIPES
 
 CLEAR = 0.45
@@ -90,7 +90,7 @@ def _enamel(rng: np.random.Generator, value: Range) -> Material:
 def _grip(
     rng: np.random.Generator, label: int, materials: tuple[Material, Material], door: tuple[Triple, Triple],
     kind: float, drawer: bool, opens_right: bool, upper: bool,
-) -> list[Part]:  # fmt: skip
+) -> list[Solid]:  # fmt: skip
     """The handle of a door with these outer corners: a bar on two posts (`kind` below 0.55), a dark recess, or nothing."""
     metal, dark = materials
     (left, _, bottom), (right, face, top) = door
@@ -155,7 +155,7 @@ def home_island(rng: np.random.Generator) -> Piece:
 
 def _worktop_with_sink(
     rng: np.random.Generator, top: Material, size: tuple[float, float], upwards: Range, middle: float, behind: float
-) -> list[Part]:
+) -> list[Solid]:
     """A worktop (counter) around one or two bowls (sink), centred along it at `middle`, with a tap in the strip `behind` the bowls, which
     may be wider."""
     own, (width, depth), (low, high) = LABEL["counter"], size, upwards
@@ -196,7 +196,7 @@ def vitrine(rng: np.random.Generator) -> Piece:
     return Piece("vitrine", (width, depth + 0.04, height + 0.03), tuple(parts))
 
 
-def _glazed(rng: np.random.Generator, body: Material, low: Triple, high: Triple) -> list[Part]:
+def _glazed(rng: np.random.Generator, body: Material, low: Triple, high: Triple) -> list[Solid]:
     """A cabinet with shelves and crockery behind doors of glass, with these outer corners; doors are 2 cm in front of it.
 
     Rays end at the first surface, so glass is either left out (it is clear) or a pane of the colour of its reflection.
@@ -240,9 +240,9 @@ def _glazed(rng: np.random.Generator, body: Material, low: Triple, high: Triple)
     return parts
 
 
-def crockery(rng: np.random.Generator, label: int, across: Range, floor: float, room: float) -> list[Part]:
+def crockery(rng: np.random.Generator, label: int, across: Range, floor: float, room: float) -> list[Solid]:
     """Plates, bowls, cups, glasses and jars in a row on a shelf, at most `room` high and deep [m]."""
-    parts: list[Part] = []
+    parts: list[Solid] = []
     ware, x = m.ceramic(rng), across[0]
     while True:
         look = rng.random()

@@ -11,7 +11,7 @@ from semgs.data.tables.classes import IGNORE
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces.furniture import LABEL
 from semgs.rooms.pieces.materials import Material
-from semgs.rooms.pieces.solids import Part, Piece, block
+from semgs.rooms.pieces.solids import Piece, Solid, block
 from semgs.rooms.pieces.texture_kernels import MARBLE, MIRROR, TILES
 
 
@@ -129,7 +129,7 @@ def window(rng: np.random.Generator, width: float, height: float, light: float, 
 
 def folds(
     rng: np.random.Generator, label: int, cloth: Material, width: float, low: float, high: float, y: float
-) -> list[Part]:
+) -> list[Solid]:
     """Cloth from x = 0 to `width` in zigzag folds around depth `y`."""
     count = max(3, round(width / rng.uniform(0.05, 0.085)))
     step = width / count
@@ -137,7 +137,7 @@ def folds(
     long = step / np.cos(angle) + 0.008
     size, middle = (long, 0.008, high - low), (low + high) / 2
     return [
-        Part(label, cloth, ((i + 0.5) * step, y, middle), size, yaw=angle if i % 2 else -angle) for i in range(count)
+        Solid(label, cloth, ((i + 0.5) * step, y, middle), size, yaw=angle if i % 2 else -angle) for i in range(count)
     ]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from semgs.data.tables.classes import IGNORE
 from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces.materials import Material
-from semgs.rooms.pieces.solids import BALL, CUSHION, CYLINDER, Part, Piece, block, post
+from semgs.rooms.pieces.solids import BALL, CUSHION, CYLINDER, Piece, Solid, block, post
 
 
 def television(rng: np.random.Generator, width: float) -> Piece:
@@ -58,7 +58,7 @@ def on_worktop(rng: np.random.Generator, size: float) -> Piece:
     return replace(makers[int(rng.integers(len(makers)))](rng, size), name="on a worktop")
 
 
-def _piece(width: float, depth: float, height: float, *parts: Part) -> Piece:
+def _piece(width: float, depth: float, height: float, *parts: Solid) -> Piece:
     return Piece("clutter", (width, depth, height), parts)
 
 
@@ -76,8 +76,8 @@ def _laptop(rng: np.random.Generator, size: float) -> Piece:
         width, depth, lean,
         block(IGNORE, case, (0, 0, 0), (width, depth, 0.014)),
         block(IGNORE, dark, (0.015, 0.02, 0.014), (width - 0.015, 0.55 * depth, 0.017)),
-        Part(IGNORE, case, (width / 2, float(y), float(z)), (width, 0.006, lean), tilt=float(tilt)),
-        Part(IGNORE, display, (width / 2, float(y) + 0.004, float(z)), (width - 0.02, 0.004, lean - 0.02), tilt=float(tilt)),
+        Solid(IGNORE, case, (width / 2, float(y), float(z)), (width, 0.006, lean), tilt=float(tilt)),
+        Solid(IGNORE, display, (width / 2, float(y) + 0.004, float(z)), (width - 0.02, 0.004, lean - 0.02), tilt=float(tilt)),
     )  # fmt: skip
 
 
@@ -101,7 +101,7 @@ def _pens(rng: np.random.Generator, size: float) -> Piece:
     parts = [post(IGNORE, m.thing(rng), (0.04, 0.04), 0.04, 0.0, 0.1)]
     for _ in range(int(rng.integers(3, 8))):
         x, y, tilt = rng.uniform(0.025, 0.055), rng.uniform(0.025, 0.055), rng.uniform(-0.2, 0.2)
-        parts.append(Part(IGNORE, m.lacquer(rng), (x, y, 0.12), (0.008, 0.008, 0.14), tilt=tilt))
+        parts.append(Solid(IGNORE, m.lacquer(rng), (x, y, 0.12), (0.008, 0.008, 0.14), tilt=tilt))
     return _piece(0.08, 0.08, 0.19, *parts)
 
 
@@ -224,7 +224,7 @@ def _plant(rng: np.random.Generator, size: float) -> Piece:
         # The blade starts in the pot, so its middle is half its length away in the direction it leans.
         out, up = long / 2 * np.sin(lean), long / 2 * np.cos(lean)
         centre = (float(np.sin(yaw) * out), float(-np.cos(yaw) * out), float(0.9 * high + up))
-        parts.append(Part(IGNORE, green, centre, (wide, 0.006, long), CUSHION, yaw=yaw, tilt=lean))
+        parts.append(Solid(IGNORE, green, centre, (wide, 0.006, long), CUSHION, yaw=yaw, tilt=lean))
     return _piece(pot, pot, tall, *parts)
 
 

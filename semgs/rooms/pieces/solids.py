@@ -24,7 +24,7 @@ BOX, CYLINDER, BALL, CUSHION, SHELL = range(5)
 
 
 @dataclass(frozen=True)
-class Part:
+class Solid:
     """One solid.
 
     Attributes:
@@ -61,7 +61,7 @@ class Piece:
 
     name: str
     size: Triple
-    parts: tuple[Part, ...]
+    parts: tuple[Solid, ...]
     surface: float | None = None
 
 
@@ -88,14 +88,14 @@ class Solids:
 
 def block(
     label: int, material: Material, low: Triple, high: Triple, shape: int = BOX, yaw: float = 0.0, tilt: float = 0.0
-) -> Part:
+) -> Solid:
     """A part from two opposite corners, rotated about its centre."""
     centre = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2)
     size = (high[0] - low[0], high[1] - low[1], high[2] - low[2])
-    return Part(label, material, centre, size, shape, yaw, tilt)
+    return Solid(label, material, centre, size, shape, yaw, tilt)
 
 
-def post(label: int, material: Material, middle: tuple[float, float], radius: float, low: float, high: float) -> Part:
+def post(label: int, material: Material, middle: tuple[float, float], radius: float, low: float, high: float) -> Solid:
     """An upright round cylinder centred at (x, y)."""
     x, y = middle
     return block(label, material, (x - radius, y - radius, low), (x + radius, y + radius, high), CYLINDER)
@@ -103,7 +103,7 @@ def post(label: int, material: Material, middle: tuple[float, float], radius: fl
 
 def ring(
     label: int, material: Material, outer: tuple[Range, Range], inner: tuple[Range, Range], upwards: Range
-) -> list[Part]:
+) -> list[Solid]:
     """Four blocks around a hole, left and right over the whole depth, near and far; rectangles are given as ranges of x and y."""
     (left, right), (near, far) = outer
     (start, end), (front, back) = inner
@@ -112,7 +112,7 @@ def ring(
     return [block(label, material, (a, b, low), (c, d, high)) for a, b, c, d in sides]
 
 
-def move(parts: Sequence[Part], origin: Triple, yaw: float = 0.0) -> list[Part]:
+def move(parts: Sequence[Solid], origin: Triple, yaw: float = 0.0) -> list[Solid]:
     """Parts rotated about z, then translated."""
     cosine, sine = float(np.cos(yaw)), float(np.sin(yaw))
     result = []
@@ -123,7 +123,7 @@ def move(parts: Sequence[Part], origin: Triple, yaw: float = 0.0) -> list[Part]:
     return result
 
 
-def gather(parts: Sequence[Part]) -> Solids:
+def gather(parts: Sequence[Solid]) -> Solids:
     """Parts as arrays."""
     yaw = np.array([part.yaw for part in parts])
     tilt = np.array([part.tilt for part in parts])

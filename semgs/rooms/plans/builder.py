@@ -13,7 +13,7 @@ from semgs.rooms.pieces import materials as m
 from semgs.rooms.pieces import openings
 from semgs.rooms.pieces.furniture import LABEL
 from semgs.rooms.pieces.materials import Material
-from semgs.rooms.pieces.solids import Part, Piece, block, gather, move
+from semgs.rooms.pieces.solids import Piece, Solid, block, gather, move
 from semgs.rooms.plans.floor_plan import WALL, Lamp, Opening
 from semgs.rooms.plans.footprints import Span, Wall, around, overlap, rectangle
 from semgs.rooms.plans.outlines import PARTITION, Outline, Zone
@@ -46,7 +46,7 @@ class Tabletop:
     blocked: tuple[Span, ...]
 
 
-def masonry(wall: Wall, material: Material, height: float) -> list[Part]:
+def masonry(wall: Wall, material: Material, height: float) -> list[Solid]:
     """A wall around its holes, in its frame. Its ends reach into the corners, behind the faces of its neighbours."""
     reach, thick = (0.0, 0.02) if wall.built else (WALL, WALL)
     parts = []
@@ -56,7 +56,7 @@ def masonry(wall: Wall, material: Material, height: float) -> list[Part]:
     return parts
 
 
-def lining(wall: Wall, material: Material, low: float, high: float, thick: float) -> list[Part]:
+def lining(wall: Wall, material: Material, low: float, high: float, thick: float) -> list[Solid]:
     """A strip of a wall covered around its holes, from a lower to an upper edge, in the wall's frame."""
     strips = around(wall.length, low, high, wall.holes)
     return [
@@ -103,7 +103,7 @@ class Builder:
 
     def __init__(self, rng: np.random.Generator, outline: Outline, swap: Swap | None = None) -> None:
         self.rng, self.outline, self.size, self.swap = rng, outline, outline.size, swap
-        self.parts: list[Part] = []
+        self.parts: list[Solid] = []
         self.pieces: list[tuple[int, int]] = []
         self.footprints: list[Footprint] = []
         self.kept_free: list[Footprint] = list(outline.built)
@@ -123,7 +123,7 @@ class Builder:
         """The replacement of a piece, or the piece itself."""
         return piece if self.swap is None else self.swap(piece)
 
-    def add(self, parts: list[Part]) -> None:
+    def add(self, parts: list[Solid]) -> None:
         """Add the parts of one piece, already in the room's frame."""
         self.pieces.append((len(self.parts), len(self.parts) + len(parts)))
         self.parts += parts

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from semgs.rooms.pieces.solids import Part, Triple
+from semgs.rooms.pieces.solids import Solid, Triple
 
 WALL = 0.12
 """Thickness of walls, floor and ceiling [m]."""
@@ -56,7 +56,7 @@ class FloorPlan:
 
     kind: str
     size: tuple[float, float, float]
-    parts: tuple[Part, ...]
+    parts: tuple[Solid, ...]
     windows: tuple[Opening, ...]
     footprints: tuple[Float64[np.ndarray, "4 2"], ...]
     pieces: tuple[tuple[int, int], ...] = ()

@@ -19,7 +19,7 @@ from semgs.rooms.pieces import small_things as things
 from semgs.rooms.pieces import texture_kernels as t
 from semgs.rooms.pieces.furniture import LABEL, Maker
 from semgs.rooms.pieces.materials import Material
-from semgs.rooms.pieces.solids import Part, Piece, block, move, post
+from semgs.rooms.pieces.solids import Piece, Solid, block, move, post
 from semgs.rooms.plans.builder import Swap, cut_door, daylight, lining, masonry
 from semgs.rooms.plans.floor_plan import WALL, FloorPlan, Lamp, Opening
 from semgs.rooms.plans.footprints import Wall, floor_point, overlap, rectangle
@@ -84,7 +84,7 @@ class _Loft:
     def __init__(self, rng: np.random.Generator, size: tuple[float, float, float], swap: Swap | None) -> None:
         self.rng, self.size, self.swap = rng, size, swap
         self.palette = draw_palette(rng)
-        self.parts: list[Part] = []
+        self.parts: list[Solid] = []
         self.footprints: list[Float64[np.ndarray, "4 2"]] = []
         self.kept_free: list[Float64[np.ndarray, "4 2"]] = []
         self.windows: list[Opening] = []
@@ -316,7 +316,7 @@ class _Loft:
                     self.hang(wall, replace(piece, parts=parts), left, low)
                 left = right + gap
 
-    def _other_art(self, part: Part) -> Part:
+    def _other_art(self, part: Solid) -> Solid:
         """The part; if it is a picture, with other art."""
         art = part.material[t.KIND] in (t.LANDSCAPE, t.ABSTRACT)
         return replace(part, material=m.artwork(self.rng)) if art else part

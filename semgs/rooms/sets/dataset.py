@@ -16,7 +16,7 @@ from semgs.files.claims import is_begun
 from semgs.files.folders import check_writable, lock_folder
 from semgs.files.strict_json import read_json
 from semgs.rooms.assets.lock import attribution
-from semgs.rooms.sets.room_scenes import ROOM, SHADED, Recipe, write_scene
+from semgs.rooms.sets.room_scenes import ROOM, SHADED, RoomSettings, write_scene
 from semgs.runtime.workers import outcomes
 
 SETTINGS, INDEX = "settings.json", "index.json"
@@ -24,7 +24,7 @@ SETTINGS, INDEX = "settings.json", "index.json"
 
 def write_dataset(
     out: str | Path,
-    recipe: Recipe,
+    settings: RoomSettings,
     scenes: int,
     *,
     workers: int = 0,
@@ -36,8 +36,8 @@ def write_dataset(
     not depend on `workers`.
 
     Args:
-        out: a new or empty folder, or one with scenes of the same recipe.
-        recipe: what to generate.
+        out: a new or empty folder, or one with scenes with the same settings.
+        settings: what to generate.
         scenes: number of scenes.
         workers: worker processes; 0 works in this process.
         done: called with the number of finished scenes, at the start and after each.
@@ -46,7 +46,7 @@ def write_dataset(
         The content of `index.json`.
 
     Raises:
-        ValueError: the number of scenes or workers is too small, or the folder has scenes of another recipe, or more scenes.
+        ValueError: the number of scenes or workers is too small, or the folder has scenes with other settings, or more scenes.
         InputError: the folder is not ours, another process is writing to it, or a file of the assets cannot be read.
         OSError: the disk is full.
         ImportError: embreex is not installed; the message names the extra to install.
@@ -54,9 +54,9 @@ def write_dataset(
     if scenes < 1 or workers < 0:
         raise ValueError(f"scenes is {scenes} and workers {workers}; expected at least 1 and at least 0")
     folder = Path(out)
-    claim(folder, recipe, scenes)
+    claim(folder, settings, scenes)
     with _alone(folder):
-        return _filled(folder, recipe, scenes, workers, done)
+        return _filled(folder, settings, scenes, workers, done)
 
 
 def _alone(folder: Path) -> AbstractContextManager[None]:
@@ -66,21 +66,21 @@ def _alone(folder: Path) -> AbstractContextManager[None]:
     )
 
 
-def _filled(folder: Path, recipe: Recipe, scenes: int, workers: int, done: Callable[[int], None]) -> dict:
+def _filled(folder: Path, settings: RoomSettings, scenes: int, workers: int, done: Callable[[int], None]) -> dict:
     """Write the missing scenes, then the index; returns its content."""
     missing = [index for index in range(scenes) if not (folder / scene_name(index) / ROOM).is_file()]
     count = scenes - len(missing)
     done(count)
     if missing:
-        with closing(outcomes(partial(_draw, folder, recipe), missing, workers)) as drawn:
+        with closing(outcomes(partial(_draw, folder, settings), missing, workers)) as drawn:
             for failure in drawn:
                 if failure is not None:
                     raise failure
                 count += 1
                 done(count)
-    index = _index(folder, recipe, scenes)
-    if recipe.library is not None:
-        write_bytes(folder / ATTRIBUTION, attribution(_files(folder, scenes), recipe.library.lock).encode())
+    index = _index(folder, settings, scenes)
+    if settings.library is not None:
+        write_bytes(folder / ATTRIBUTION, attribution(_files(folder, scenes), settings.library.lock).encode())
     write_json(folder / INDEX, index)
     return index
 
@@ -90,16 +90,16 @@ def scene_name(index: int) -> str:
     return f"scene_{index:05d}"
 
 
-def claim(folder: Path, recipe: Recipe, scenes: int) -> None:
-    """Make the folder a data set of this recipe, and remove incomplete scenes from it.
+def claim(folder: Path, settings: RoomSettings, scenes: int) -> None:
+    """Make the folder a data set with these settings, and remove incomplete scenes from it.
 
     Raises:
-        ValueError: it has scenes of another recipe (the message lists the differences), or more scenes.
+        ValueError: it has scenes with other settings (the message lists the differences), or more scenes.
         InputError: it contains something else, cannot be written to, or another process is writing to it.
     """
-    if not is_begun(folder / SETTINGS, recipe.as_json(), "a data set of rooms"):
+    if not is_begun(folder / SETTINGS, settings.as_json(), "a data set of rooms"):
         folder.mkdir(parents=True, exist_ok=True)
-        write_json(folder / SETTINGS, recipe.as_json())
+        write_json(folder / SETTINGS, settings.as_json())
         return
     more = [path.name for path in folder.glob("scene_*") if int(_number(path.name)) >= scenes]
     if more:
@@ -118,8 +118,8 @@ def _number(name: str) -> str:
     return found[1] if found else "-1"
 
 
-def _draw(folder: Path, recipe: Recipe, index: int) -> None:
-    write_scene(folder / scene_name(index), recipe, index)
+def _draw(folder: Path, settings: RoomSettings, index: int) -> None:
+    write_scene(folder / scene_name(index), settings, index)
 
 
 def _files(folder: Path, scenes: int) -> set[str]:
@@ -128,12 +128,12 @@ def _files(folder: Path, scenes: int) -> set[str]:
     return {file for room in rooms for file in room["assets"]}
 
 
-def _index(folder: Path, recipe: Recipe, scenes: int) -> dict:
-    """Contents of the data set: its recipe, its scenes, and pixel counts of each class per scene and in total."""
+def _index(folder: Path, settings: RoomSettings, scenes: int) -> dict:
+    """Contents of the data set: its settings, its scenes, and pixel counts of each class per scene and in total."""
     listed, total = [], dict.fromkeys((*SCANNET20.names, "ignored"), 0)
     for index in range(scenes):
         room = read_json(folder / scene_name(index) / ROOM)
         listed.append({"folder": scene_name(index), "kind": room["kind"], "render": SHADED, "pixels": room["pixels"]})
         for name, pixels in room["pixels"].items():
             total[name] += pixels
-    return {**recipe.as_json(), "label_set": SCANNET20.name, "pixels": total, "scenes": listed}
+    return {**settings.as_json(), "label_set": SCANNET20.name, "pixels": total, "scenes": listed}

@@ -19,7 +19,7 @@ from semgs.data.scenes import open_scene
 from semgs.data.views import Views
 from semgs.files.errors import InputError
 from semgs.rooms.sets.dataset import scene_name
-from semgs.rooms.sets.room_scenes import ROOM, Recipe, write_scene
+from semgs.rooms.sets.room_scenes import ROOM, RoomSettings, write_scene
 from semgs.rooms.sets.room_stream import RoomSamples
 
 FRAMES = 12
@@ -45,7 +45,7 @@ class PooledSamples(Dataset):
 
     def __init__(self, folder: str | Path, rooms: RoomSamples, served: int = 8) -> None:
         self.folder, self.rooms, self.served, self.seed = Path(folder), rooms, served, rooms.seed
-        self._recipe = Recipe(rooms.seed, rooms.size, FRAMES, library=rooms.library)
+        self._settings = RoomSettings(rooms.seed, rooms.size, FRAMES, library=rooms.library)
         if served < 1:
             raise ValueError(f"served is {served}; expected a positive number")
         (_, contexts), (_, targets) = rooms.ranges
@@ -95,7 +95,7 @@ class PooledSamples(Dataset):
         folder = self.folder / scene_name(index)
         if not (folder / ROOM).is_file():
             try:
-                write_scene(folder, self._recipe, index)
+                write_scene(folder, self._settings, index)
             except InputError:
                 # Another worker was faster; its scene is the same.
                 if not (folder / ROOM).is_file():

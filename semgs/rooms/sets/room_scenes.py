@@ -33,7 +33,7 @@ EDITIONS: dict[Style, str] = {"home": ", second edition of homes", "other": ""}
 
 
 @dataclass(frozen=True)
-class Walk:
+class DrawnScene:
     """The views of a camera on its path through a room.
 
     Attributes:
@@ -48,7 +48,7 @@ class Walk:
 
 
 @dataclass(frozen=True)
-class Recipe:
+class RoomSettings:
     """Everything that determines the bytes of scene k. The number of scenes, their folder and the workers have no influence.
 
     Attributes:
@@ -88,26 +88,26 @@ class Recipe:
         }  # fmt: skip
 
 
-def draw_scene(recipe: Recipe, index: int) -> Walk:
-    """Generate room `index` of a recipe and render a walk through it. The same arguments give the same bits.
+def draw_scene(settings: RoomSettings, index: int) -> DrawnScene:
+    """Generate room `index` of a set with these settings and render a walk through it. The same arguments give the same bits.
 
     Raises:
         ValueError: the index is negative.
         InputError: a file of the library cannot be read.
         ImportError: embreex is not installed; the message names the extra to install.
     """
-    rng = generator(recipe.seed, index)
-    room = build_room(rng, recipe.library, recipe.style)
-    habit = draw_habit(rng, recipe.style)
-    camera = draw_camera(rng, recipe.size, habit)
-    reach = (recipe.frames - 1) / 2
+    rng = generator(settings.seed, index)
+    room = build_room(rng, settings.library, settings.style)
+    habit = draw_habit(rng, settings.style)
+    camera = draw_camera(rng, settings.size, habit)
+    reach = (settings.frames - 1) / 2
     path = keep_overlap(rng, room, draw_path(rng, room, camera, reach, habit), camera, habit.overlap)
-    poses = [path.pose(float(s)) for s in np.linspace(-reach, reach, recipe.frames)]
-    return Walk(shoot(rng, room, poses, camera), room.plan, room.files)
+    poses = [path.pose(float(s)) for s in np.linspace(-reach, reach, settings.frames)]
+    return DrawnScene(shoot(rng, room, poses, camera), room.plan, room.files)
 
 
-def write_scene(folder: str | Path, recipe: Recipe, index: int = 0) -> None:
-    """Write room `index` of a recipe as a `transforms.json` folder. The folder appears only once it is complete.
+def write_scene(folder: str | Path, settings: RoomSettings, index: int = 0) -> None:
+    """Write room `index` of a set with these settings as a `transforms.json` folder. The folder appears only once it is complete.
 
     Images are JPEGs in `images/`, depths uint16 PNGs in millimetres in `depth/`, labels uint8 PNGs of ScanNet's 20 classes in
     `labels/`, 255 = ignore. `room.json` says which room it is, how many pixels each class has and, with a library, which of its
@@ -119,12 +119,12 @@ def write_scene(folder: str | Path, recipe: Recipe, index: int = 0) -> None:
         ImportError: embreex is not installed; the message names the extra to install.
         OSError: the disk is full.
     """
-    walk = draw_scene(recipe, index)
+    walk = draw_scene(settings, index)
     record: dict[str, Any] = {
-        "style": recipe.style, "render": SHADED, "seed": recipe.seed, "index": index, "kind": walk.plan.kind,
+        "style": settings.style, "render": SHADED, "seed": settings.seed, "index": index, "kind": walk.plan.kind,
         "size_m": [round(float(side), 3) for side in walk.plan.size], "pixels": class_pixels(walk.views),
     }  # fmt: skip
-    if recipe.library is not None:
+    if settings.library is not None:
         record["assets"] = list(walk.files)
     with own_folder(folder) as fresh:
         write_views(fresh, walk.views)

@@ -145,7 +145,7 @@ def run_network(out: Path, settings: TrainingSettings) -> SemGS:
             )  # fmt: skip
         model = initial_network(
             settings.model, settings.init, seed=settings.seed, classes=classes,
-            own_classes=settings.classes is not None, switches=changed_switches(settings.network),
+            own_classes=settings.classes is not None, switches=changed_switches(settings.network, settings.model),
             fresh_semantics=settings.semantic_branch == "drawn", backbone=settings.backbone,
         )  # fmt: skip
         write_json(record, model.settings.as_json())

@@ -43,7 +43,9 @@ def test_the_rows_are_those_of_the_paper():
 def test_nothing_else_differs_between_rows_of_a_seed():
     settings = replace(small(), steps=7, losses=LossWeights(0.2, 0.9, 0.003))
     rows = [row_settings(settings, row, 9) for row in ROWS]
-    assert all(replace(one, network=Switches(), losses=settings.losses) == replace(settings, seed=9) for one in rows)
+    assert all(
+        replace(row, network=settings.network, losses=settings.losses) == replace(settings, seed=9) for row in rows
+    )
     assert [one.losses for one in rows[:4]] == [LossWeights(0.2, 0.9, 0.0)] * 4
     assert rows[4] == replace(settings, seed=9)
 

@@ -186,6 +186,14 @@ def test_what_does_not_fit_is_told_with_what_would() -> None:
         model.memory_plan(views, available_bytes=1e6)
 
 
+def test_the_size_that_would_fit_is_told_with_the_memory_of_its_own_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planning, "held_bytes", lambda: 4e8)
+    model, views, targets = model_of("small_plain"), posed_views(4, (240, 320)), posed_views(4, (240, 320))
+    with pytest.raises(NotEnoughMemoryError, match=r"240x320 needs 0\.84 GB$"):
+        model.memory_plan(posed_views(4, (480, 640)), targets, available_bytes=1.1e9)
+    assert model.memory_plan(views, targets).peak_bytes == pytest.approx(0.844e9, rel=1e-3)
+
+
 def test_a_picture_that_is_padded_needs_what_its_padded_size_needs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(planning, "held_bytes", lambda: 4e8)  # which changes while tests run
     model = model_of("small_plain")

@@ -10,6 +10,7 @@ from posed import posed_views
 
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
+from semgs.model.settings import TwoBlocks
 from semgs.model.switches import switched
 from semgs.model.weights.initial_weights import initial_network
 from semgs.model.weights.load import load, shipped
@@ -83,9 +84,17 @@ def test_the_semantic_branch_is_drawn_anew_where_that_is_asked_for():
 
 def test_a_branch_that_weights_have_is_kept_where_it_is_asked_for_again(tmp_path: Path):
     model = load("small_plain", plain(tmp_path))
-    for switches in ({}, {"class_backbone": True}, {"class_backbone": False}):
+    for switches in ({}, {"class_backbone": True}):
         again = initial_network("small_plain", str(tmp_path / "plain.safetensors"), seed=4, switches=switches)
         assert all(torch.equal(tensor, model.state_dict()[name]) for name, tensor in again.state_dict().items())
+
+
+def test_a_branch_that_weights_have_is_exchanged_where_it_is_switched_off(tmp_path: Path):
+    path = plain(tmp_path)
+    model = initial_network("small_plain", str(path), seed=4, switches={"class_backbone": False})
+    assert isinstance(model.settings.semantic.refinement, TwoBlocks)
+    kept, there = model.state_dict(), load("small_plain", path).state_dict()
+    assert all(torch.equal(kept[name], there[name]) for name in there if name.startswith(("cnn.", "colour.")))
 
 
 def plain(folder: Path) -> Path:

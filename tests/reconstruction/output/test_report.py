@@ -11,14 +11,14 @@ from semgs.data.choosing.choice import choose_named
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import ClassTable
 from semgs.model.encode import Network
-from semgs.reconstruction.output.report import Origin, outputs, report_numbers, rounded
+from semgs.reconstruction.output.report import Provenance, outputs, report_numbers, rounded
 from semgs.reconstruction.output.report_page import report_page
 from semgs.reconstruction.output.score_table import score_lines, score_table
 from semgs.reconstruction.pipeline import reconstruct
 from semgs.reconstruction.scores import ViewScores, mean_scores
 from semgs.rendering.temperatures import Temperatures
 
-ORIGIN = Origin("semgs 9.9", "drawn from a hat", 1234567, "cpu")
+ORIGIN = Provenance("semgs 9.9", "drawn from a hat", 1234567, "cpu")
 SECONDS = {"read": 0.25, "encode": 1.5, "render": 0.125}
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from semgs.files.errors import InputError
-from semgs.rooms.assets.catalogue import Origin, read_catalogue
+from semgs.rooms.assets.catalogue import FileSource, read_catalogue
 from semgs.rooms.assets.lock import (
     LockEntry,
     attribution,
@@ -78,7 +78,7 @@ def test_a_folder_with_a_lock_of_its_own_is_held_to_it(copied):
 
 def test_a_lock_must_not_lead_out_of_its_folder(tmp_path):
     path = tmp_path / "lock.json"
-    write_lock(path, [LockEntry("../secret", Origin("s", "c", "p", "CC0-1.0"), "0" * 64)])
+    write_lock(path, [LockEntry("../secret", FileSource("s", "c", "p", "CC0-1.0"), "0" * 64)])
     with pytest.raises(InputError, match="leads out of the folder"):
         read_lock(path)
 

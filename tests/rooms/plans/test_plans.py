@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("embreex")
 
 from semgs.data.raycast import Raycaster
-from semgs.rooms.pieces.solids import BALL, BOX, CUSHION, CYLINDER, Part, gather, triangulate
+from semgs.rooms.pieces.solids import BALL, BOX, CUSHION, CYLINDER, Solid, gather, triangulate
 from semgs.rooms.plans.builder import Builder
 from semgs.rooms.plans.footprints import around, overlap, rectangle
 from semgs.rooms.plans.home import SHARES, draw_home, open_door
@@ -57,7 +57,7 @@ def test_rectangles_overlap_if_and_only_if_they_share_area():
 
 @pytest.mark.parametrize("shape", [BOX, CYLINDER, BALL, CUSHION])
 def test_a_shape_is_closed_and_fills_its_size(shape):
-    part = Part(0, np.zeros(24), (1.0, -2.0, 0.5), (0.6, 0.4, 1.2), shape)
+    part = Solid(0, np.zeros(24), (1.0, -2.0, 0.5), (0.6, 0.4, 1.2), shape)
     corners, owners = triangulate(gather([part]))
     flat = corners.reshape(-1, 3)
     np.testing.assert_allclose(flat.max(0) - flat.min(0), part.size, rtol=0.03)
@@ -72,7 +72,7 @@ def test_a_shape_is_closed_and_fills_its_size(shape):
 
 
 def test_parts_are_tilted_about_their_own_x_axis_before_they_are_turned():
-    rotation = gather([Part(0, np.zeros(24), (0, 0, 0), (1, 1, 1), yaw=np.pi / 2, tilt=0.3)]).rotations[0]
+    rotation = gather([Solid(0, np.zeros(24), (0, 0, 0), (1, 1, 1), yaw=np.pi / 2, tilt=0.3)]).rotations[0]
     np.testing.assert_allclose(rotation @ (1, 0, 0), (0, 1, 0), atol=1e-12)
     np.testing.assert_allclose(rotation @ (0, 0, 1), (np.sin(0.3), 0, np.cos(0.3)), atol=1e-12)
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)

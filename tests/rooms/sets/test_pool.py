@@ -5,7 +5,7 @@ pytest.importorskip("embreex")
 
 from semgs.rooms.sets import pool
 from semgs.rooms.sets.pool import PooledSamples
-from semgs.rooms.sets.room_scenes import Recipe, draw_scene
+from semgs.rooms.sets.room_scenes import RoomSettings, draw_scene
 from semgs.rooms.sets.room_stream import RoomSamples
 
 SIZE = (24, 32)
@@ -35,7 +35,7 @@ def test_a_sample_shows_frames_of_its_scene(tmp_path, monkeypatch):
     samples = PooledSamples(tmp_path, RoomSamples(5, SIZE, 2, 1, length=9))
     scene, contexts, targets = samples.choice(8)
     context, target = samples[8]
-    views = draw_scene(Recipe(5, SIZE, pool.FRAMES), scene).views
+    views = draw_scene(RoomSettings(5, SIZE, pool.FRAMES), scene).views
     assert torch.equal(context.labels, views.labels[contexts])
     assert torch.equal(target.labels, views.labels[targets])
     assert torch.equal(context.depth_range, views.depth_range[contexts])

@@ -11,20 +11,20 @@ from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import back_project, project
 from semgs.rooms.sets.demo_room import demo_scene
-from semgs.rooms.sets.room_scenes import Recipe, draw_scene, write_scene
+from semgs.rooms.sets.room_scenes import RoomSettings, draw_scene, write_scene
 
-RECIPE = Recipe(7, (48, 64), frames=4)
+SETTINGS = RoomSettings(7, (48, 64), frames=4)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("rooms") / "room"
-    write_scene(path, RECIPE, 2)
+    write_scene(path, SETTINGS, 2)
     return path
 
 
 def test_a_written_room_reads_back_as_it_was_drawn(folder):
-    drawn = draw_scene(RECIPE, 2).views
+    drawn = draw_scene(SETTINGS, 2).views
     scene = open_scene(folder)
     read = scene.read(range(4))
     assert scene.unit == "metric"
@@ -45,7 +45,7 @@ def test_poses_are_written_with_opengl_axes(folder):
 
 
 def test_the_same_seed_writes_the_same_bytes(folder, tmp_path):
-    write_scene(tmp_path / "again", RECIPE, 2)
+    write_scene(tmp_path / "again", SETTINGS, 2)
     names = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
     assert len(names) == 3 * 4 + 3
     for name in names:
@@ -57,15 +57,15 @@ def test_a_folder_that_is_there_is_never_replaced(folder, tmp_path):
     foreign.mkdir()
     (foreign / "mine.jpg").write_bytes(b"1")
     with pytest.raises(InputError):
-        write_scene(foreign, Recipe(1, (8, 12), 2))
+        write_scene(foreign, RoomSettings(1, (8, 12), 2))
     with pytest.raises(InputError):
-        write_scene(folder, RECIPE, 2)
+        write_scene(folder, SETTINGS, 2)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["photos"]
 
 
 def test_one_frame_is_no_scene(tmp_path):
     with pytest.raises(ValueError, match="frames is 1; expected 2 or more"):
-        write_scene(tmp_path / "room", Recipe(1, (8, 12), 1))
+        write_scene(tmp_path / "room", RoomSettings(1, (8, 12), 1))
     assert not (tmp_path / "room").exists()
 
 

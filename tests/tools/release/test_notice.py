@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from semgs.rooms.assets.catalogue import Origin
+from semgs.rooms.assets.catalogue import FileSource
 from semgs.rooms.assets.lock import LockEntry, attribution, read_lock
 from tools.release.notice import HEAD, PHOTOS, notice, photos
 
@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 
 def row(file: str, licence: str, author: str = "") -> LockEntry:
-    return LockEntry(file, Origin(f"owner/{file[0]}", "0123456789abcdef", f"in/{file}", licence, author), "")
+    return LockEntry(file, FileSource(f"owner/{file[0]}", "0123456789abcdef", f"in/{file}", licence, author), "")
 
 
 LOCK = (row("a.glb", "CC-BY-4.0", "Ann"), row("b.glb", "CC0-1.0"), row("c.glb", "CC-BY-4.0", "Ann"), row("d.jpg", "CC-BY-3.0"))  # fmt: skip

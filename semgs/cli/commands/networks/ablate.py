@@ -178,13 +178,13 @@ class Ablate:
     def _rooms(self, settings: TrainingSettings) -> Path:
         """Rooms to evaluate on; they are generated if they do not exist yet."""
         from semgs.rooms.assets.asset_library import Library
-        from semgs.rooms.sets.dataset import Recipe, write_dataset
+        from semgs.rooms.sets.dataset import RoomSettings, write_dataset
         from semgs.training.data.data_settings import VALIDATION_SEED
 
         library = Library(settings.assets, "validation", check=False) if settings.assets else None
-        recipe = Recipe(VALIDATION_SEED, settings.size, library=library)
+        rooms = RoomSettings(VALIDATION_SEED, settings.size, library=library)
         with what_the_user_gave(), show_progress("Generating rooms", SCENES) as done:
-            write_dataset(self.out / ROOMS, recipe, SCENES, workers=self.compute.workers, done=done)
+            write_dataset(self.out / ROOMS, rooms, SCENES, workers=self.compute.workers, done=done)
         return self.out / ROOMS
 
     def _table(self, runs: list[tuple[AblationRow, int]]) -> str:

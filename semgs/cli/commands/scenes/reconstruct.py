@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from semgs.data.choosing.choice import Choice
     from semgs.data.scene import Scene
     from semgs.model.semgs import SemGS
-    from semgs.reconstruction.output.report import Origin
+    from semgs.reconstruction.output.report import Provenance
     from semgs.reconstruction.recording import Walk
     from semgs.reconstruction.result import Reconstruction
     from semgs.segmenters.labelling import Labelling
@@ -266,16 +266,16 @@ class Reconstruct:
             raise UsageError(f"--views is {self.views}; expected 2 to {len(scene)}, the usable frames of {scene.path}")
         return choose(scene, self.views)
 
-    def _load_network(self, device: str) -> tuple[SemGS, Origin]:
+    def _load_network(self, device: str) -> tuple[SemGS, Provenance]:
         """The network on its device, and its origin for the report."""
         from semgs._version import __version__
         from semgs.model.weights.load import load
-        from semgs.reconstruction.output.report import Origin
+        from semgs.reconstruction.output.report import Provenance
 
         with what_the_user_gave():
             model = load(*self._network_and_weights())
         parameters = sum(parameter.numel() for parameter in model.parameters())
-        return model.eval().to(device), Origin(f"semgs {__version__}", model.origin, parameters, device)
+        return model.eval().to(device), Provenance(f"semgs {__version__}", model.origin, parameters, device)
 
     def _open_segmenter(self, scene: Scene, folder: Path, stages: Stages) -> Labelling | None:
         """What gives the Gaussians their classes; None for the network's own."""

@@ -16,7 +16,7 @@ from semgs.rooms.plans.style import Style
 
 if TYPE_CHECKING:
     from semgs.rooms.assets.asset_library import Library
-    from semgs.rooms.sets.dataset import Recipe
+    from semgs.rooms.sets.dataset import RoomSettings
 
 
 @dataclass(frozen=True)
@@ -72,14 +72,14 @@ class Rooms:
             OSError: the disk is full.
         """
         self._check()
-        from semgs.rooms.sets.dataset import Recipe
+        from semgs.rooms.sets.dataset import RoomSettings
 
         library = self._library()
         with what_the_user_gave():
-            recipe = Recipe(self.seed, self.size, self.frames, self.style, library)
+            settings = RoomSettings(self.seed, self.size, self.frames, self.style, library)
         try:
             if self.out is not None:
-                self._write(self.out, recipe)
+                self._write(self.out, settings)
             if self.sheet is not None:
                 self._draw_sheet(self.sheet, library)
         except ImportError as error:
@@ -104,14 +104,14 @@ class Rooms:
         with what_the_user_gave():
             return open_library(self.assets, self.style)
 
-    def _write(self, out: Path, recipe: Recipe) -> None:
+    def _write(self, out: Path, settings: RoomSettings) -> None:
         from semgs.rooms.sets.dataset import ATTRIBUTION, INDEX, claim, write_dataset
 
         with what_the_user_gave():
-            claim(out, recipe, self.scenes)
+            claim(out, settings, self.scenes)
         workers = cores() if self.workers is None else self.workers
         with show_progress("Generating rooms", self.scenes) as done:
-            index = write_dataset(out, recipe, self.scenes, workers=workers, done=done)
+            index = write_dataset(out, settings, self.scenes, workers=workers, done=done)
         labelled = sum(pixels for name, pixels in index["pixels"].items() if name != "ignored")
         frames = self.scenes * self.frames
         print(

@@ -21,7 +21,8 @@ from semgs.data.layouts.parts.triangles import LabelledTriangles
 from semgs.data.layouts.scannet.scannet_labels import normal
 from semgs.data.raycast import Raycaster
 from semgs.data.tables.classes import IGNORE
-from semgs.files.errors import InputError, import_error, input_error
+from semgs.files.errors import InputError, input_error
+from semgs.files.extras import needs_extra
 
 MESH = "mesh_aligned_0.05.ply"
 SEGMENTS = "segments.json"
@@ -116,10 +117,7 @@ def read_mesh(path: Path) -> tuple[Float64[np.ndarray, "n 3"], Int[np.ndarray, "
         InputError: it cannot be read, or has no triangle.
         ImportError: trimesh is not installed.
     """
-    advice = (
-        "reading the mesh of a scan needs trimesh, which is not installed; pip install '.[raycast]' in SemGS's folder"
-    )
-    with import_error(advice, "trimesh"):
+    with needs_extra("raycast", "reading the mesh of a scan needs trimesh", "trimesh"):
         import trimesh
     if not path.is_file():
         raise InputError(path, "the mesh of the scan", "no such file")

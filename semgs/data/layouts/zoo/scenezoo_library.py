@@ -7,7 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from semgs.files.errors import InputError, import_error
+from semgs.files.errors import InputError
+from semgs.files.extras import needs_extra
 
 
 @contextmanager
@@ -28,8 +29,7 @@ def scenezoo_library() -> Any:
     Raises:
         ImportError: scenezoo or Open3D is not installed; the error names the extra to install.
     """
-    advice = "reading this data set needs scenezoo, which is not installed; pip install '.[scenezoo]' in SemGS's folder"
-    with import_error(advice, "scenezoo"):
+    with needs_extra("scenezoo", "reading this data set needs scenezoo", "scenezoo"):
         import open3d  # noqa: F401
         import scenezoo
     return scenezoo
