@@ -195,8 +195,8 @@ class KeyframePart:
         return voted[voted.votes.before < LAYERS]
 
 
-        part = KeyframePart(sheet, gaussians, torch.arange(count), spreads[view].flatten(), level, votes)
-        found.append(part if sheet.shown is None else part[sheet.shown.flatten()])
+def parts_of(encoding: Encoding, seen: Views, numbers: Sequence[int]) -> list[KeyframePart]:
+    """The Gaussians of each view of a window, without votes of others and without those of hidden pixels.
 
     Args:
         encoding: of the window.
@@ -246,12 +246,8 @@ class KeyframePart:
         none = None if logs is None else torch.zeros(count, logs.shape[-1])
         votes = Votes(zeros, zeros, zeros, zeros, zeros, none, tried, tried)
         level = sharpness(depths[view].flatten(), sheet.focal_px)
-<<<<<<< HEAD
-        part = Part(sheet, gaussians, torch.arange(count), spreads[view].flatten(), level, votes)
+        part = KeyframePart(sheet, gaussians, torch.arange(count), spreads[view].flatten(), level, votes)
         found.append(part if sheet.shown is None else part[sheet.shown.flatten()])
-=======
-        found.append(KeyframePart(sheet, gaussians, torch.arange(count), spreads[view].flatten(), level, votes))
->>>>>>> main
     return found
 
 
