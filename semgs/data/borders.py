@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -50,7 +50,8 @@ def find_border(image: UInt8[np.ndarray, "h w 3"]) -> Bool[np.ndarray, "h w"] | 
     return hidden if hidden.any() else None
 
 
-class _Side(NamedTuple):
+@dataclass(frozen=True)
+class _Side:
     """The border at the left side of an image: its width in each line, and whether it is certain without another side's."""
 
     widths: Float32[np.ndarray, " n"]

@@ -16,6 +16,7 @@ from semgs.geometry.cameras import Cameras, back_project, project
 from semgs.mapping.mapper import Mapper
 from semgs.model.memory.memory_plan import MemoryPlan
 from semgs.reconstruction.sensor_depth import Placement
+from semgs.scene.exposure import Exposures
 from semgs.scene.upright import UpDirection
 from semgs.segmenters.features.scene_features import SceneFeatures
 from semgs.segmenters.labelling import Labelling
@@ -40,6 +41,7 @@ def collect_notes(
     *,
     placement: Placement | None,
     plan: MemoryPlan | None,
+    exposures: Exposures | None,
     labelling: Labelling | None,
     features: SceneFeatures | None,
 ) -> tuple[str, ...]:
@@ -49,6 +51,7 @@ def collect_notes(
         scene, choice, context, target: the source, the chosen frames, the input views and the held-out ones.
         classes: the class table of the Gaussians; None for a colour-only model.
         up: which way is up.
+        exposures: of the input photos; None if they are as taken.
         placement, plan, labelling, features: as for `Reconstruction`.
     """
     names = [scene.frames[position].name for position in choice.context]
@@ -84,6 +87,8 @@ def collect_notes(
         notes.append("No frame is held out, so the scores do not show how good new views are.")
     if placement is not None:
         notes += placement.notes(names)
+    if exposures is not None:
+        notes.append(note_on_exposures(exposures))
     if plan is not None and plan.short:
         notes.append(
             "Memory was short, so the network processed fewer views at a time. This takes longer; the result is the same."
@@ -139,6 +144,17 @@ def note_on_hidden(context: Views, target: Views | None) -> str:
     if not counts:
         return ""
     return f"Hidden: {' and '.join(counts)} are a black border or masked. They have no Gaussians and count in no score."
+
+
+def note_on_exposures(exposures: Exposures) -> str:
+    """By how much the exposures of the input photos differ."""
+    before, after = (error**0.5 for error in (exposures.before, exposures.after))
+    least, most = exposures.gains.aminmax()
+    return (
+        f"The exposures of the input photos differ, so they were multiplied by {least:.2f} to {most:.2f}: where they see the same surface, "
+        f"they differed by {before:.3f} (root mean square of 0 to 1), now by {after:.3f}. The report shows and scores them at this common "
+        "exposure, held-out photos as taken. --exposure as-taken leaves all of them."
+    )
 
 
 def strangers(context: Views) -> list[int]:

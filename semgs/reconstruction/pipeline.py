@@ -23,6 +23,7 @@ from semgs.rendering.depth_spread import render_depth_spread
 from semgs.rendering.rendering import check_may_be_unknown, confidence_maps, label_maps
 from semgs.runtime.stopwatch import Stages
 from semgs.scene.encoding import Encoding
+from semgs.scene.exposure import ExposureChoice, fit_exposures
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import up_of
 from semgs.segmenters.features.scene_features import Featuring
@@ -127,6 +128,7 @@ def reconstruct(
     size: Sequence[int] | None = None,
     *,
     depth: DepthSource = "network",
+    exposure: ExposureChoice = "auto",
     labelling: Labelling | None = None,
     featuring: Featuring | None = None,
     min_confidence: float = 0.0,
@@ -143,6 +145,7 @@ def reconstruct(
         network: in evaluation mode, on the device to compute on; `render` chooses its own device.
         size: (height, width) of the frames as read [px]; None is `default_size` of the first one. Other aspect ratios are cropped.
         depth: where the depth of the Gaussians comes from: the network, the sensor that measured the frames' depth maps, or both.
+        exposure: whether the input photos, and with them the Gaussians, come to a common exposure; held-out photos stay as taken.
         labelling: gives the Gaussians their classes; None for those of the network.
         featuring: gives the Gaussians features; None for none.
         min_confidence: seen pixels with less are unknown in label maps; scores do not change.
@@ -176,6 +179,13 @@ def reconstruct(
             context, target = encoder.read(choice.context, choice.depth_range), encoder.read_target(choice)
         encoding = encoder.encode(choice.context, context, target).without(context.hidden)
     # A stage that refines the Gaussians belongs here: the windows of a walk are merged, and nothing below moves a Gaussian.
+    exposures = None
+    if exposure != "as-taken":
+        exposures = fit_exposures(context, encoding.depths, encoding.depth_spread)
+        if exposures.differ or exposure == "fitted":
+            context, encoding = exposures.applied(context), exposures.recoloured(encoding)
+        else:
+            exposures = None
     features = None
     if featuring is not None:
         with stages("features", f"Features of {len(context)} photos from {featuring.source.title}"):
@@ -198,6 +208,7 @@ def reconstruct(
         up,
         placement=placement,
         plan=plan,
+        exposures=exposures,
         labelling=labelling,
         features=features,
     )

@@ -199,6 +199,14 @@ class Encoding:
         places = torch.arange(len(keep)) if self.places is None else self.places
         return replace(self, gaussians=self.gaussians.map(lambda tensor: tensor[keep]), places=places[keep.cpu()])
 
+    @property
+    def own_views(self) -> Int64[Tensor, " g"]:
+        """The context view of each Gaussian of one scene."""
+        height, width = self.depths.shape[-2:]
+        blocks = -(-height // self.stride) * -(-width // self.stride)
+        places = torch.arange(len(self.gaussians)) if self.places is None else self.places
+        return places // blocks
+
     def _stand_for(self, pixels: Bool[Tensor, "*batch v h w"]) -> Bool[Tensor, "*batch g"]:
         """Whether each Gaussian stands for one of some pixels of the context views."""
         return self.per_gaussian(pixels[..., None, :, :])[..., 0] > 0
