@@ -33,7 +33,7 @@ STEP = 2
 SATURATED = 0.98
 """A pixel with a brighter channel is not compared, because it does not say how much light there was."""
 
-FLATTEST = 0.02
+FLATTEST = 0.01
 """A smaller standard deviation is noise, and says nothing about gains."""
 
 FEWEST = 100
