@@ -79,6 +79,16 @@ def test_a_dark_photo_has_no_border(brightness: float, noise: float) -> None:
     assert find_border(photo(brightness, noise)) is None
 
 
+def test_a_photo_that_fades_to_black_has_no_border() -> None:
+    """Each pixel from the edge is 4 brighter, so nothing is lit within three pixels of the last black one, at 20: 24, 28, 32."""
+    rows, columns = np.mgrid[: SIZE[0], : SIZE[1]]
+    edge = np.minimum(np.minimum(rows, SIZE[0] - 1 - rows), np.minimum(columns, SIZE[1] - 1 - columns))
+    image = np.repeat((4 * edge).clip(0, 200)[..., None], 3, -1).astype(np.uint8)
+    assert find_border(image) is None
+    image[edge == 6] = 40
+    assert find_border(image) is not None
+
+
 def test_black_regions_of_a_dark_room_are_no_border_even_at_the_edge() -> None:
     """A lamp lights the middle; the light fades to true black before the edge, and a black sofa reaches it."""
     rows, columns = np.mgrid[: SIZE[0], : SIZE[1]]
