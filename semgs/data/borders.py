@@ -46,7 +46,7 @@ def find_border(image: UInt8[np.ndarray, "h w 3"]) -> Bool[np.ndarray, "h w"] | 
     for turns, side in enumerate(sides):
         if side is not None and (several or side.alone):
             part = np.rot90(hidden, turns)
-            part |= np.arange(part.shape[1]) < side.widths[:, None]
+            part |= np.arange(np.size(part, 1)) < side.widths[:, None]
     return hidden if hidden.any() else None
 
 
