@@ -9,13 +9,15 @@ from typing import final
 
 import numpy as np
 import torch
-from jaxtyping import Float32, UInt8
+from jaxtyping import Bool, Float32, UInt8
 
+from semgs.data.borders import find_border
 from semgs.data.cameras.lens import AbstractLens
 from semgs.data.maps import MapSource, Pixels
 from semgs.data.resampling import Fit, reframed, resized
 from semgs.data.tables.classes import IGNORE, SCANNET20, ClassTable
 from semgs.data.views import Views
+from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_rgb
 from semgs.files.stored import Stored
 from semgs.geometry.cameras import Cameras
@@ -33,7 +35,7 @@ class Frame:
         world_from_camera: pose [4 4], float64, OpenCV axes [m, or the scene's unit].
         depth: source of its z-depths; None if it has none.
         labels: source of its labels; None if it has none.
-        mask: source of its hidden pixels, which get neither label nor depth; None if nothing is hidden.
+        mask: source of its hidden pixels (`Views.hidden`) besides black borders, which are found in the image; None if it has none.
         points: indices of the scene's sparse points that it sees; None if the layout does not say.
     """
 
@@ -68,24 +70,29 @@ class Frame:
             fit: what is done if the size has another aspect.
 
         Raises:
-            InputError: a file is missing or damaged, or has another size than the camera; a label is outside the table.
+            InputError: a file is missing or damaged, or has another size than the camera; a label is outside the table; all pixels are
+                hidden.
             ImportError: labels or depth come from a mesh, and embreex or trimesh is not installed.
         """
+        image = self.read_undistorted()
+        hidden = self._hidden(image)
         view = Views.trusted(
-            images=torch.from_numpy(self.read_undistorted()).permute(2, 0, 1)[None].float() / 255,
+            images=torch.from_numpy(image).permute(2, 0, 1)[None].float() / 255,
             cameras=Cameras(self.world_from_camera[None], self.lens.intrinsics[None], self.lens.size),
             depth_range=torch.tensor([depth_range], dtype=torch.float64),
             classes=classes or SCANNET20,
+            hidden=None if hidden is None else torch.from_numpy(hidden)[None],
         )
         if size is not None:
             view = (reframed if fit == "crop" else resized)(view, size)
         pixels = Pixels(self.lens, view.cameras[0], undistortion(self.lens), fit == "crop")
         depths = None if self.depth is None else torch.from_numpy(self.depth.read(pixels))[None]
         labels = None if self.labels is None or classes is None else torch.from_numpy(self.labels.read(pixels))[None]
-        if self.mask is not None:
-            hidden = torch.from_numpy(self.mask.read(pixels))[None]
-            depths = None if depths is None else depths.masked_fill(hidden, 0)
-            labels = None if labels is None else labels.masked_fill(hidden, IGNORE)
+        if view.hidden is not None:
+            if view.hidden.all():
+                raise InputError(self.picture, "an image of which some pixels are visible", "all are masked or black")
+            depths = None if depths is None else depths.masked_fill(view.hidden, 0)
+            labels = None if labels is None else labels.masked_fill(view.hidden, IGNORE)
         return view.changed(labels=labels, depths=depths)
 
     def read_image(self) -> UInt8[np.ndarray, "h w 3"]:
@@ -104,6 +111,17 @@ class Frame:
         """
         image, maps = self.read_image(), undistortion(self.lens)
         return image if maps is None else self.lens.undistorted(image, maps)
+
+    def _hidden(self, image: UInt8[np.ndarray, "h w 3"]) -> Bool[np.ndarray, "h w"] | None:
+        """The hidden pixels of the undistorted image: a black border, what undistortion leaves empty, and the mask; None if there are none."""
+        maps = undistortion(self.lens)
+        found = [
+            find_border(image),
+            None if maps is None else self.lens.empty(maps),
+            None if self.mask is None else self.mask.read(Pixels(self.lens, self.camera, maps)),
+        ]
+        parts = [part for part in found if part is not None and part.any()]
+        return np.logical_or.reduce(parts) if parts else None
 
     def measured(self) -> Float32[np.ndarray, "h w"] | None:
         """The undistorted z-depths from a file [m], 0 where unknown; None if there is no depth file.

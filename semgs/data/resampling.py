@@ -27,7 +27,7 @@ def resized(views: Views, size: Sequence[int]) -> Views:
 
     Along an axis that shrinks, a new pixel is the mean of the area it covers, for any ratio. Along an axis that grows, it is interpolated
     linearly between pixel centres. Labels and depths are never interpolated: each comes from the pixel that its new centre lies in
-    (`cv2.INTER_NEAREST` takes the one at its new corner instead).
+    (`cv2.INTER_NEAREST` takes the one at its new corner instead). A pixel is hidden if a hidden one takes part in its colour.
 
     Args:
         views: with any leading axes.
@@ -45,6 +45,7 @@ def resized(views: Views, size: Sequence[int]) -> Views:
         lambda maps: nearest(maps, new_size),
         images=lambda images: (rows @ images @ columns.mT).clamp(0, 1),
         cameras=views.cameras.adjusted(stretch, new_size),
+        hidden=lambda hidden: rows @ hidden.to(rows) @ columns.mT > 0,
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float64, UInt8
+from jaxtyping import Bool, Float, Float64, UInt8
 from torch import Tensor
 
 from semgs.data.tables.classes import IGNORE, SCANNET20, ClassTable
@@ -38,6 +38,8 @@ class Views:
         labels: class of each pixel, 255 = ignore, or None.
         depths: z-depth of each pixel [m], 0 = unknown, or None.
         classes: the class table of the labels.
+        hidden: pixels that show nothing of the scene: the black border of a photo, and what a mask hides. They get no opacity and count in
+            no score or loss. None if there are none.
 
     Raises:
         ValueError: sizes or axes disagree, images are not in 0..1, near >= far or near <= 0, a label is outside the table.
@@ -49,6 +51,7 @@ class Views:
     labels: UInt8[Tensor, "*batch v h w"] | None = None
     depths: Float[Tensor, "*batch v h w"] | None = None
     classes: ClassTable = SCANNET20
+    hidden: Bool[Tensor, "*batch v h w"] | None = None
 
     def __init__(
         self,
@@ -58,10 +61,17 @@ class Views:
         labels: Tensor | None = None,
         depths: Tensor | None = None,
         classes: ClassTable = SCANNET20,
+        hidden: Tensor | None = None,
     ) -> None:
         bounds = as_float64(depth_range)
         vars(self).update(
-            images=images, cameras=cameras, depth_range=bounds, labels=labels, depths=depths, classes=classes
+            images=images,
+            cameras=cameras,
+            depth_range=bounds,
+            labels=labels,
+            depths=depths,
+            classes=classes,
+            hidden=hidden,
         )
         _check_shapes(self)
         _check_numbers(self)
@@ -124,6 +134,7 @@ class Views:
             depth_range=self.depth_range,
             labels=self.labels,
             depths=self.depths,
+            hidden=self.hidden,
             classes=None if self.labels is None else f"{self.classes.name}, {len(self.classes)} classes",
         )
 
@@ -162,12 +173,14 @@ class Views:
         maps: Callable[[Tensor], Tensor],
         images: Callable[[Tensor], Tensor] | None = None,
         cameras: Cameras | None = None,
+        hidden: Callable[[Tensor], Tensor] | None = None,
     ) -> Views:
         """These views with a function applied to their pixels.
 
         Args:
-            maps: for labels and depths, and for the images too unless `images` is given.
+            maps: for labels and depths, and for images and hidden pixels too unless the next ones are given.
             images: for the images.
+            hidden: for the hidden pixels.
             cameras: of the new pixels; None keeps the cameras.
         """
         return self.changed(
@@ -175,6 +188,7 @@ class Views:
             cameras=cameras or self.cameras,
             labels=None if self.labels is None else maps(self.labels),
             depths=None if self.depths is None else maps(self.depths),
+            hidden=None if self.hidden is None else (hidden or maps)(self.hidden),
         )
 
     def arranged(self, function: Callable[..., Tensor], *others: Views) -> Views:
@@ -182,9 +196,20 @@ class Views:
 
         Args:
             function: called with the array of these views, then that of each of the others.
-            others: views of the same size, with the same class table. Labels and depths are kept only if all have them.
+            others: views of the same size, with the same class table. Labels and depths are kept only if all have them, hidden pixels if
+                one has them.
         """
         views = (self, *others)
+        hidden = None
+        if any(each.hidden is not None for each in views):
+            hidden = function(
+                *(
+                    torch.zeros_like(each.images[..., 0, :, :], dtype=torch.bool)
+                    if each.hidden is None
+                    else each.hidden
+                    for each in views
+                )
+            )
 
         def arrange_maps(maps: Sequence[Tensor | None]) -> Tensor | None:
             return None if any(part is None for part in maps) else function(*maps)
@@ -195,6 +220,7 @@ class Views:
             depth_range=function(*(each.depth_range for each in views)),
             labels=arrange_maps([each.labels for each in views]),
             depths=arrange_maps([each.depths for each in views]),
+            hidden=hidden,
         )
 
     def select(self, indices: Sequence[int]) -> Views:
@@ -203,8 +229,8 @@ class Views:
         return self.arranged(lambda array: array.index_select(axis, positions.to(array.device)))
 
     def to(self, device: torch.device | str) -> Views:
-        """These views with images, labels and depths on a device; cameras and depth range stay on the CPU."""
-        tensors = (self.images, self.labels, self.depths)
+        """These views with images and maps on a device; cameras and depth range stay on the CPU."""
+        tensors = (self.images, self.labels, self.depths, self.hidden)
         if all(tensor is None or tensor.device == torch.device(device) for tensor in tensors):
             return self
         return self.map(lambda maps: maps.to(device))
@@ -253,7 +279,7 @@ def _check_shapes(views: Views) -> None:
     bounds_shape = tuple(views.depth_range.shape)
     if bounds_shape != (*leading, 2):
         raise ValueError(f"depth_range is {bounds_shape}; expected {(*leading, 2)}: near and far of each view")
-    for name, maps in (("labels", views.labels), ("depths", views.depths)):
+    for name, maps in (("labels", views.labels), ("depths", views.depths), ("hidden", views.hidden)):
         if maps is not None and tuple(maps.shape) != (*leading, *size):
             raise ValueError(f"{name} are {tuple(maps.shape)}; expected {(*leading, *size)}, like the images")
 
@@ -273,6 +299,8 @@ def _check_numbers(views: Views) -> None:
                 f"labels contain {int(labels[outside][0])}; expected 0..{len(views.classes) - 1} of table "
                 f"{views.classes.name}, or {IGNORE} for none"
             )
+    if views.hidden is not None and views.hidden.dtype != torch.bool:
+        raise ValueError(f"hidden is {views.hidden.dtype}; expected torch.bool, True for hidden pixels")
     if depths is not None and not (torch.isfinite(depths).all() and (depths >= 0).all()):
         raise ValueError("depths contain a number that is negative or not finite; expected z-depths, 0 where unknown")
 

@@ -7,7 +7,7 @@ its depth agrees there, where the network's own uncertainty says what agreement 
 from __future__ import annotations
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
 from semgs.geometry.cameras import Cameras, back_project, project
@@ -59,6 +59,30 @@ def depth_deviation(
     return (depths / seen).log() / sigma
 
 
+def see_again(
+    points: Float[Tensor, "n 3"],
+    spread: Float[Tensor, " n"],
+    seen: Float[Tensor, "h w"],
+    spread_seen: Float[Tensor, "h w"],
+    camera: Cameras,
+) -> tuple[Bool[Tensor, " n"], Int64[Tensor, " n"]]:
+    """Whether a view sees points, as far as depths agree, and the pixels that they fall into, counted row by row; 0 outside.
+
+    Args:
+        points: to be seen.
+        spread: standard deviation of the log depth of each.
+        seen, spread_seen: z-depth of every pixel of the view, and standard deviation of its log.
+        camera: of the view.
+    """
+    height, width = camera.size
+    x, y, z = project(points, camera).unbind(-1)
+    inside = (z > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    place = y.clamp(0, height - 1).long() * width + x.clamp(0, width - 1).long()
+    place = torch.where(inside, place, 0)
+    apart = depth_deviation(z.clamp(min=1e-6), seen.flatten()[place], spread, spread_seen.flatten()[place])
+    return inside & (apart.abs() <= TOLERANCE), place
+
+
 def pool_views(
     values: Float[Tensor, "v c h w"],
     depths: Float[Tensor, "v h w"],
@@ -79,13 +103,7 @@ def pool_views(
         for other in range(count):
             if other == one:
                 continue
-            x, y, z = project(points[one], cameras[other]).unbind(-1)
-            inside = (z > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
-            place = y.clamp(0, height - 1).long() * width + x.clamp(0, width - 1).long()
-            place = torch.where(inside, place, 0)
-            seen = depths[other].flatten()[place]
-            apart = depth_deviation(z.clamp(min=1e-6), seen, spread[one].flatten(), spread[other].flatten()[place])
-            agrees = inside & (apart.abs() <= TOLERANCE)
+            agrees, place = see_again(points[one], spread[one].flatten(), depths[other], spread[other], cameras[other])
             vote = agrees.to(values)
             total = total + vote * values[other].flatten(1)[:, place]
             weight = weight + vote

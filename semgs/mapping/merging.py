@@ -83,6 +83,7 @@ class Sheet:
         colours: of the photo, 0..1.
         darkest, brightest: the range of the colours of a place and its eight neighbours, for each channel.
         points: of the places, in the world [m].
+        shown: whether a place has no hidden pixel (`Views.hidden`); None if all of them.
     """
 
     number: int
@@ -96,6 +97,7 @@ class Sheet:
     darkest: Float[Tensor, "rows columns 3"]
     brightest: Float[Tensor, "rows columns 3"]
     points: Float[Tensor, "rows columns 3"]
+    shown: Bool[Tensor, "rows columns"] | None = None
 
     @property
     def focal_px(self) -> float:
@@ -109,7 +111,11 @@ class Sheet:
         height, width = self.camera.size
         numbers = ((z > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)).nonzero()[:, 0]
         column, row = ((one[numbers] / self.stride).long() for one in (x, y))
-        return Sightings(numbers, z[numbers], row * self.depths.shape[1] + column)
+        places = row * self.depths.shape[1] + column
+        if self.shown is not None:
+            visible = self.shown.flatten()[places]
+            numbers, places = numbers[visible], places[visible]
+        return Sightings(numbers, z[numbers], places)
 
 
 @dataclass(frozen=True)
@@ -190,7 +196,7 @@ class KeyframePart:
 
 
 def parts_of(encoding: Encoding, seen: Views, numbers: Sequence[int]) -> list[KeyframePart]:
-    """The Gaussians of each view of a window, without votes of others.
+    """The Gaussians of each view of a window, without votes of others and without those of hidden pixels.
 
     Args:
         encoding: of the window.
@@ -212,6 +218,9 @@ def parts_of(encoding: Encoding, seen: Views, numbers: Sequence[int]) -> list[Ke
     brightest, darkest = (sign * torch.nn.functional.max_pool2d(sign * colours, 3, 1, 1) for sign in (1, -1))
     photos = torch.stack((colours, darkest, brightest)).permute(1, 0, 3, 4, 2)
     found = []
+    shown = None
+    if seen.hidden is not None:
+        shown = per_gaussian(seen.hidden[:, None].to(depths), stride).reshape(views, rows, columns) == 0
     for view, number in enumerate(numbers):
         gaussians = every.map(lambda tensor, view=view: tensor[view].clone())  # not a view: the window goes
         logs = None
@@ -231,12 +240,14 @@ def parts_of(encoding: Encoding, seen: Views, numbers: Sequence[int]) -> list[Ke
             darkest_own,
             brightest_own,
             gaussians.means.reshape(rows, columns, 3),
+            None if shown is None else shown[view],
         )
         zeros, tried = torch.zeros(count), torch.zeros(count, STEPS)
         none = None if logs is None else torch.zeros(count, logs.shape[-1])
         votes = Votes(zeros, zeros, zeros, zeros, zeros, none, tried, tried)
         level = sharpness(depths[view].flatten(), sheet.focal_px)
-        found.append(KeyframePart(sheet, gaussians, torch.arange(count), spreads[view].flatten(), level, votes))
+        part = KeyframePart(sheet, gaussians, torch.arange(count), spreads[view].flatten(), level, votes)
+        found.append(part if sheet.shown is None else part[sheet.shown.flatten()])
     return found
 
 
@@ -299,6 +310,8 @@ def compare_photos(part: KeyframePart, other: Sheet) -> tuple[Float[Tensor, "g s
         torch.where(within, z, 1), other.depths.flatten()[place], spread, other.spread.flatten()[place]
     )
     visible = within & (apart <= TOLERANCE)
+    if other.shown is not None:
+        visible &= other.shown.flatten()[place]
     own = part.sheet.colours.flatten(0, 1)[part.index][:, None].expand(-1, STEPS, -1)
     same = outside(own, other, place) <= SAME_COLOUR + exposure(part.sheet, other)
     return (visible & same).to(z), (visible & ~same).to(z)

@@ -110,7 +110,7 @@ class SemGS(nn.Module):
         return self
 
     def forward(self, views: Views, chunks: Chunks | None = None, stage: Stage = nullcontext) -> Encoding:
-        """The Gaussians of N >= 2 views, and depth at their full size.
+        """The Gaussians of N >= 2 views, and depth at their full size. Gaussians of hidden pixels have no opacity.
 
         Within autocast the layers compute in half precision; depth, cameras and Gaussians stay in float32 or better.
 
@@ -153,6 +153,7 @@ class SemGS(nn.Module):
             encoding = encoding.map(lambda maps: maps.reshape(*leading, count * maps.shape[1], *maps.shape[2:]))
             if self.fuses and not self.training:
                 encoding = encoding.fused(views.cameras)
+            encoding = encoding.hide(views.hidden)
         return replace(encoding, classes=self.classes, temperatures=self.temperatures)
 
     def classify(self, views: Views, alone: bool = False) -> Float[Tensor, "*batch v class h w"]:

@@ -20,6 +20,7 @@ from torch.nn.functional import pad
 from semgs.data.tables.classes import IGNORE
 from semgs.data.views import Views
 from semgs.objectives.loss_weights import LossWeights
+from semgs.objectives.metrics import squared_error
 from semgs.rendering.rendering import Rendering
 
 
@@ -51,7 +52,7 @@ def losses(
 ) -> Losses:
     """The paper's losses of rendered views.
 
-    Ignored pixels (label 255) count in neither semantic term; the colour term ignores labels.
+    Ignored pixels (label 255) count in neither semantic term; the colour term ignores labels. Hidden pixels count in none.
 
     Args:
         rendering: the rendered target views [... v].
@@ -69,7 +70,10 @@ def losses(
             f"the rendering is {tuple(rendering.images.shape)} but its target {tuple(target.images.shape)} "
             "([... view 3 height width]); render the target's cameras"
         )
-    colour = (rendering.images - target.images).square().mean()
+    if target.hidden is None:
+        colour = (rendering.images - target.images).square().mean()
+    else:
+        colour = squared_error(rendering.images, target.images, target.hidden).mean()
     views = target.images.shape[:-3].numel()
     semantic = smoothness = torch.zeros_like(colour)
     unlabelled = views

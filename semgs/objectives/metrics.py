@@ -33,12 +33,29 @@ class DepthScores:
     pixels: int
 
 
-def psnr(images: Float[Tensor, "*batch 3 h w"], truth: Float[Tensor, "*batch 3 h w"]) -> Float[Tensor, "*batch"]:
-    """Peak signal-to-noise ratio of each image over all pixels and channels, images clamped to 0..1 [dB].
+def squared_error(
+    images: Float[Tensor, "*batch 3 h w"],
+    truth: Float[Tensor, "*batch 3 h w"],
+    hidden: Bool[Tensor, "*batch h w"] | None = None,
+) -> Float[Tensor, "*batch"]:
+    """Mean squared error of each image over its channels and pixels, but for hidden ones; 0 if all are hidden."""
+    errors = (images - truth).square()
+    if hidden is None:
+        return errors.mean((-3, -2, -1))
+    shown = ~hidden
+    return (errors.mean(-3) * shown).sum((-2, -1)) / shown.sum((-2, -1)).clamp(min=1)
+
+
+def psnr(
+    images: Float[Tensor, "*batch 3 h w"],
+    truth: Float[Tensor, "*batch 3 h w"],
+    hidden: Bool[Tensor, "*batch h w"] | None = None,
+) -> Float[Tensor, "*batch"]:
+    """Peak signal-to-noise ratio of each image over all channels and all pixels that are not hidden, images clamped to 0..1 [dB].
 
     Equal images have infinite PSNR. For several images, reports give the mean of their values.
     """
-    return -10 * (images.clamp(0, 1) - truth).square().mean((-3, -2, -1)).log10()
+    return -10 * squared_error(images.clamp(0, 1), truth, hidden).log10()
 
 
 def psnr_seen(

@@ -17,6 +17,7 @@ from semgs.mapping.mapper import Mapper
 from semgs.model.memory.memory_plan import MemoryPlan
 from semgs.reconstruction.result import PhotoRefinement
 from semgs.reconstruction.sensor_depth import Placement
+from semgs.scene.exposure import Exposures
 from semgs.scene.upright import UpDirection
 from semgs.segmenters.features.scene_features import SceneFeatures
 from semgs.segmenters.labelling import Labelling
@@ -35,11 +36,13 @@ def collect_notes(
     scene: Scene,
     choice: Choice,
     context: Views,
+    target: Views | None,
     classes: ClassTable | None,
     up: UpDirection,
     *,
     placement: Placement | None,
     plan: MemoryPlan | None,
+    exposures: Exposures | None,
     labelling: Labelling | None,
     features: SceneFeatures | None,
     refinement: PhotoRefinement | None,
@@ -47,9 +50,10 @@ def collect_notes(
     """All notes on a reconstruction, in the order of the report.
 
     Args:
-        scene, choice, context: the source, the chosen frames, and the input views.
+        scene, choice, context, target: the source, the chosen frames, the input views and the held-out ones.
         classes: the class table of the Gaussians; None for a colour-only model.
         up: which way is up.
+        exposures: of the input photos; None if they are as taken.
         placement, plan, labelling, features, refinement: as for `Reconstruction`.
     """
     names = [scene.frames[position].name for position in choice.context]
@@ -57,6 +61,7 @@ def collect_notes(
         *scene.notes,
         note_on_aspect([scene.frames[position] for position in (*choice.context, *choice.targets)], context.size),
         *choice.notes,
+        note_on_hidden(context, target),
     ]
     if not has_parallax(context):
         notes.append(
@@ -86,6 +91,8 @@ def collect_notes(
         notes.append("No frame is held out, so the scores do not show how good new views are.")
     if placement is not None:
         notes += placement.notes(names)
+    if exposures is not None:
+        notes.append(note_on_exposures(exposures))
     if plan is not None and plan.short:
         notes.append(
             "Memory was short, so the network processed fewer views at a time. This takes longer; the result is the same."
@@ -138,6 +145,29 @@ def note_on_aspect(frames: Sequence[Frame], size: tuple[int, int]) -> str:
     return (
         f"{len(cropped)} of {len(frames)} images have another aspect ratio than {size[0]}x{size[1]} (height x width) and are centre-cropped "
         f"with their cameras: {first.name}, for example, from {rows}x{columns} to {height}x{width} before it is resized."
+    )
+
+
+def note_on_hidden(context: Views, target: Views | None) -> str:
+    """How many pixels are hidden; empty if none is."""
+    counts = [
+        f"{int(views.hidden.sum()):,} of {views.hidden.numel():,} pixels of the {title} views"
+        for title, views in (("input", context), ("held-out", target))
+        if views is not None and views.hidden is not None
+    ]
+    if not counts:
+        return ""
+    return f"Hidden: {' and '.join(counts)} are a black border or masked. They have no Gaussians and count in no score."
+
+
+def note_on_exposures(exposures: Exposures) -> str:
+    """By how much the exposures of the input photos differ."""
+    before, after = (error**0.5 for error in (exposures.before, exposures.after))
+    least, most = exposures.gains.aminmax()
+    return (
+        f"The exposures of the input photos differ, so they were multiplied by {least:.2f} to {most:.2f}: where they see the same surface, "
+        f"they differed by {before:.3f} (root mean square of 0 to 1), now by {after:.3f}. The report shows and scores them at this common "
+        "exposure, held-out photos as taken. --exposure as-taken leaves all of them."
     )
 
 

@@ -23,6 +23,7 @@ from semgs.rendering.depth_spread import render_depth_spread
 from semgs.rendering.rendering import check_may_be_unknown, confidence_maps, label_maps
 from semgs.runtime.stopwatch import Stages
 from semgs.scene.encoding import Encoding
+from semgs.scene.exposure import ExposureChoice, fit_exposures
 from semgs.scene.photo_refinement import refine_until
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import up_of
@@ -128,6 +129,7 @@ def reconstruct(
     size: Sequence[int] | None = None,
     *,
     depth: DepthSource = "network",
+    exposure: ExposureChoice = "auto",
     labelling: Labelling | None = None,
     featuring: Featuring | None = None,
     min_confidence: float = 0.0,
@@ -145,6 +147,7 @@ def reconstruct(
         network: in evaluation mode, on the device to compute on; `render` chooses its own device.
         size: (height, width) of the frames as read [px]; None is `default_size` of the first one. Other aspect ratios are cropped.
         depth: where the depth of the Gaussians comes from: the network, the sensor that measured the frames' depth maps, or both.
+        exposure: whether the input photos, and with them the Gaussians, come to a common exposure; held-out photos stay as taken.
         labelling: gives the Gaussians their classes; None for those of the network.
         featuring: gives the Gaussians features; None for none.
         min_confidence: seen pixels with less are unknown in label maps; scores do not change.
@@ -178,13 +181,28 @@ def reconstruct(
         encoder.try_segmenter(choice.context)
         with stages("read", f"Reading {count} frames at {height}x{width} (height x width)"):
             context, target = encoder.read(choice.context, choice.depth_range), encoder.read_target(choice)
-        encoding = encoder.encode(choice.context, context, target)
+        encoding = encoder.encode(choice.context, context, target).without(context.hidden)
+    exposures = None
+    if exposure != "as-taken":
+        exposures = fit_exposures(context, encoding.depths, encoding.depth_spread)
+        if exposures.differ or exposure == "fitted":
+            context, encoding = exposures.applied(context), exposures.recoloured(encoding)
+        else:
+            exposures = None
     refined, unrefined, check, check_name = None, encoding, None, None
     if passes:
         check_name, check, choice, target = _split_check(scene, choice, target)
         count = passes * len(context)
         with stages.steps("sharpen", f"Refining {len(encoding.gaussians):,} Gaussians in {count} steps", count) as done:
-            refined = refine_until(encoding, context, passes, check=check, moves=depth == "network", done=done)
+            refined = refine_until(
+                encoding,
+                context,
+                passes,
+                check=check,
+                moves=depth == "network",
+                exposure=exposures is not None,
+                done=done,
+            )
         encoding = refined.encoding
     features = None
     if featuring is not None:
@@ -208,9 +226,19 @@ def reconstruct(
         up = up_of(saved)
     placement, plan = encoder.placement(choice.context), encoder.plan
     own_notes = collect_notes(
-        scene, choice, context, classes, up,
-        placement=placement, plan=plan, labelling=labelling, features=features, refinement=refinement,
-    )  # fmt: skip
+        scene,
+        choice,
+        context,
+        target,
+        classes,
+        up,
+        placement=placement,
+        plan=plan,
+        exposures=exposures,
+        labelling=labelling,
+        features=features,
+        refinement=refinement,
+    )
     return Reconstruction(
         scene=scene,
         choice=choice,

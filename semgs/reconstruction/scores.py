@@ -12,7 +12,7 @@ from semgs.rendering.rendering import SEEN_ALPHA, Rendering, likeliest
 
 @dataclass(frozen=True)
 class ViewScores:
-    """The scores of one view. A pixel is seen if its alpha is at least 0.5.
+    """The scores of one view, without its hidden pixels (`Views.hidden`). A pixel is seen if its alpha is at least 0.5.
 
     Attributes:
         psnr: over all pixels [dB]; infinite if the images are equal.
@@ -93,12 +93,14 @@ def _scores_of(rendering: Rendering, truth: Views, index: int) -> ViewScores:
         depths=None if truth.depths is None else truth.depths[index],
     )
     classes = 0 if rendering.semantics is None else rendering.semantics.shape[-3]
+    shown = None if truth.hidden is None else ~truth.hidden[index]
     seen = rendering.alphas[index] >= SEEN_ALPHA
-    whole, part = map_scores(given, true, classes), map_scores(given, true, classes, seen)
+    whole = map_scores(given, true, classes, shown)
+    part = map_scores(given, true, classes, seen if shown is None else seen & shown)
     assert whole.psnr is not None
     return ViewScores(
         psnr=whole.psnr,
-        coverage=float(seen.double().mean()),
+        coverage=float((seen if shown is None else seen[shown]).double().mean()),
         psnr_seen=part.psnr,
         depth_error=None if part.depth is None else part.depth.abs_rel,
         accuracy=whole.accuracy,

@@ -120,7 +120,7 @@ def place_gaussians(encoding: Encoding, views: Views, source: Literal["sensor", 
         confidences=weights + shares * encoding.confidences,
         depth_spread=(weights.square() * noise + shares.square() * variance).sqrt(),
     )
-    return moved, Placement(source, fits, registration(views.images.to(sensor), sensor))
+    return moved.hide(views.hidden), Placement(source, fits, registration(views.images.to(sensor), sensor))
 
 
 def sensor_spread(depths: Float[Tensor, "*n"]) -> Float[Tensor, "*n"]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
-from jaxtyping import Float, Int64
+from jaxtyping import Bool, Float, Int64
 from numpy import ndindex
 from torch import Tensor
 
@@ -39,8 +39,8 @@ class Encoding:
         classes: the class table of the Gaussians; None for a colour-only network, or if unknown.
         temperatures: calibrate the class distributions; None if unknown.
         stride: pixels along each side of the block that a Gaussian stands for.
-        places: of each Gaussian the number of its block, in the order view, row, column, in scenes merged from several windows; None if
-            every block has a Gaussian.
+        places: of each Gaussian the number of its block, in the order view, row, column, in scenes merged from several windows or without
+            hidden pixels; None if every block has a Gaussian.
     """
 
     gaussians: Gaussians
@@ -179,6 +179,37 @@ class Encoding:
             confidences=self.confidences if confidences is None else block_means(confidences),
             depth_spread=self.depth_spread if depth_spread is None else block_means(depth_spread),
         )
+
+    def hide(self, hidden: Bool[Tensor, "*batch v h w"] | None) -> Encoding:
+        """The same Gaussians, those that stand for a hidden pixel without opacity.
+
+        Args:
+            hidden: pixels of the context views, as `Views.hidden`; None hides nothing.
+        """
+        if hidden is None:
+            return self
+        opacities = self.gaussians.opacities.masked_fill(self._stand_for(hidden), 0)
+        return replace(self, gaussians=replace(self.gaussians, opacities=opacities))
+
+    def without(self, hidden: Bool[Tensor, "v h w"] | None) -> Encoding:
+        """The Gaussians of one scene that stand for no hidden pixel; arguments as for `hide`."""
+        if hidden is None:
+            return self
+        keep = ~self._stand_for(hidden)
+        places = torch.arange(len(keep)) if self.places is None else self.places
+        return replace(self, gaussians=self.gaussians.map(lambda tensor: tensor[keep]), places=places[keep.cpu()])
+
+    @property
+    def own_views(self) -> Int64[Tensor, " g"]:
+        """The context view of each Gaussian of one scene."""
+        height, width = self.depths.shape[-2:]
+        blocks = -(-height // self.stride) * -(-width // self.stride)
+        places = torch.arange(len(self.gaussians)) if self.places is None else self.places
+        return places // blocks
+
+    def _stand_for(self, pixels: Bool[Tensor, "*batch v h w"]) -> Bool[Tensor, "*batch g"]:
+        """Whether each Gaussian stands for one of some pixels of the context views."""
+        return self.per_gaussian(pixels[..., None, :, :])[..., 0] > 0
 
     def placed_depths(self, cameras: Cameras) -> Float[Tensor, "*batch v h w"]:
         """The z-depth of the Gaussian at each pixel of the context views [m].

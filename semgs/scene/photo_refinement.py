@@ -123,7 +123,7 @@ def refine_until(
         encoding, views, passes, seed: as for `refine`.
         check: views that the result must render well; of all passes the best one is kept. None keeps the last one.
         moves: whether Gaussians may move; not those that a sensor has placed.
-        exposure: fit a gain and an offset of each photo and channel in every step.
+        exposure: fit a gain and an offset of each photo and channel in every step, and of the view that decides.
         done: called after each step with the number of steps so far.
 
     Raises:
@@ -138,7 +138,7 @@ def refine_until(
     unknowns = Unknowns(encoding, views, moves)
     curve, best = [], None
     if check is not None:
-        curve, best = [_psnr(encoding, check)], encoding
+        curve, best = [_psnr(encoding, check, exposure)], encoding
     order = torch.Generator().manual_seed(seed)
     steps, taken = passes * len(views), 0
     for _ in range(passes):
@@ -150,7 +150,7 @@ def refine_until(
             done(taken)
         if check is not None:
             now = unknowns.encoding()
-            curve.append(_psnr(now, check))
+            curve.append(_psnr(now, check, exposure))
             if curve[-1] > max(curve[:-1]):
                 best = now
     if best is None:
@@ -211,7 +211,7 @@ class Unknowns:
         return replace(
             start,
             means=means,
-            opacities=self.opacity.value.sigmoid(),
+            opacities=self.opacity.value.sigmoid() * (start.opacities > 0),
             colour=replace(
                 start.colour,
                 features=torch.cat((self.colour.value, self.harmonics.value), 1),
@@ -249,27 +249,29 @@ class Unknowns:
 
 
 def _error(gaussians: Gaussians, encoding: Encoding, views: Views, view: int, exposure: bool) -> Tensor:
-    """The mean squared error of a photo's rendering."""
+    """The mean squared error of a photo's rendering, without hidden pixels."""
     photo = views.images[view].to(gaussians.means)
     image = replace(encoding, gaussians=gaussians).render(views.cameras[view : view + 1], clamp=False).images[0]
+    if views.hidden is not None:
+        shown = ~views.hidden[view].to(photo.device)
+        photo, image = photo[:, shown], image[:, shown]
     if exposure:
-        image = fit_exposure(image, photo)
+        image = fit_exposure(image.flatten(1), photo.flatten(1)).reshape(image.shape)
     return (image - photo).square().mean()
 
 
-def fit_exposure(image: Float[Tensor, "3 h w"], photo: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 h w"]:
-    """The rendering with the gain and offset of each channel that come closest to the photo."""
+def fit_exposure(image: Float[Tensor, "3 n"], photo: Float[Tensor, "3 n"]) -> Float[Tensor, "3 n"]:
+    """The pixels of a rendering with the gain and offset of each channel that come closest to the photo."""
     with torch.no_grad():
-        flat, wanted = image.flatten(1), photo.flatten(1)
-        centred = flat - flat.mean(1, keepdim=True)
-        gain = (centred * wanted).sum(1) / centred.square().sum(1).clamp(min=1e-9)
-        offset = wanted.mean(1) - gain * flat.mean(1)
-    return gain[:, None, None] * image + offset[:, None, None]
+        centred = image - image.mean(1, keepdim=True)
+        gain = (centred * photo).sum(1) / centred.square().sum(1).clamp(min=1e-9)
+        offset = photo.mean(1) - gain * image.mean(1)
+    return gain[:, None] * image + offset[:, None]
 
 
 @torch.no_grad()
-def _psnr(encoding: Encoding, views: Views) -> float:
-    """Of the renderings of views, together [dB]."""
-    without = replace(encoding, gaussians=replace(encoding.gaussians, semantic=None))
-    error = (without.render(views.cameras).images - views.images).square().mean()
-    return -10 * log10(max(float(error), 1e-12))
+def _psnr(encoding: Encoding, views: Views, exposure: bool) -> float:
+    """Of the rendering of views, together [dB]."""
+    plain = replace(encoding.gaussians, semantic=None)
+    error = sum(float(_error(plain, encoding, views, view, exposure)) for view in range(len(views))) / len(views)
+    return -10 * log10(max(error, 1e-12))

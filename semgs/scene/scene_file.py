@@ -6,7 +6,7 @@ Format, version 1. One metadata key, `semgs`, holds JSON: `format` ("semgs.scene
 can be calibrated, `temperatures` has two numbers, `rendered` and `gaussians` (absent in files of semgs 0.1.0 and earlier).
 If the source is far from the origin of its coordinates, the version is 2 and `origin` contains three numbers: `means` are relative to that
 point, in float32; `cameras.world_from_camera` is in the source's coordinates.
-If the scene was merged from several windows (`semgs reconstruct --all`), not every pixel has a Gaussian: the version is 3, `stride` is the side of
+If the scene was merged from several windows (`semgs reconstruct --all`) or has hidden pixels, not every pixel has a Gaussian: the version is 3, `stride` is the side of
 a block of pixels, and `places` [g] int64 are the blocks of the Gaussians, counted by view, row and column.
 Tensors are float32 unless noted; g Gaussians, v context views:
 
@@ -78,7 +78,8 @@ class SavedScene:
         origin: add it to a position to get the source's coordinates; (0, 0, 0) unless the source is far from its own origin.
         stride: pixels along each side of the block that a Gaussian stands for; if it is not given, it follows from how many there are of
             both, and is 0 if the Gaussians are on no grid of the views.
-        places: of each Gaussian the number of its block, in the order view, row, column, in merged scenes; None if every block has a Gaussian.
+        places: of each Gaussian the number of its block, in the order view, row, column, in merged scenes and those with
+            hidden pixels; None if every block has a Gaussian.
 
     Raises:
         ValueError: sizes or counts disagree, or a number is invalid: not finite, an opacity or confidence outside 0..1, a negative scale

@@ -273,3 +273,35 @@ def test_views_one_after_the_other_keep_labels_only_where_all_have_them(views):
     assert both.depths is None
     assert both.depth_range.tolist() == [[1.0, 8.0], [1.5, 9.0], [1.5, 9.0]]
     assert torch.equal(both.cameras.intrinsics, views.cameras.intrinsics[[0, 1, 1]])
+
+
+def test_a_pixel_is_hidden_if_a_hidden_one_takes_part_in_its_colour():
+    """8 columns become 4, 6 and 16: column 2 is half of the second pair; of six, each covers 4/3 columns, so 1 and 2 share it; in 16, linear interpolation reaches from -1/4 to 3/4."""
+    cameras = Cameras(POSES[:1], K[None], (2, 8))
+    hidden = torch.zeros(1, 2, 8, dtype=torch.bool)
+    hidden[..., 2] = True
+    views = Views(torch.rand(1, 3, 2, 8), cameras, [(1.0, 8.0)], hidden=hidden)
+    for columns, expected in ((4, [1]), (6, [1, 2]), (16, [3, 4, 5, 6])):
+        found = resized(views, (2, columns)).hidden
+        assert found.dtype == torch.bool
+        assert found[0, 0].nonzero()[:, 0].tolist() == expected
+    assert cropped(views, 0, 1, (2, 4)).hidden[0, 0].tolist() == [False, True, False, False]
+
+
+def test_views_without_hidden_pixels_join_those_with_some(views):
+    hidden = torch.zeros(2, *SIZE, dtype=torch.bool)
+    hidden[1, 5, 7] = True
+    masked = Views(views.images, views.cameras, views.depth_range, hidden=hidden)
+    assert joined([views, masked]).hidden.nonzero().tolist() == [[3, 5, 7]]
+    assert stack([masked, views]).hidden.nonzero().tolist() == [[0, 1, 5, 7]]
+    assert joined([views, views]).hidden is None
+    assert masked.select([1]).hidden.sum() == 1
+
+
+@pytest.mark.parametrize(
+    ("hidden", "message"),
+    [(torch.zeros(2, 5, 5, dtype=torch.bool), "hidden are"), (torch.zeros(2, *SIZE), "torch.bool")],
+)
+def test_hidden_pixels_are_booleans_of_the_images_size(views, hidden, message):
+    with pytest.raises(ValueError, match=message):
+        Views(views.images, views.cameras, views.depth_range, hidden=hidden)

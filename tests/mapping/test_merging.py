@@ -25,6 +25,7 @@ from semgs.mapping.merging import (
     join_parts,
     parts_of,
     settle,
+    votes_of,
 )
 from semgs.scene.encoding import Encoding
 
@@ -276,3 +277,16 @@ def test_sizes_that_a_window_of_three_has_shrunk_are_undone():
         for one in (pair, three)
     ]
     torch.testing.assert_close(sizes[1], sizes[0] * 1.5**0.5)
+
+
+def test_hidden_pixels_have_no_gaussians_and_no_votes() -> None:
+    """Both keyframes see the same wall from one place. Keyframe 1 hides its left 9 columns: the Gaussians of keyframe 0 there get no vote."""
+    cameras, hidden = cameras_at(0.0, 0.0), torch.zeros(2, *SIZE, dtype=torch.bool)
+    hidden[1, :, :9] = True
+    parts = parts_of(encoded(cameras, flat(WALL, WALL)), seen_at(cameras).changed(hidden=hidden), (0, 1))
+    assert [len(part) for part in parts] == [SIZE[0] * SIZE[1], SIZE[0] * SIZE[1] // 2]
+    assert (parts[1].index % SIZE[1] >= 9).all()
+    votes = votes_of(parts[0], parts[1].sheet)
+    right = torch.arange(SIZE[0] * SIZE[1]) % SIZE[1] >= 9
+    assert torch.equal(votes.agree > 0, right)
+    assert torch.equal((votes.fits + votes.clashes).sum(1) > 0, right)

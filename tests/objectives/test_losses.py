@@ -263,3 +263,16 @@ def test_disagreeing_shapes_and_tables_are_refused_by_name():
         losses(rendering(images, distributions(16, classes=4)), views(images, LABELS[None]))
     with pytest.raises(ValueError, match="class_weights has 2 factors; expected 3"):
         losses(rendering(images, distributions(17)), views(images, LABELS[None]), class_weights=(1.0, 2.0))
+
+
+def test_hidden_pixels_add_nothing_to_the_colour_loss() -> None:
+    """Two views of 3x4 pixels; an error of 0.5 at the hidden ones of view 0, of 0.1 elsewhere, and of 0.2 in view 1: (0.01 + 0.04) / 2."""
+    truth = torch.full((2, 3, 3, 4), 0.25, dtype=torch.float64)
+    images, hidden = truth.clone(), torch.zeros(2, 3, 4, dtype=torch.bool)
+    hidden[0, :, :2] = True
+    images[0] += torch.where(hidden[0], 0.5, 0.1)
+    images[1] += 0.2
+    target = views(truth, None).changed(hidden=hidden)
+    assert losses(rendering(images, None), target).colour.item() == pytest.approx(0.025)
+    everything = target.changed(hidden=torch.ones_like(hidden))
+    assert losses(rendering(images, None), everything).colour == 0

@@ -156,3 +156,11 @@ def test_psnr_of_a_constant_error_worked_out_by_hand_and_images_are_clamped():
     images = torch.stack([truth[0] + 0.1, truth[1] * 0 + 1.7])
     assert psnr(images, truth).tolist() == pytest.approx([20.0, -20 * math.log10(0.5)], abs=1e-4)
     assert psnr(truth, truth).tolist() == [math.inf, math.inf]
+
+
+def test_hidden_pixels_do_not_count_in_psnr() -> None:
+    """An error of 0.1 at the visible pixels is 20 dB, whatever there is at the hidden ones."""
+    truth = torch.full((3, 4, 5), 0.5)
+    hidden = torch.zeros(4, 5, dtype=torch.bool)
+    hidden[1:3] = True
+    assert psnr(truth + torch.where(hidden, -0.4, 0.1), truth, hidden).item() == pytest.approx(20, abs=1e-4)

@@ -107,7 +107,7 @@ DATA = (
     ),
     Mutant(
         "what a mask hides keeps its depth", "semgs/data/frames.py",
-        "depths.masked_fill(hidden, 0)", "depths",
+        "depths.masked_fill(view.hidden, 0)", "depths",
         of_scannetpp("the_phones_frames_are_read_as_they_were_written"),
     ),
     Mutant(
@@ -300,5 +300,14 @@ DATA = (
         "sparse points behind a frame are in view", "semgs/data/layouts/parts/sparse_points.py",
         "(depth > 0) & (column >= 0)", "(column >= 0)",
         ("tests/data/layouts/parts/test_sparse_points.py::test_points_in_view_are_those_in_front_and_inside",),
+    ),
+    Mutant(
+        "a black border ends where a photo is still dark", "semgs/data/borders.py",
+        "max(1) >= LIT", "max(1) >= 0", ("tests/data/test_borders.py::test_a_photo_that_fades_to_black_has_no_border",),
+    ),
+    Mutant(
+        "the last pixels of a border, half black, are shown", "semgs/data/resampling.py",
+        "@ columns.mT > 0,", "@ columns.mT > 0.5,",
+        ("tests/data/test_views.py::test_a_pixel_is_hidden_if_a_hidden_one_takes_part_in_its_colour",),
     ),
 )  # fmt: skip

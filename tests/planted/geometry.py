@@ -128,7 +128,7 @@ GEOMETRY = (
     ),
     Mutant(
         "views vote that see something nearer", "semgs/geometry/fusion.py",
-        "agrees = inside & (", "agrees = inside | (",
+        "return inside & (", "return inside | (",
         ("tests/geometry/test_fusion.py::test_fusion_equals_a_loop_over_points_and_views",),
     ),
 )  # fmt: skip

@@ -71,7 +71,7 @@ OBJECTIVES = (
     ),
     Mutant(
         "PSNR is of the square of the error", METRICS,
-        "return -10 * (images.clamp(0, 1) - truth)", "return -20 * (images.clamp(0, 1) - truth)", OF_METRICS,
+        "return -10 * squared_error(", "return -20 * squared_error(", OF_METRICS,
     ),
     Mutant(
         "a risk-coverage curve begins with the least confident", "semgs/objectives/selective.py",
@@ -88,5 +88,10 @@ OBJECTIVES = (
     Mutant(
         "classes over the seen pixels are over all", "semgs/objectives/map_scores.py",
         "truth.labels.masked_fill(~seen, IGNORE)", "truth.labels", OF_VIEW_SCORES,
+    ),
+    Mutant(
+        "hidden pixels count in PSNR as if they were right", "semgs/objectives/metrics.py",
+        "/ shown.sum((-2, -1)).clamp(min=1)", "/ shown.numel()",
+        ("tests/objectives/test_metrics.py::test_hidden_pixels_do_not_count_in_psnr",),
     ),
 )  # fmt: skip

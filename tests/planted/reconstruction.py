@@ -40,4 +40,14 @@ RECONSTRUCTION = (
         "margin - right :", "margin + right :",
         ("tests/reconstruction/test_registration.py::test_shifted_depth_is_found_to_within_half_a_window",),
     ),
+    Mutant(
+        "a gain of exposure darkens towards grey instead of black", "semgs/scene/exposure.py",
+        "(0.5 * (gains - 1) + offsets)", "offsets",
+        ("tests/scene/test_exposure.py::test_gaussians_get_the_gain_and_offset_of_their_own_photo",),
+    ),
+    Mutant(
+        "the brighter photo gets the larger gain", "semgs/scene/exposure.py",
+        "deviations[:, 1] / deviations[:, 0].clamp", "deviations[:, 0] / deviations[:, 1].clamp",
+        ("tests/scene/test_exposure.py::test_photos_with_known_exposures_become_equal",),
+    ),
 )  # fmt: skip

@@ -45,7 +45,7 @@ SCENE = (
     ),
     Mutant(
         "exposure has no offset", REFINEMENT,
-        "offset = wanted.mean(1) - gain * flat.mean(1)", "offset = torch.zeros_like(gain)",
+        "offset = photo.mean(1) - gain * image.mean(1)", "offset = torch.zeros_like(gain)",
         (f"{OF_REFINEMENT}a_darker_photo_is_fitted_with_gain_and_offset",),
     ),
 )  # fmt: skip

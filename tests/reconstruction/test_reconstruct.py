@@ -15,6 +15,7 @@ from semgs import load
 from semgs.data.choosing.choice import choose, choose_named
 from semgs.data.scene import Scene
 from semgs.data.views import Views
+from semgs.files.images.pictures import read_rgb, write_png
 from semgs.model.encode import Network
 from semgs.objectives.metrics import psnr
 from semgs.reconstruction.notes import strangers
@@ -298,3 +299,76 @@ def test_a_walk_passes_the_same_pipeline_and_has_the_same_notes(
     assert any("were joined" in note for note in walk.notes)
     assert walk.saved.frames == walk.context.names
     assert walk.classes == few.classes == oracle.classes
+
+
+def change_images(scene: Scene, change: Callable[[np.ndarray], np.ndarray], *frames: int) -> None:
+    """Rewrite the images of some frames."""
+    for number in frames:
+        path = scene.path.parent / "images" / f"{number:02d}.png"
+        write_png(path, change(read_rgb(path)).round().astype(np.uint8))
+
+
+def black_edge(image: np.ndarray) -> np.ndarray:
+    """The image with a black border of two pixels."""
+    framed = np.zeros_like(image)
+    framed[2:-2, 2:-2] = image[2:-2, 2:-2]
+    return framed
+
+
+def test_a_black_border_has_no_gaussians_and_no_scores_and_the_notes_say_so(
+    wall_scene: Callable[..., Scene], oracle: Network
+) -> None:
+    """Two black pixels and the three behind them on each side: of 40x56 pixels, 30x46 are visible and 860 hidden."""
+    scene = wall_scene()
+    change_images(scene, black_edge, 0, 1, 2, 3)
+    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle, (40, 56))
+    assert len(result.encoding.gaussians) == len(result.saved.gaussians) == 2 * 30 * 46
+    rows, columns = (torch.div(result.saved.places % (40 * 56), 56, rounding_mode="floor"), result.saved.places % 56)
+    assert (int(rows.min()), int(rows.max()), int(columns.min()), int(columns.max())) == (5, 34, 5, 50)
+    assert all(score.psnr > 25 and score.coverage > 0.95 for score in result.context.scores)
+    assert [note for note in result.notes if note.startswith("Hidden")] == [
+        "Hidden: 1,720 of 4,480 pixels of the input views and 1,720 of 4,480 pixels of the held-out views are a black border or masked. "
+        "They have no Gaussians and count in no score."
+    ]
+
+
+def test_a_walk_along_photos_with_black_borders_has_no_gaussians_there(
+    wall_scene: Callable[..., Scene], oracle: Network
+) -> None:
+    scene = wall_scene(shifts=(0.0, 0.3, 0.6, 0.9))
+    change_images(scene, black_edge, 0, 1, 2, 3)
+    result = reconstruct(scene, Walk(2), oracle, (40, 56))
+    hidden = result.context.views.hidden
+    assert hidden is not None
+    assert len(result.encoding.gaussians) > 30 * 46
+    assert not hidden.flatten()[result.encoding.places].any()
+
+
+def test_photos_of_different_exposure_come_to_a_common_one_unless_they_stay_as_taken(
+    wall_scene: Callable[..., Scene], oracle: Network
+) -> None:
+    """Frame 3 is 0.6 times as bright: gains of sqrt(0.6) = 0.77 and 1.29 make both photos and their Gaussians equal again."""
+    scene = wall_scene()
+    change_images(scene, lambda image: 0.6 * image, 3)
+    choice = choose_named(scene, [0, 3])
+    taken = reconstruct(scene, choice, oracle, exposure="as-taken")
+    even = reconstruct(scene, choice, oracle)
+    for before, after in zip(taken.context.scores, even.context.scores, strict=True):
+        assert after.psnr > before.psnr + 3
+    assert any("multiplied by 0.77 to 1.29" in note for note in even.notes)
+    assert not any("exposure" in note for note in taken.notes)
+    assert even.target is not None
+    assert taken.target is not None
+    assert torch.equal(even.target.views.images, taken.target.views.images)
+
+
+def test_photos_of_one_exposure_give_the_same_bits_whether_it_is_fitted_or_not(
+    wall_scene: Callable[..., Scene], oracle: Network
+) -> None:
+    scene = wall_scene()
+    choice = choose_named(scene, [0, 3])
+    results = [reconstruct(scene, choice, oracle, exposure=exposure) for exposure in ("auto", "as-taken", "fitted")]
+    auto, taken, fitted = (result.encoding.gaussians.colour.features for result in results)
+    assert torch.equal(auto, taken)
+    assert not torch.equal(fitted, taken)
+    torch.testing.assert_close(fitted, taken, atol=0.05, rtol=0)

@@ -89,3 +89,16 @@ def test_means_are_over_the_views_that_have_the_score_and_of_depth_over_their_pi
         pytest.approx(0.6),
         None,
     )
+
+
+def test_hidden_pixels_count_in_no_score() -> None:
+    """Without the last two columns, the unseen half, all scores are those of the seen half."""
+    rendering, truth = pair()
+    hidden = torch.zeros(1, 2, 4, dtype=torch.bool)
+    hidden[..., 2:] = True
+    (score,) = scores(rendering, truth.changed(hidden=hidden))
+    assert score.psnr == score.psnr_seen == pytest.approx(20, abs=1e-3)
+    assert score.coverage == 1
+    assert score.accuracy == pytest.approx(2 / 4)
+    assert score.depth_abs_rel == pytest.approx((0.5 + 0.25 + 0) / 3, abs=1e-6)
+    assert (score.depth_pixels, score.depth_pixels_seen) == (3, 3)

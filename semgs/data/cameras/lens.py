@@ -134,6 +134,11 @@ class AbstractLens(ABC):
         method = cv2.INTER_NEAREST if nearest else cv2.INTER_LINEAR
         return np.asarray(cv2.remap(values, *maps, method, borderMode=cv2.BORDER_REPLICATE))
 
+    def empty(self, maps: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+        """Undistorted pixels [h w] whose source, by `maps()`, is more than a pixel outside the stored image: it has no colour for them."""
+        (x, y), (height, width) = maps, self.size
+        return (x < -1) | (x > width) | (y < -1) | (y > height)
+
     def _can_be_undone(self) -> bool:
         """Whether every undistorted pixel has exactly one source in the image: the model does not fold over before the edge."""
         if not np.isfinite(self.intrinsics).all() or np.diagonal(self.intrinsics).min() <= 0:

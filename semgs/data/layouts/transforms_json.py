@@ -20,7 +20,7 @@ from semgs.data.layouts.parts.fields import Fields, read_fields
 from semgs.data.layouts.parts.pose_files import listed_poses
 from semgs.data.layouts.parts.sentences import note_lacking, note_transparent
 from semgs.data.layouts.parts.sparse_points import points_in_view, read_ply_points
-from semgs.data.maps import ClassMap, DepthMap
+from semgs.data.maps import ClassMap, DepthMap, MaskMap
 from semgs.data.scene import Scene
 from semgs.data.tables.class_files import read_class_file
 from semgs.data.tables.classes import IGNORE, ClassTable, class_table
@@ -106,7 +106,11 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
         label = _map(fields, "label_file_path", (".png",), notes, beside)
         if label is not None:
             labels[len(frames)] = label
-        frames.append(Frame(name, picture, lenses.setdefault(lens, lens), pose, DepthMap(held, unit) if held else None))
+        mask = _map(fields, "mask_path", (".png",), notes, beside)
+        depth = DepthMap(held, unit) if held else None
+        frames.append(
+            Frame(name, picture, lenses.setdefault(lens, lens), pose, depth, mask=MaskMap(mask) if mask else None)
+        )
     unread, classes = None, None
     try:
         if labels:
@@ -130,7 +134,7 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
         classes=classes,
         unread_labels=unread,
         absent=tuple(absent),
-        notes=tuple(notes.sentences(absent, listed)),
+        notes=tuple(notes.sentences(absent, len(listed))),
         points=points if points is not None and len(points) else None,
         applied_transform=_applied_transform(shared),
         applied_scale=shared.positive("applied_scale"),
@@ -145,15 +149,13 @@ class _Notes:
         self.missing_maps: list[str] = []
         self.unread_maps: list[str] = []
 
-    def sentences(self, absent: Sequence[str], listed: Sequence[Fields]) -> list[str]:
-        """The notes on a scene."""
-        masked = any(frame.value("mask_path") for frame in listed)
+    def sentences(self, absent: Sequence[str], listed: int) -> list[str]:
+        """The notes on a scene with so many listed frames."""
         return [
-            *note_lacking(absent, len(listed), "listed images are missing"),
+            *note_lacking(absent, listed, "listed images are missing"),
             *note_transparent(self.transparent),
-            *note_lacking(self.missing_maps, self.maps, "listed depth and label files are missing"),
-            *note_lacking(self.unread_maps, self.maps, "listed depth and label files have an unsupported format"),
-            *(["The frames list masks, which are ignored."] if masked else []),
+            *note_lacking(self.missing_maps, self.maps, "listed depth, label and mask files are missing"),
+            *note_lacking(self.unread_maps, self.maps, "listed depth, label and mask files have an unsupported format"),
         ]
 
 
@@ -193,7 +195,7 @@ def _found(beside: Beside, name: str, endings: Sequence[str] = ()) -> Stored | N
 
 
 def _map(fields: Fields, key: str, kinds: Sequence[str], notes: _Notes, beside: Beside) -> Stored | None:
-    """The depth or label file of a frame, None if it has none of a supported kind."""
+    """The depth, label or mask file of a frame, None if it has none of a supported kind."""
     name = Fields(fields.path, fields.values, fields.place).text(key)
     if name is None:
         return None

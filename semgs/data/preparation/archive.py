@@ -6,6 +6,7 @@ Each scene is a zip archive without further compression, so `open_scene` reads i
     images/NAME.jpg    at one size
     depth/NAME.png     z-depth, 16 bits, millimetres
     labels/NAME.png    class per pixel, 8 bits, 255 = none
+    masks/NAME.png     0 at hidden pixels, 255 elsewhere; only of images with some
     classes.json       the class table, if it is not one of semgs
     prepared.json      the source: layout, frames, notes, pixels of each class, terms, and the network that labels are from
 
@@ -214,6 +215,9 @@ def _write_frame(
     if view.labels is not None:
         _write(archive, f"labels/{stem}.png", png_bytes(view.labels[0].numpy()))
         entry["label_file_path"] = f"labels/{stem}.png"
+    if view.hidden is not None:
+        _write(archive, f"masks/{stem}.png", png_bytes(np.where(view.hidden[0].numpy(), 0, 255).astype(np.uint8)))
+        entry["mask_path"] = f"masks/{stem}.png"
     return entry
 
 

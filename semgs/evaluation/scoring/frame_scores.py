@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from jaxtyping import Int64, UInt8
 from torch import Tensor
 
@@ -34,6 +35,7 @@ class FrameScores:
             the method does not say what it saw.
         seconds_encode, seconds_render: wall-clock.
         confidences: the labelled and seen pixels by their confidence, as `semgs.objectives.selective` counts them.
+        hidden: pixels that count in none of them; not saved.
     """
 
     scene: str
@@ -53,6 +55,7 @@ class FrameScores:
     psnr_seen: float | None = None
     depth_seen: DepthScores | None = None
     confidences: Int64[np.ndarray, "level 2"] | None = None
+    hidden: int = 0
 
 
 def score(
@@ -61,7 +64,7 @@ def score(
     """Compare a prediction with the true view.
 
     Classes are compared at every pixel with a true label, seen or not. Pixels without a predicted class (255) are left out of
-    the confusion matrix.
+    the confusion matrix. Hidden pixels of the true view count in no score; LPIPS, which has no pixels, takes them as predicted without error.
 
     Args:
         task: of the target.
@@ -76,10 +79,14 @@ def score(
     image, photo = prediction.image, truth.images[0]
     given = Maps(None if image is None else image.double(), prediction.labels, prediction.depths)
     true = Maps(photo.double(), labels, None if truth.depths is None else truth.depths[0])
-    whole = map_scores(given, true, len(truth.classes))
-    part = MapScores()
-    if prediction.unseen is not None:
-        part = map_scores(given, true, len(truth.classes), ~prediction.unseen)
+    shown = None if truth.hidden is None else ~truth.hidden[0]
+    if image is not None and shown is not None:
+        image = torch.where(shown, image, photo.to(image))
+    whole = map_scores(given, true, len(truth.classes), shown)
+    part, unseen = MapScores(), prediction.unseen
+    if unseen is not None:
+        part = map_scores(given, true, len(truth.classes), ~unseen if shown is None else shown & ~unseen)
+        unseen = unseen if shown is None else unseen[shown]
     return FrameScores(
         scene=task.scene.name,
         target=task.target,
@@ -87,10 +94,10 @@ def score(
         confusion=None if whole.confusion is None else whole.confusion.numpy(),
         truth=counts,
         psnr=whole.psnr,
-        ssim=None if image is None else ssim(image, photo),
+        ssim=None if image is None else ssim(image, photo, shown),
         lpips=None if image is None or perceptual is None else perceptual(image, photo),
         depth=whole.depth,
-        unseen=None if prediction.unseen is None else float(prediction.unseen.double().mean()),
+        unseen=None if unseen is None else float(unseen.double().mean()),
         seconds_encode=prediction.seconds_encode,
         seconds_render=prediction.seconds_render,
         miou_seen=part.miou,
@@ -98,6 +105,7 @@ def score(
         psnr_seen=part.psnr,
         depth_seen=part.depth,
         confidences=None if labels is None else _confidences(prediction, labels),
+        hidden=0 if truth.hidden is None else int(truth.hidden.sum()),
     )
 
 

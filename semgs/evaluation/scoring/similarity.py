@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 
-def ssim(image: Float[Tensor, "3 h w"], truth: Float[Tensor, "3 h w"]) -> float:
+def ssim(
+    image: Float[Tensor, "3 h w"], truth: Float[Tensor, "3 h w"], shown: Bool[Tensor, "h w"] | None = None
+) -> float:
     """Structural similarity (Wang et al. 2004) by torchmetrics; the image is clamped to 0..1.
 
     Gaussian window of 11x11 pixels with standard deviation 1.5, K1 = 0.01, K2 = 0.03. Mean over the windows around all pixels,
     mirrored at the border, and over the three channels.
+
+    Args:
+        image, truth: to compare.
+        shown: pixels whose windows count; None is all.
     """
     from torchmetrics.functional.image import structural_similarity_index_measure  # takes seconds to import
 
-    value = structural_similarity_index_measure(image.clamp(0, 1)[None], truth[None], data_range=1.0)
+    images = image.clamp(0, 1)[None], truth[None]
+    if shown is not None:
+        _, maps = structural_similarity_index_measure(*images, data_range=1.0, return_full_image=True)
+        return float(maps[0][:, shown].mean())
+    value = structural_similarity_index_measure(*images, data_range=1.0)
     assert isinstance(value, Tensor)
     return float(value)
 

@@ -35,6 +35,7 @@ def notes(plan: FramePlan, scenes: Sequence[Scene], rows: Sequence[MethodScores]
         *_below_copy(rows),
         *_intervals(rows),
         *_equal_pictures(rows),
+        *_hidden(rows),
         *(
             [f"{workers} processes ran in parallel, so times are longer than for one process alone."]
             if workers > 1 and any(frame.seconds_render is not None for one in rows for frame in one.method)
@@ -119,3 +120,13 @@ def _equal_pictures(rows: Sequence[MethodScores]) -> list[str]:
         if count
         else []
     )
+
+
+def _hidden(rows: Sequence[MethodScores]) -> list[str]:
+    """That some pixels of the targets count in no score."""
+    targets = {(frame.scene, frame.target): frame.hidden for one in rows for frame in one.method if frame.hidden}
+    if not targets:
+        return []
+    return [
+        f"{sum(targets.values()):,} pixels of {len(targets)} targets are a black border or masked, and count in no score."
+    ]

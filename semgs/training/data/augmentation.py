@@ -80,7 +80,7 @@ def vary_exposure(views: Views, strength: float, rng: np.random.Generator) -> Vi
 def roll(views: Views, degrees: float) -> Views:
     """The views of cameras rotated clockwise about their optical axes; images rotate the other way about the principal point.
 
-    Where a rotated camera would see past the borders, images continue mirrored, labels are 255 and depths 0.
+    Where a rotated camera would see past the borders, images and hidden pixels continue mirrored, labels are 255 and depths 0.
 
     Args:
         views: with any leading axes, on the CPU.
@@ -102,9 +102,11 @@ def roll(views: Views, degrees: float) -> Views:
             plane[:] = cv2.warpAffine(plane, matrix, views.size[::-1], None, flags, border, value)
         return turned
 
-    nearest, filled = cv2.INTER_NEAREST, cv2.BORDER_CONSTANT
+    nearest, filled, mirrored = cv2.INTER_NEAREST, cv2.BORDER_CONSTANT, cv2.BORDER_REFLECT_101
+    hidden = views.hidden
     return views.changed(
-        images=warp(views.images, cv2.INTER_LINEAR, cv2.BORDER_REFLECT_101),
+        images=warp(views.images, cv2.INTER_LINEAR, mirrored),
+        hidden=None if hidden is None else warp(hidden.float(), cv2.INTER_LINEAR, mirrored) > 0,
         labels=None if views.labels is None else warp(views.labels, nearest, filled, IGNORE),
         depths=None if views.depths is None else warp(views.depths, nearest, filled),
         cameras=Cameras.trusted(views.cameras.world_from_camera @ turn, views.cameras.intrinsics, views.size),

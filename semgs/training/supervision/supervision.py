@@ -76,7 +76,7 @@ class Rendered(Supervision):
             colour=terms.colour,
             smoothness=terms.smoothness,
             depth=depth,
-            psnr=psnr(rendering.images, target.images).mean(),
+            psnr=psnr(rendering.images, target.images, target.hidden).mean(),
             unlabelled=terms.total.new_tensor(float(terms.unlabelled)),
         )
 
@@ -235,7 +235,7 @@ def _label_terms(
 def _compare_renderings(network: Any, batch: Batch) -> Comparison:
     """The rendered target views and the true ones."""
     rendering, target = render_targets(network(batch.context), batch)
-    decibels = psnr(rendering.images, target.images)
+    decibels = psnr(rendering.images, target.images, target.hidden)
     return Comparison(target, rendering.semantics, strip(rendering, target), decibels)
 
 

@@ -126,3 +126,13 @@ def test_cameras_that_nobody_has_are_refused_with_the_bound(size, focal, centre,
 def test_cameras_at_the_bounds_are_taken():
     assert Lens(SIZE, (3.301, 33000.0), (3300.0, -3300.0)).is_pinhole
     assert Lens((8192, 8192), (9000.0, 9000.0), (4096.0, 4096.0)).is_pinhole
+
+
+def test_undistortion_says_which_pixels_it_leaves_empty():
+    """The sources of the left column are 3 pixels outside of an image of 4x6, those of the last row half a pixel: a pixel's own margin."""
+    lens = Lens((4, 6), (5.0, 5.0), (3.0, 2.0))
+    x, y = np.meshgrid(np.arange(6.0), np.arange(4.0))
+    x[:, 0], y[3] = -3, 3.5
+    empty = lens.empty((x, y))
+    assert empty[:, 0].all()
+    assert not empty[:, 1:].any()

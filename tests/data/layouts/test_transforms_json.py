@@ -399,12 +399,49 @@ def test_maps_of_distorted_frames_move_with_their_picture_and_are_never_mixed(tm
     assert (((views.images[0, 0] - flat).abs() < 0.01).float().mean()) > 0.8  # but for the edges of the squares
 
 
-def test_absent_maps_are_said_and_masks_are_not_used(tmp_path):
+def test_absent_maps_are_said(tmp_path):
     write(tmp_path, PINHOLE, [{"depth_file_path": f"{n}.png", "mask_path": "m.png"} for n in range(3)])
     scene = open_scene(tmp_path)
     assert scene.read([0], "native").depths is None
-    assert any("3 of 3 listed depth and label files are missing" in note for note in scene.notes)
-    assert any("masks" in note for note in scene.notes)
+    assert any("6 of 6 listed depth, label and mask files are missing" in note for note in scene.notes)
+
+
+def test_masks_hide_pixels_and_their_depth(tmp_path):
+    """White is visible and black hidden, as in nerfstudio; the first 20 rows are hidden in frame 0, all but one pixel visible in frame 1."""
+    folder = write(tmp_path, PINHOLE, [{"depth_file_path": "d.png", "mask_path": f"m{n}.png"} for n in range(2)] + [{}])
+    Image.fromarray(np.full(SIZE, 2000, np.uint16)).save(folder / "d.png")
+    masks = np.full((2, *SIZE), 255, np.uint8)
+    masks[0, :20], masks[1, 3, 4] = 0, 0
+    for number, mask in enumerate(masks):
+        Image.fromarray(mask).save(folder / f"m{number}.png")
+    views = open_scene(folder).read([0, 1], "native")
+    assert (views.hidden.numpy() == (masks == 0)).all()
+    assert ((views.depths.numpy() == 0) == (masks == 0)).all()
+    assert open_scene(folder).read([2], "native").hidden is None
+    small = open_scene(folder).read([0, 1], (60, 85))
+    assert small.hidden.sum((1, 2)).tolist() == [10 * 85, 1]
+
+
+def test_a_mask_that_hides_everything_is_refused(tmp_path):
+    folder = write(tmp_path, PINHOLE, [{"mask_path": "m.png"}, {}, {}])
+    Image.fromarray(np.zeros(SIZE, np.uint8)).save(folder / "m.png")
+    with pytest.raises(
+        InputError, match=r"000\.png: expected an image of which some pixels are visible, found all are masked or black"
+    ):
+        open_scene(folder).read([0, 1])
+
+
+def test_the_black_border_of_a_photo_is_hidden(tmp_path):
+    """Three black rows and columns on each side, and the three pixels behind them: at half the size, three."""
+    folder = write(tmp_path, PINHOLE)
+    path = folder / "images" / "001.png"
+    image = np.maximum(np.asarray(Image.open(path)), 60)
+    image[:3] = image[-3:] = image[:, :3] = image[:, -3:] = 0
+    Image.fromarray(image).save(path)
+    views = open_scene(folder).read([1], (60, 85))
+    expected = np.ones((60, 85), np.bool_)
+    expected[3:-3, 3:-3] = False
+    assert (views.hidden[0].numpy() == expected).all()
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,7 @@ from semgs.data.scene_lists import read_list
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
+from semgs.files.images.pictures import write_png
 from semgs.rooms.sets.demo_room import demo_scene
 
 SMALL = Preparation((48, 64))
@@ -216,3 +217,22 @@ def test_a_class_table_of_your_own_is_in_the_archive(tmp_path: Path):
     views = again.read([0, 1, 2], "native")
     assert torch.equal(views.labels, scene.read([0, 1, 2], "native").labels)
     assert views.labels.unique().tolist() == [0, 1, 2]
+
+
+def test_hidden_pixels_stay_hidden_in_a_prepared_scene(tmp_path: Path):
+    """A mask of the left 40 of 320 columns of frame 1 is one of the left 20 of 160; frame 0 has no mask and no file of one."""
+    folder = tmp_path / "room"
+    shutil.copytree(demo_scene(), folder)
+    content = json.loads((folder / "transforms.json").read_text())
+    mask = np.full((240, 320), 255, np.uint8)
+    mask[:, :40] = 0
+    write_png(folder / "mask.png", mask)
+    content["frames"][1]["mask_path"] = "mask.png"
+    (folder / "transforms.json").write_text(json.dumps(content))
+    prepare_scene(open_scene(folder), tmp_path / "room.zip", Preparation((120, 160)))
+    small = open_scene(tmp_path / "room.zip")
+    assert [frame.mask is not None for frame in small.frames[:3]] == [False, True, False]
+    hidden = small.read([0, 1], "native").hidden
+    expected = torch.zeros(2, 120, 160, dtype=torch.bool)
+    expected[1, :, :20] = True
+    assert torch.equal(hidden, expected)

@@ -193,3 +193,41 @@ def test_a_reconstruction_and_an_evaluation_give_one_number_for_one_measure(make
     reconstructed, evaluated = by_measure(mean_scores(shown)), summarise(frames)
     assert len(reconstructed) == 9
     assert reconstructed == pytest.approx({name: evaluated[name] for name in reconstructed}, rel=1e-5)
+
+
+def test_hidden_pixels_of_the_truth_count_in_no_score(target: tuple[Task, Views]):
+    """The prediction is off by 0.1 at visible pixels, 20 dB, and wrong in every way at hidden ones."""
+    task, truth = target
+    hidden = torch.zeros(1, *truth.size, dtype=torch.bool)
+    hidden[0, :, :7] = True
+    truth = truth.changed(images=truth.images.clamp(0.2, 0.8))
+    labels, depths = truth.labels.masked_fill(hidden, 255), truth.depths.masked_fill(hidden, 0)
+    image = truth.images[0] + 0.1
+    image[:, hidden[0]] = 0
+    prediction = Prediction(
+        labels=torch.zeros_like(labels[0]), image=image, depths=1.5 * truth.depths[0], unseen=hidden[0]
+    )
+    found = score(task, prediction, truth.changed(labels=labels, depths=depths, hidden=hidden))
+    assert found.psnr == pytest.approx(20, abs=1e-4)
+    assert found.unseen == 0
+    assert found.hidden == 7 * truth.size[0]
+    assert found.depth.pixels == int((depths > 0).sum())
+    assert found.truth.sum() == int((labels != 255).sum())
+
+
+def test_the_similarity_leaves_out_the_windows_around_hidden_pixels(target: tuple[Task, Views]):
+    """Where only hidden pixels differ, a visible pixel may count less only if its window of 11x11 reaches them; with their truth it never does."""
+    task, truth = target
+    hidden = torch.zeros(1, *truth.size, dtype=torch.bool)
+    hidden[0, :, :7] = True
+    image = truth.images[0].masked_fill(hidden, 0)
+    assert score(task, Prediction(image=image), truth.changed(hidden=hidden)).ssim == pytest.approx(1)
+    assert score(task, Prediction(image=image), truth).ssim < 0.95
+    shown = ~hidden[0]
+    noisy = (
+        truth.images[0] + 0.1 * torch.rand(truth.images[0].shape, generator=torch.Generator().manual_seed(1))
+    ).clamp(0, 1)
+    whole, part = ssim(noisy, truth.images[0]), ssim(noisy, truth.images[0], shown)
+    rest = ssim(noisy, truth.images[0], ~shown)
+    share = shown.double().mean().item()
+    assert share * part + (1 - share) * rest == pytest.approx(whole, abs=1e-5)

@@ -108,6 +108,11 @@ def test_a_roll_turns_image_and_camera_together():
     labels = roll(labelled, 20.0).labels
     assert labels is not None
     assert set(labels.unique().tolist()) == {0, 255}
+    hidden = torch.zeros(1, 48, 70, dtype=torch.bool)
+    hidden[0, :, 30:] = True
+    masked = roll(views.changed(images=hidden[:, None].expand(1, 3, -1, -1).float(), hidden=hidden), 20.0)
+    assert torch.equal(masked.hidden, masked.images[:, 0] > 0)
+    assert torch.equal(roll(views.changed(hidden=hidden), 0.0).hidden, hidden)
     assert torch.equal(roll(labelled, 0.0).images, views.images)
 
 

@@ -105,6 +105,9 @@ class Reconstruct:
     depth: Literal["network", "sensor", "both"] = "network"
     """Where the Gaussians' depth comes from: the network, the frames' depth maps, or both, weighted by their uncertainty. At least half of
     the pixels of each input frame must be measured; the rest takes the network's depth, fitted to the measured one."""
+    exposure: Literal["auto", "fitted", "as-taken"] = "auto"
+    """Whether the input photos come to a common exposure, by a gain and an offset of each from the surfaces that they share: auto if they
+    clearly differ, always (fitted), or never (as-taken). Held-out photos stay as taken. See docs/questions.md."""
     refine_poses: bool = False
     """First correct slightly wrong cameras of the input and held-out frames, by up to a few degrees, so that they fit matches between the
     images. Cameras that fit already stay as they are; the report says what moved. See docs/poses.md."""
@@ -169,6 +172,7 @@ class Reconstruct:
                     network,
                     self.size,
                     depth=self.depth,
+                    exposure=self.exposure,
                     labelling=labelling,
                     featuring=self.featuring.featuring(scene),
                     min_confidence=self.min_confidence,

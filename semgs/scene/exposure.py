@@ -1,0 +1,150 @@
+"""Exposure: a camera on automatic gives the same surface other colours in other photos. Here they come to a common exposure.
+
+Where two photos see the same surface, by its depth, their colours should agree after a gain and an offset of each photo, for each channel. There, the ratio
+of two gains is that of the standard deviations of the colours, and the difference of two offsets follows from the means. The gains (their logs) and then
+the offsets of all photos are the least-squares solution for these, weighted by the pixels in common. A regression of one photo on the other would find too
+small gains, because depth and poses match pixels only roughly; the ratio of standard deviations favours neither photo.
+
+Only ratios of gains can be known: the logs of the gains, and the offsets, of photos that share surfaces have a mean of 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Literal
+
+import torch
+from jaxtyping import Float, Float64
+from torch import Tensor
+
+from semgs.data.views import Views
+from semgs.geometry.cameras import back_project
+from semgs.geometry.fusion import see_again
+from semgs.geometry.harmonics import basis
+from semgs.scene.encoding import Encoding
+
+ExposureChoice = Literal["auto", "fitted", "as-taken"]
+"""Whether photos come to a common exposure: if they differ in exposure, always, or never."""
+
+STEP = 2
+"""Every second pixel of every second row is compared."""
+
+SATURATED = 0.98
+"""A pixel with a brighter channel is not compared, because it does not say how much light there was."""
+
+FLATTEST = 0.01
+"""A smaller standard deviation is noise, and says nothing about gains."""
+
+FEWEST = 100
+"""Photos that share fewer pixels are not compared."""
+
+UNEXPLAINED = 2 / 3
+"""Photos differ in exposure if no more than this share of their mean squared difference remains at the common one."""
+
+
+@dataclass(frozen=True)
+class Exposures:
+    """By how much the exposures of photos differ: gain * colour + offset is a colour at the common exposure.
+
+    Attributes:
+        gains, offsets: of each photo and channel.
+        before, after: mean squared difference of the photos where they see the same surface, as taken and at the common exposure; 0 if they share nothing.
+    """
+
+    gains: Float[Tensor, "v 3"]
+    offsets: Float[Tensor, "v 3"]
+    before: float
+    after: float
+
+    @property
+    def differ(self) -> bool:
+        """Whether the common exposure explains enough of the difference of the photos to be worth it."""
+        return self.after < UNEXPLAINED * self.before
+
+    def applied(self, views: Views) -> Views:
+        """The photos at the common exposure."""
+        gains, offsets = (numbers.to(views.images)[..., None, None] for numbers in (self.gains, self.offsets))
+        return views.changed(images=(gains * views.images + offsets).clamp(0, 1))
+
+    def recoloured(self, encoding: Encoding) -> Encoding:
+        """The Gaussians of these photos with their colours at the common exposure."""
+        colour = encoding.gaussians.colour
+        own = encoding.own_views.to(colour.features.device)
+        gains, offsets = (numbers.to(colour.features)[own] for numbers in (self.gains, self.offsets))
+        features = gains[:, None] * colour.features
+        # A colour is 0.5 plus the harmonics, of which the first is constant.
+        features[:, 0] += (0.5 * (gains - 1) + offsets) / basis(features.new_zeros(3), 0)
+        return replace(encoding, gaussians=replace(encoding.gaussians, colour=replace(colour, features=features)))
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """The pixels of two photos that see the same surfaces: how many, and mean, standard deviation and covariance of their colours."""
+
+    pixels: int
+    mean: Float64[Tensor, "2 3"]
+    deviation: Float64[Tensor, "2 3"]
+    covariance: Float64[Tensor, " 3"]
+
+    def difference(self, gains: Float64[Tensor, "2 3"], offsets: Float64[Tensor, "2 3"]) -> float:
+        """The sum of the squared differences over the pixels, a mean over the channels, after gains and offsets."""
+        one, other = gains * self.mean + offsets
+        varied = (gains * self.deviation).square().sum(0) - 2 * gains.prod(0) * self.covariance
+        return self.pixels * float(((one - other).square() + varied).mean())
+
+
+def fit_exposures(views: Views, depths: Float[Tensor, "v h w"], spread: Float[Tensor, "v h w"]) -> Exposures:
+    """The exposures of the photos of a scene.
+
+    Args:
+        views: the photos.
+        depths: z-depth of every pixel [m].
+        spread: standard deviation of the log depth of every pixel.
+    """
+    points = back_project(depths, views.cameras)
+    known = (views.images < SATURATED).all(1)
+    known = known if views.hidden is None else known & ~views.hidden
+
+    def compare(one: int, other: int) -> _Pair | None:
+        """A pair of photos; None if they share too little."""
+        coarse = (..., slice(None, None, STEP), slice(None, None, STEP))
+        of_one = (points[one][::STEP, ::STEP].flatten(0, 1), spread[one][coarse].flatten())
+        agrees, place = see_again(*of_one, depths[other], spread[other], views.cameras[other])
+        agrees = agrees & known[one][coarse].flatten() & known[other].flatten()[place]
+        if (pixels := int(agrees.sum())) < FEWEST:
+            return None
+        here, there = views.images[one][coarse].flatten(1)[:, agrees], views.images[other].flatten(1)[:, place[agrees]]
+        colours = torch.stack((here, there)).double()
+        mean = colours.mean(-1)
+        apart = colours - mean[..., None]
+        return _Pair(pixels, mean, apart.square().mean(-1).sqrt(), apart.prod(0).mean(-1))
+
+    found = {members: pair for members in combinations(range(len(views)), 2) if (pair := compare(*members))}
+    gains, offsets = torch.ones(len(views), 3, dtype=torch.float64), torch.zeros(len(views), 3, dtype=torch.float64)
+    if not found:
+        return Exposures(gains.float(), offsets.float(), 0.0, 0.0)
+    members = torch.tensor(list(found))
+    pixels = torch.tensor([pair.pixels for pair in found.values()], dtype=torch.float64)[:, None]
+    means, deviations = (
+        torch.stack([getattr(pair, name) for pair in found.values()]) for name in ("mean", "deviation")
+    )
+    varied = (deviations >= FLATTEST).all(1)
+    ratios = torch.where(varied, (deviations[:, 1] / deviations[:, 0].clamp(min=FLATTEST)), 1).log()
+    before = sum(pair.difference(gains[:2], offsets[:2]) for pair in found.values())
+    gains = _solve(members, ratios, pixels * varied, len(views)).exp()
+    seen = gains[members] * means
+    offsets = _solve(members, seen[:, 1] - seen[:, 0], pixels.expand_as(ratios), len(views))
+    after = sum(pair.difference(gains[list(both)], offsets[list(both)]) for both, pair in found.items())
+    total = float(pixels.sum())
+    return Exposures(gains.float(), offsets.float(), before / total, after / total)
+
+
+def _solve(
+    members: Tensor, differences: Float64[Tensor, "p 3"], weights: Float64[Tensor, "p 3"], count: int
+) -> Float64[Tensor, "v 3"]:
+    """The numbers of each photo whose differences, first of a pair less second, fit best; the smallest ones of these."""
+    signs = torch.zeros(len(members), count, dtype=torch.float64)
+    signs.scatter_(1, members, torch.tensor([[1.0, -1.0]], dtype=torch.float64).expand(len(members), 2))
+    roots = weights.sqrt().T[..., None]
+    return torch.linalg.lstsq(roots * signs, roots * differences.T[..., None], driver="gelsd").solution[..., 0].T

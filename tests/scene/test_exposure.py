@@ -1,0 +1,118 @@
+"""Exposure: what is fitted where photos see the same surface, and what it does to photos and Gaussians."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from mapping_walls import SIZE, cameras_at, encoded
+
+from semgs.data.views import Views
+from semgs.geometry.cameras import back_project
+from semgs.scene import exposure
+from semgs.scene.encoding import Encoding
+from semgs.scene.exposure import Exposures, fit_exposures
+
+WALL = 4.0
+
+
+@pytest.fixture(autouse=True)
+def few_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The images are small: every pixel is compared."""
+    monkeypatch.setattr(exposure, "STEP", 1)
+    monkeypatch.setattr(exposure, "FEWEST", 20)
+
+
+def photos(gains: torch.Tensor, offsets: torch.Tensor, *places: float) -> tuple[Views, Encoding]:
+    """Photos of a wall whose colours change slowly, each with its own exposure [v 3], and their Gaussians."""
+    cameras = cameras_at(*places)
+    depths = torch.full((len(places), *SIZE), WALL)
+    x, y, _ = back_project(depths.double(), cameras).unbind(-1)
+    colours = torch.stack(((1.1 * x).sin(), (0.9 * y).cos(), (x + y).sin()), 1) * 0.2 + 0.4
+    images = gains[..., None, None] * colours + offsets[..., None, None]
+    views = Views(images.float(), cameras, [[0.5, 10.0]] * len(places))
+    return views, encoded(cameras, depths)
+
+
+SAME = torch.ones(2, 3), torch.zeros(2, 3)
+
+
+def test_photos_with_known_exposures_become_equal() -> None:
+    """Both cameras are at one place, so every pixel matches. A photo 0.8 c + 0.05 beside c comes to sqrt(1.25), which is the inverse of the other gain."""
+    gains, offsets = torch.tensor([[1.0, 1, 1], [0.8, 0.7, 1.2]]), torch.tensor([[0.0, 0, 0], [0.05, 0.1, -0.1]])
+    views, encoding = photos(gains, offsets, 0.0, 0.0)
+    fitted = fit_exposures(views, encoding.depths, encoding.depth_spread)
+    assert fitted.gains[1, 0].item() == pytest.approx(1.25**0.5, rel=1e-5)
+    torch.testing.assert_close(fitted.gains[1] / fitted.gains[0], 1 / gains[1])
+    torch.testing.assert_close(fitted.gains.prod(0), torch.ones(3))
+    torch.testing.assert_close(fitted.offsets.sum(0), torch.zeros(3), atol=1e-6, rtol=0)
+    even = fitted.applied(views).images
+    torch.testing.assert_close(even[0], even[1], atol=1e-5, rtol=0)
+    assert fitted.before > 0.001
+    assert fitted.after < 1e-10
+    assert fitted.differ
+
+
+def test_only_surfaces_that_both_see_are_compared_and_warped_by_depth() -> None:
+    """1.5 m aside at 4 m depth the images move by 6 of 18 columns; without warping, gains would not be found."""
+    gains = torch.tensor([[1.0, 1, 1], [0.75, 0.75, 0.75]])
+    views, encoding = photos(gains, torch.zeros(2, 3), 0.0, 1.5)
+    fitted = fit_exposures(views, encoding.depths, encoding.depth_spread)
+    torch.testing.assert_close(fitted.gains[1] / fitted.gains[0], torch.full((3,), 4 / 3), rtol=0.02, atol=0)
+    blind = fit_exposures(views, 1000 * encoding.depths, encoding.depth_spread)
+    assert not torch.allclose(blind.gains[1] / blind.gains[0], torch.full((3,), 4 / 3), rtol=0.02, atol=0)
+
+
+def test_photos_of_one_exposure_stay_as_they_are() -> None:
+    views, encoding = photos(*SAME, 0.0, 1.5)
+    fitted = fit_exposures(views, encoding.depths, encoding.depth_spread)
+    assert not fitted.differ
+    torch.testing.assert_close(fitted.gains, torch.ones(2, 3), atol=0.03, rtol=0)
+    torch.testing.assert_close(fitted.offsets, torch.zeros(2, 3), atol=0.02, rtol=0)
+
+
+def test_hidden_and_saturated_pixels_say_nothing() -> None:
+    views, encoding = photos(torch.tensor([[1.0] * 3, [0.8] * 3]), torch.zeros(2, 3), 0.0, 0.0)
+    images, hidden = views.images.clone(), torch.zeros(2, *SIZE, dtype=torch.bool)
+    images[0, :, 0], hidden[0, 0] = 0, True
+    images[1, :, 1], hidden[1, 1] = 0, True
+    images[0, :, 2] = 1
+    fitted = fit_exposures(views.changed(images=images, hidden=hidden), encoding.depths, encoding.depth_spread)
+    torch.testing.assert_close(fitted.gains[1] / fitted.gains[0], torch.full((3,), 1.25))
+
+
+def test_a_flat_wall_says_nothing_about_gains_and_all_about_offsets() -> None:
+    views, encoding = photos(*SAME, 0.0, 0.0)
+    images = torch.tensor([0.3, 0.5])[:, None, None, None].expand_as(views.images).clone()
+    fitted = fit_exposures(views.changed(images=images), encoding.depths, encoding.depth_spread)
+    torch.testing.assert_close(fitted.gains, torch.ones(2, 3))
+    torch.testing.assert_close(fitted.offsets, torch.tensor([[0.1] * 3, [-0.1] * 3]))
+
+
+def test_a_photo_that_shares_nothing_keeps_its_exposure_and_others_do_not_mind() -> None:
+    gains = torch.tensor([[1.0] * 3, [0.5] * 3, [0.25] * 3])
+    views, encoding = photos(gains, torch.zeros(3, 3), 0.0, 0.0, 100.0)
+    fitted = fit_exposures(views, encoding.depths, encoding.depth_spread)
+    torch.testing.assert_close(fitted.gains, torch.tensor([[0.5**0.5] * 3, [2**0.5] * 3, [1.0] * 3]))
+    alone = fit_exposures(views.select([0, 2]), encoding.depths[[0, 2]], encoding.depth_spread[[0, 2]])
+    assert torch.equal(alone.gains, torch.ones(2, 3))
+    assert (alone.before, alone.after, alone.differ) == (0, 0, False)
+
+
+def test_three_photos_agree_though_the_outer_two_share_nothing() -> None:
+    """Gains of 1, 2 and 4 in a row of cameras: the common exposure is that of the middle one."""
+    views, encoding = photos(torch.tensor([[0.5] * 3, [1.0] * 3, [2.0] * 3]) * 0.7, torch.zeros(3, 3), 0.0, 2.5, 5.0)
+    fitted = fit_exposures(views, encoding.depths, encoding.depth_spread)
+    torch.testing.assert_close(fitted.gains[:, 0], torch.tensor([2.0, 1.0, 0.5]), rtol=0.1, atol=0)
+
+
+def test_gaussians_get_the_gain_and_offset_of_their_own_photo() -> None:
+    """A grey Gaussian, 0.5, becomes 0.5 * 1.2 - 0.05 = 0.55 in photo 0 and 0.5 * 0.9 = 0.45 in photo 1, from every side."""
+    _, encoding = photos(*SAME, 0.0, 1.0)
+    count = SIZE[0] * SIZE[1]
+    exposures = Exposures(torch.tensor([[1.2] * 3, [0.9] * 3]), torch.tensor([[-0.05] * 3, [0.0] * 3]), 1.0, 0.0)
+    constant = exposures.recoloured(encoding).gaussians.colour.features[:, 0]
+    colours = 0.5 + 0.28209479 * constant
+    torch.testing.assert_close(colours[:count], torch.full((count, 3), 0.55))
+    torch.testing.assert_close(colours[count:], torch.full((count, 3), 0.45))
+    places = encoding.without((torch.arange(2 * count) % 3 == 0).reshape(2, *SIZE))
+    assert torch.equal(exposures.recoloured(places).gaussians.colour.features[:, 0], constant[places.places])
