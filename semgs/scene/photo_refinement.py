@@ -180,14 +180,14 @@ class Unknowns:
         colour, zeros = gaussians.colour, gaussians.means.new_zeros
         opacities = gaussians.opacities.clamp(1e-4, 1 - 1e-4)
         cells = [-(-side // CELL) for side in (rows, columns)]
-        self.colour = Unknown(colour.features[:, :1], 0.02)
-        self.harmonics = Unknown(colour.features[:, 1:], 0.002)
-        self.log_size = Unknown(colour.scales.clamp(min=1e-9).log(), 0.02)
-        self.rotation = Unknown(colour.quaternions, 0.004)
-        self.opacity = Unknown(opacities.logit(), 0.05)
+        self.colour = Unknown(colour.features[:, :1], 0.04)
+        self.harmonics = Unknown(colour.features[:, 1:], 0.004)
+        self.log_size = Unknown(colour.scales.clamp(min=1e-9).log(), 0.04)
+        self.rotation = Unknown(colour.quaternions, 0.008)
+        self.opacity = Unknown(opacities.logit(), 0.1)
         self.cells = Unknown(zeros(len(views), 1, *cells), 0.003)
         self.depth = Unknown(zeros(len(gaussians)), 0.002, together=True)
-        self.aside = Unknown(zeros(len(gaussians), 2), 0.05, together=True)
+        self.aside = Unknown(zeros(len(gaussians), 2), 0.1, together=True)
 
     def step(self, factor: float) -> None:
         """One step of all."""
