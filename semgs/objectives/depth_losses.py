@@ -107,7 +107,10 @@ def near_edges(truth: Float[Tensor, "*batch v h w"]) -> Bool[Tensor, "*batch v h
     nearest = -max_pool2d(torch.where(known, -logs, -torch.inf), 3, 1, 1)
     farthest = max_pool2d(torch.where(known, logs, -torch.inf), 3, 1, 1)
     wide, reach = (farthest - nearest > EDGE).to(flat.dtype), 2 * NEAR_EDGE + 1
-    for window, margin in (((reach, 1), (NEAR_EDGE, 0)), ((1, reach), (0, NEAR_EDGE))):  # rows, then columns: much faster
+    for window, margin in (
+        ((reach, 1), (NEAR_EDGE, 0)),
+        ((1, reach), (0, NEAR_EDGE)),
+    ):  # rows, then columns: much faster
         wide = max_pool2d(wide, window, 1, margin)
     return (wide > 0).reshape(truth.shape)
 

@@ -14,7 +14,6 @@ from torch import Tensor, nn
 from torch.nn.functional import pad, pixel_shuffle, pixel_unshuffle
 
 from semgs.model.layers.memory_format import beside
-from semgs.model.sweep.unet import GROUPS
 from semgs.runtime.precision import FullPrecisionConv2d, outside_autocast
 
 NEIGHBOURS = 9
@@ -25,6 +24,9 @@ GATE = 0.07
 
 SMALLEST_START = 0.01
 """What a weight starts at where bilinear upsampling has none, so that it can learn."""
+
+LOG_UNIT = 0.1
+"""The layers see differences of log depth in this unit."""
 
 WIDTH = 40
 """Channels of the layers that predict the weights."""
@@ -77,10 +79,9 @@ class ConvexUpsampling(nn.Module):
         last = FullPrecisionConv2d(WIDTH, NEIGHBOURS * factor**2, 1)
         with torch.no_grad():
             last.weight.zero_()
-            last.bias.copy_(bilinear_weights(factor).clamp(min=SMALLEST_START).log().flatten())
+            last.get_parameter("bias").copy_(bilinear_weights(factor).clamp(min=SMALLEST_START).log().flatten())
         self.layers = nn.Sequential(
             nn.Conv2d(3 * factor**2 + features + NEIGHBOURS + 1, WIDTH, 3, padding=1),
-            nn.GroupNorm(GROUPS, WIDTH),
             nn.GELU(),
             nn.Conv2d(WIDTH, WIDTH, 3, padding=1),
             nn.GELU(),
@@ -110,7 +111,7 @@ class ConvexUpsampling(nn.Module):
         # Only ratios: the weights do not depend on the unit of length.
         logs = neighbours.log() - disparities.log()[:, None]
         others = torch.cat((logs[:, : NEIGHBOURS // 2], logs[:, NEIGHBOURS // 2 + 1 :]), 1)
-        depth = torch.cat((others, confidences[:, None], spread[:, None]), 1)
+        depth = torch.cat((others / LOG_UNIT, confidences[:, None], spread[:, None] / LOG_UNIT), 1)
         seen = beside(pixel_unshuffle(images - 0.5, self.factor), features, depth.to(features.dtype))
         logits = self.layers(seen).to(disparities.dtype)
         return ConvexDisparities(neighbours[:, :, None], logits.unflatten(1, (NEIGHBOURS, -1)).softmax(1))

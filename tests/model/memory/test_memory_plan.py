@@ -38,6 +38,8 @@ NEVER_MORE, ALWAYS_MORE = 1.2, 1.0
 
 @cache
 def model_of(name: str) -> SemGS:
+    if name == "convex":
+        return fill_golden(preset("small_plain", depth_upsampling="convex"))
     return fill_golden(network(paper_heads=True) if name == "text" else preset(name))
 
 
@@ -83,6 +85,8 @@ def allocated(name: str, views: int, size: tuple[int, int], chunks: Chunks) -> d
         ("small_plain", 2, (112, 160), WHOLE),
         ("small_plain", 6, (96, 112), WHOLE),
         ("small_plain", 6, (96, 112), Chunks(2, 1)),
+        ("convex", 2, (112, 160), WHOLE),
+        ("convex", 6, (96, 112), Chunks(2, 1)),
         pytest.param("base", 2, (64, 96), WHOLE, marks=pytest.mark.long),
         ("base", 3, (64, 80), Chunks(1, 1)),
         pytest.param("mvsplat", 2, (64, 96), WHOLE, marks=pytest.mark.long),
@@ -117,6 +121,10 @@ def test_the_terms_of_small_are_those_worked_out_by_hand() -> None:
     assert planned["transformer_semantic"] == 4 * (3072 + 3 * 12_288 + transformer)
     assert planned["cost_volume"] == 4 * (3072 + cost)
     assert planned["depth"] == 4 * (3072 + refinement)
+    # With convex upsampling also the joined features of 32 channels, per texel; its own peak is below the refinement's.
+    convex = stage_bytes(work_of(model_of("convex"), 2, (32, 64), 0))
+    assert convex["depth"] == 4 * (3072 + refinement + 256 * 32)
+    assert convex["heads"] == planned["heads"] + 4 * 256 * 32
     work = work_of(preset("small_plain", class_backbone=True), 2, (32, 64), 0)
     backbone = stage_bytes(work)
     # At each of a texel's four positions at half the image, 16 channels in and 96 before and after padding; 96 out.

@@ -111,11 +111,11 @@ def test_chunks_of_views_give_the_same_depths():
     torch.testing.assert_close(whole.depths, parts.depths, rtol=1e-4, atol=0)
 
 
-def test_without_the_switch_no_tensor_is_added_and_with_it_ten_of_the_part_depth():
+def test_without_the_switch_no_tensor_is_added_and_with_it_eight_of_the_part_depth():
     plain, convex = preset("small_plain"), preset("small_plain", depth_upsampling="convex")
     added = convex.state_dict().keys() - plain.state_dict().keys()
-    # Four convolutions and a norm, weight and bias each.
-    assert len(added) == 10
+    # Four convolutions, weight and bias each.
+    assert len(added) == 8
     assert added == convex.upsampling_parameters() <= convex.parts()["depth"]
     assert plain.upsampling_parameters() == set()
     assert plain.sweep(posed_views(2, (16, 32))).finer is None
