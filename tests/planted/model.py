@@ -273,7 +273,7 @@ MODEL = (
     ),
     Mutant(
         "sharp depth is corrected by the refinement", "semgs/model/gaussians/heads.py",
-        "disparities + raw[:, 0] / unit if upsampled is None else disparities", "disparities + raw[:, 0] / unit",
+        "disparities + raw[:, 0] / unit if self.convex is None else disparities", "disparities + raw[:, 0] / unit",
         ("tests/model/sweep/test_upsampling.py::test_gaussians_take_the_mode_of_the_sweep_s_depths_and_no_correction",),
     ),
     Mutant(

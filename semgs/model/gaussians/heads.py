@@ -168,27 +168,30 @@ class MVSplatDecoder(Decoder):
         self, inputs: NetworkInput, shallow: Features, features: Features, depth: Depth
     ) -> ConvexDisparities | None:
         """Disparities by convex upsampling; None without it."""
-        return self._upsampled(inputs, self.upsampler.join(features, shallow), depth)
+        return None if self.convex is None else self._upsampled(inputs, self.upsampler.join(features, shallow), depth)
 
-    def _upsampled(self, inputs: NetworkInput, joined: Features, depth: Depth) -> ConvexDisparities | None:
+    def _upsampled(self, inputs: NetworkInput, joined: Features, depth: Depth) -> ConvexDisparities:
         """The same, from the joined features."""
-        if self.convex is None:
-            return None
+        assert self.convex is not None
         coarse = sweep_disparities(depth, self.conventions)
-        return self.convex(inputs.small, joined, coarse, depth.confidences(1), depth.spread(1))  # type: ignore[no-any-return]
+        upsampled: ConvexDisparities = self.convex(inputs.small, joined, coarse, depth.confidences(1), depth.spread(1))
+        return upsampled
 
     def forward(
         self, inputs: NetworkInput, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
     ) -> DecodeViews:
         """The decoder of all views; the refinement sees them together."""
         confidences, spread = depth.confidences(self.factor), depth.spread(self.factor)
-        joined = self.upsampler.join(features, shallow) if views_at_a_time is None or self.convex is not None else None
-        upsampled = None if joined is None else self._upsampled(inputs, joined, depth)
-        disparities = (
-            coarse_disparities(depth, self.factor, self.conventions) if upsampled is None else upsampled.mode()
-        )
         # The upsampled features are needed twice. If views come in chunks, they are computed twice to save memory.
-        whole = self.upsampler.widen(joined) if joined is not None and views_at_a_time is None else None
+        whole: Tensor | None = None
+        if self.convex is None:
+            disparities = coarse_disparities(depth, self.factor, self.conventions)
+            whole = self.upsampler(features, shallow) if views_at_a_time is None else None
+        else:
+            joined = self.upsampler.join(features, shallow)
+            disparities = self._upsampled(inputs, joined, depth).mode()
+            whole = self.upsampler.widen(joined) if views_at_a_time is None else None
+            del joined
 
         def wide(at: slice) -> Tensor:
             return self.upsampler(features[at], shallow[at]) if whole is None else whole[at]
@@ -197,8 +200,8 @@ class MVSplatDecoder(Decoder):
         near, far = depth.planes.bounds[:, :, None, None].unbind(1)
         unit = near if self.conventions.relative_disparity else torch.ones_like(near)
         refined, raw = self.refinement(inputs.small, projected, disparities * unit, confidences, inputs.views)
-        refined_disparities = disparities + raw[:, 0] / unit if upsampled is None else disparities
-        depths = 1 / refined_disparities.clamp(1 / far, 1 / near)
+        corrected = disparities + raw[:, 0] / unit if self.convex is None else disparities
+        depths = 1 / corrected.clamp(1 / far, 1 / near)
         opacities = raw[:, 1].sigmoid()
 
         def decode(at: slice) -> RawGaussians:

@@ -92,7 +92,6 @@ class Heads:
         kept: of the refinement, until the colour head starts.
         joined: number of feature maps that are concatenated before upsampling.
         convex: peak of the convex upsampling of depth, per texel.
-        upsampled: of it, the joined features, per texel, until the colour head starts.
     """
 
     seen: int
@@ -102,7 +101,6 @@ class Heads:
     kept: int = 0
     joined: int = 0
     convex: int = 0
-    upsampled: int = 0
 
 
 def stage_bytes(work: Work, chunks: Chunks = WHOLE) -> dict[str, float]:
@@ -143,7 +141,6 @@ def _numbers(work: Work, chunks: Chunks) -> dict[str, float]:
     heads = _heads(s)
     again = heads.wide if chunks.heads else 0  # computed again, and released before the head starts
     known += heads.joined * features + gaussians * ((1 if heads.refined else 0) + heads.wide - again)
-    known += texels * heads.upsampled
     depth = max(regression, filtered, known + texels * heads.convex, known + gaussians * heads.refined)
     kept = known + gaussians * heads.kept
     # Input of the heads, their hidden layer and their output, both also in the convolution's own memory format.
@@ -199,7 +196,7 @@ def _heads(settings: NetworkSettings) -> Heads:
     if isinstance(heads, PaperHeads):
         return Heads(3 + settings.channels + colour.depth.candidates, outputs)
     convex = colour.depth.upsampling == "convex"
-    # Input of the first convolution, also in its own memory format; then five maps of weights: logits, weights, their texels' disparities,
+    # The joined features. Input of the first convolution, also in its own memory format, and what it returns; or five maps of weights: logits, weights, their texels' disparities,
     # which of them are near the strongest's, and the products.
     layers = 2 * (3 * (SHRINK // settings.stride) ** 2 + heads.upsampled + NEIGHBOURS + 1) + 2 * WIDTH
     weights = 5 * NEIGHBOURS * (SHRINK // settings.stride) ** 2
@@ -210,8 +207,7 @@ def _heads(settings: NetworkSettings) -> Heads:
         refined=2 * heads.projected + 5 + UNET_MAPS * heads.width,
         kept=heads.width + 4,
         joined=2,
-        convex=max(layers, weights) if convex else 0,
-        upsampled=heads.upsampled if convex else 0,
+        convex=heads.upsampled + max(layers, weights) if convex else 0,
     )
 
 

@@ -27,6 +27,7 @@ from semgs.data.scene import Scene
 from semgs.model.encode import Network
 from semgs.model.layers.chunks import WHOLE, Chunks
 from semgs.model.memory import memory_plan as planning
+from semgs.model.memory import stage_memory
 from semgs.model.memory.memory_plan import NotEnoughMemoryError, Work, stage_bytes
 from semgs.model.semgs import STAGES, SemGS
 from semgs.reconstruction.pipeline import reconstruct
@@ -121,10 +122,11 @@ def test_the_terms_of_small_are_those_worked_out_by_hand() -> None:
     assert planned["transformer_semantic"] == 4 * (3072 + 3 * 12_288 + transformer)
     assert planned["cost_volume"] == 4 * (3072 + cost)
     assert planned["depth"] == 4 * (3072 + refinement)
-    # With convex upsampling also the joined features of 32 channels, per texel; its own peak is below the refinement's.
-    convex = stage_bytes(work_of(model_of("convex"), 2, (32, 64), 0))
-    assert convex["depth"] == 4 * (3072 + refinement + 256 * 32)
-    assert convex["heads"] == planned["heads"] + 4 * 256 * 32
+    # Convex upsampling comes before the refinement, which needs more: 32 joined features, twice an input of 4 x 3 colours, 32 features and 10
+    # numbers on depth, and two maps of 40 channels.
+    assert stage_bytes(work_of(model_of("convex"), 2, (32, 64), 0)) == planned
+    assert stage_memory._heads(model_of("convex").settings).convex == 32 + 2 * (12 + 32 + 10) + 2 * 40
+    assert stage_memory._heads(model_of("small_plain").settings).convex == 0
     work = work_of(preset("small_plain", class_backbone=True), 2, (32, 64), 0)
     backbone = stage_bytes(work)
     # At each of a texel's four positions at half the image, 16 channels in and 96 before and after padding; 96 out.
