@@ -29,6 +29,7 @@ from semgs.model.settings import (
 )
 from semgs.model.sweep.cost_filter import CostFilter
 from semgs.model.sweep.depth import CostRegressor, PlaneSweepDepth
+from semgs.model.sweep.upsampling import ConvexUpsampling
 from semgs.scene.coarse_depth import SHRINK
 
 
@@ -75,7 +76,8 @@ def _decoder(settings: NetworkSettings) -> Decoder:
     _scaled(refinement.to_disparity, colour.depth.initial_scale)
     head = Head(heads.width + 3 + heads.upsampled, colour.hidden, 2 + outputs, last)  # two more: offsets in the image
     _start_at(head, slice(2, 5), settings.initial_sigma)
-    return MVSplatDecoder(upsampler, refinement, head, colour.harmonics, settings.conventions)
+    convex = ConvexUpsampling(heads.upsampled, factor) if colour.depth.upsampling == "convex" else None
+    return MVSplatDecoder(upsampler, refinement, head, colour.harmonics, settings.conventions, convex)
 
 
 def _semantic_branch(settings: NetworkSettings, semantic: SemanticSettings, classes: int) -> SemanticBranch:

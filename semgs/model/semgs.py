@@ -27,7 +27,7 @@ from semgs.model.stages import STAGES, Stage
 from semgs.model.sweep.depth import PlaneSweepDepth
 from semgs.rendering.temperatures import Temperatures
 from semgs.runtime.kernels import check_not_forked
-from semgs.scene.coarse_depth import SHRINK, CoarseDepth
+from semgs.scene.coarse_depth import SHRINK, CoarseDepth, FinerDepth
 from semgs.scene.encoding import Encoding
 
 __all__ = ["STAGES", "ColourBranch", "SemGS"]
@@ -194,6 +194,8 @@ class SemGS(nn.Module):
     def sweep(self, views: Views) -> CoarseDepth:
         """The depth of N >= 2 views from the plane sweep alone, without refinement, heads or semantic branch.
 
+        If the network has convex upsampling, `finer` is the depth after it.
+
         Args:
             views: of one scene, or of a batch of scenes.
 
@@ -201,19 +203,27 @@ class SemGS(nn.Module):
             ValueError: there is only one view.
         """
         inputs, conventions = self._inputs(views), self.settings.conventions
-        features = self.colour.transformer(self.cnn(inputs.images), inputs)
+        shallow = self.cnn(inputs.images)
+        features = self.colour.transformer(shallow, inputs)
         cost = self.colour.depth.cost(features, inputs, None)
         depth = self.colour.depth(cost, features, inputs, self._cues(inputs))
+        convex = self.colour.heads.convex_disparities(inputs, shallow, features, depth)
         leading, (height, width) = views.images.shape[:-3], views.size
         depths = 1 / coarse_disparities(depth, SHRINK, conventions)[:, :height, :width]
         # The centre of texel i lies on the border of pixels 4 i + 1 and 4 i + 2.
         rows, columns = ((side + 1) // SHRINK for side in (height, width))
         probabilities = depth.probabilities[..., :rows, :columns]
+
+        def full(disparities: Tensor) -> Tensor:
+            maps = widen(1 / disparities, self.stride)[:, :height, :width]
+            return maps.reshape(*leading, *maps.shape[1:])
+
         return CoarseDepth(
             depths.reshape(*leading, *depths.shape[1:]),
             probabilities.reshape(*leading, *probabilities.shape[1:]),
             depth.planes.depths.reshape(*leading, -1),
             conventions.candidates,
+            None if convex is None else FinerDepth(full(convex.mean()), full(convex.mode())),
         )
 
     def parts(self) -> dict[str, frozenset[str]]:
@@ -253,6 +263,10 @@ class SemGS(nn.Module):
         """
         cnn = () if self._shares_cnn and not shared else (self.cnn,)
         return self._parameter_names(*cnn, *self.colour.sweep_layers())
+
+    def upsampling_parameters(self) -> set[str]:
+        """Names of the parameters of the convex upsampling of depth; none without it."""
+        return self._parameter_names(*self.colour.heads.upsampling_layers())
 
     def pretrained_parameters(self) -> set[str]:
         """Names of the parameters that can start from published weights; they should then learn at a lower rate."""

@@ -50,6 +50,8 @@ class DepthSettings:
         initial_scale: factor for the random weights of depth's last layers; below 1, all candidates start with similar probability.
         cost_filter: channels of a 3D CNN that filters the cost volume (`semgs.model.sweep.cost_filter`); 0 for none.
         cue: the U-Net also reads coarse maps of single views from the class branch, which must be a `MobileNet`.
+        upsampling: to the Gaussians' scale. "convex" is `semgs.model.sweep.upsampling`, which takes the place of the heads' correction of
+            disparity.
     """
 
     candidates: int = 128
@@ -62,6 +64,7 @@ class DepthSettings:
     initial_scale: float = 1.0
     cost_filter: int = 0
     cue: bool = False
+    upsampling: Literal["bilinear", "convex"] = "bilinear"
 
 
 @dataclass(frozen=True)
@@ -173,7 +176,7 @@ class NetworkSettings:
         conventions: of geometry.
 
     Raises:
-        ValueError: depth has a cue, but the class branch is no `MobileNet`.
+        ValueError: depth has a cue, but the class branch is no `MobileNet`; or its upsampling is convex, but heads or conventions do not fit.
     """
 
     name: str = "base"
@@ -190,6 +193,11 @@ class NetworkSettings:
         giver = None if self.semantic is None else self.semantic.refinement
         if self.colour.depth.cue and not isinstance(giver, MobileNet):
             raise ValueError("depth_cue needs the class backbone; give class_backbone as well")
+        fits = isinstance(self.colour.heads, MVSplatHeads) and self.conventions.pixel_centres
+        if self.colour.depth.upsampling == "convex" and not fits:
+            raise ValueError(
+                "convex depth_upsampling needs MVSplat's heads and our pixel centres; leave paper_heads off"
+            )
 
     def as_json(self) -> dict[str, Any]:
         """The settings as plain JSON."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 from semgs.model.settings import MobileNet, MVSplatHeads, NetworkSettings, PaperHeads, TwoBlocks
 
@@ -37,6 +37,9 @@ class Switches:
     depth_cue: bool = False
     """Let depth also see coarse maps of each view by itself, from the class backbone (not in the paper). They start without effect, so --init
     works with weights that lack them. Depth never trains the backbone."""
+    depth_upsampling: Literal["bilinear", "convex"] = "bilinear"
+    """How depth gets from 1/4 of the image to the Gaussians. convex: by weights over 3x3 texels that the network predicts, so depth stays sharp
+    at edges (not in the paper). It starts nearly as bilinear, so --init works with weights that lack it."""
 
 
 def switches_of(settings: NetworkSettings) -> Switches:
@@ -48,6 +51,7 @@ def switches_of(settings: NetworkSettings) -> Switches:
         output_transform=colour.transformer.output_transform,
         paper_heads=isinstance(colour.heads, PaperHeads),
         cost_filter=colour.depth.cost_filter,
+        depth_upsampling=colour.depth.upsampling,
     )
     if semantic is None:
         return found
@@ -70,15 +74,21 @@ def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSe
 
     Raises:
         TypeError: there is no switch with a name.
-        ValueError: depth_cue is set without a class backbone.
+        ValueError: depth_cue is set without a class backbone, or convex depth_upsampling with other heads than MVSplat's.
     """
     before = switches_of(settings)
     now = replace(before, **changes)
     both: dict[str, Any] = {"windows": now.windows, "output_transform": now.output_transform}
+    depth = replace(
+        settings.colour.depth,
+        cost_filter=now.cost_filter,
+        cue=now.depth_cue,
+        upsampling=now.depth_upsampling,
+    )
     colour = replace(
         settings.colour,
         transformer=replace(settings.colour.transformer, camera_aware=now.camera_aware_colour, **both),
-        depth=replace(settings.colour.depth, cost_filter=now.cost_filter, cue=now.depth_cue),
+        depth=depth,
     )
     if now.paper_heads != before.paper_heads:
         colour = replace(colour, heads=PaperHeads() if now.paper_heads else MVSplatHeads())

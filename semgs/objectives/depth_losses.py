@@ -1,6 +1,6 @@
 """Losses of depth by plane sweep against true depth. Nothing is rendered, and none is part of the paper.
 
-    L = log L_log + gradients L_grad + distribution L_dist
+    L = log L_log + gradients L_grad + distribution L_dist + sharp L_sharp
 
 As in `semgs.objectives.losses`, every term is one number per view, averaged over views and batch. Pixels with unknown true depth (0) do
 not count, and a view without any true depth counts as 0.
@@ -14,6 +14,7 @@ from typing import Literal
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
+from torch.nn.functional import avg_pool2d, max_pool2d
 
 from semgs.objectives.loss_weights import DepthLossWeights
 from semgs.objectives.losses import depth_error, per_known_pixel
@@ -21,6 +22,18 @@ from semgs.scene.coarse_depth import SHRINK, CoarseDepth
 
 STRIDES = (1, 2, 4, 8)
 """The scales of gradient matching: steps in pixels between the compared pixels."""
+
+EDGE = 0.1
+"""A depth edge is a pixel around which, in 3x3 pixels, log depth differs by more than this."""
+
+NEAR_EDGE = 6
+"""A pixel is near an edge if it is at most this many pixels away along each side [px]."""
+
+AT_EDGES = 3.0
+"""Weight of the error near edges in L_sharp."""
+
+SMOOTHING = 31
+"""Side of the window over which L_sharp averages the error away from edges [px]."""
 
 
 @dataclass(frozen=True)
@@ -31,12 +44,14 @@ class DepthLosses:
         log: L_log, mean |log depth - log truth|.
         gradients: L_grad, gradient matching of log depth.
         distribution: L_dist, mean cross-entropy of a texel's distribution over the candidates [nat].
+        sharp: L_sharp, of the depth after convex upsampling; 0 if its weight is 0.
         total: the weighted sum, which training minimises.
     """
 
     log: Float[Tensor, ""]
     gradients: Float[Tensor, ""]
     distribution: Float[Tensor, ""]
+    sharp: Float[Tensor, ""]
     total: Float[Tensor, ""]
 
 
@@ -49,6 +64,9 @@ def depth_losses(
         coarse: the depth.
         truth: z-depth of each pixel [m], 0 = unknown.
         weights: of the terms; None is the defaults.
+
+    Raises:
+        ValueError: `sharp` has a weight, but the depth was not upsampled by convex weights.
     """
     weights = weights or DepthLossWeights()
     truth = truth.to(coarse.depths)
@@ -57,7 +75,44 @@ def depth_losses(
     at_centres = truth[..., SHRINK // 2 :: SHRINK, SHRINK // 2 :: SHRINK]
     distribution = candidate_cross_entropy(coarse.probabilities, coarse.candidates, at_centres, coarse.spacing)
     total = weights.log * log + weights.gradients * gradients + weights.distribution * distribution
-    return DepthLosses(log, gradients, distribution, total)
+    sharp = torch.zeros_like(log)
+    if weights.sharp:
+        if coarse.finer is None:
+            raise ValueError("the loss of sharp depth needs a network with convex depth upsampling")
+        sharp = sharp_loss(coarse.finer.mean, truth)
+        total = total + weights.sharp * sharp
+    return DepthLosses(log, gradients, distribution, sharp, total)
+
+
+def sharp_loss(depths: Float[Tensor, "*batch v h w"], truth: Float[Tensor, "*batch v h w"]) -> Float[Tensor, ""]:
+    """L_sharp: where the edges of depth are, whatever the error of whole surfaces.
+
+    The sum of a mean of |e - s| in which pixels near edges count `AT_EDGES` times, and half of `gradient_matching`. With
+    e = log depth - log truth, s is the mean of e over the known pixels of a window that are not near an edge, without gradient: it shifts the
+    truth, so that a surface that the plane sweep puts too far as a whole costs nothing. It is 0 if the window has no such pixel.
+    """
+    known, near = truth > 0, near_edges(truth)
+    error = depths.log() - torch.where(known, truth, 1).log()
+    shift = _smoothed(error.detach(), known & ~near)
+    weights = known * torch.where(near, AT_EDGES, 1.0).to(error)
+    mean = ((error - shift).abs() * weights).sum((-2, -1)) / weights.sum((-2, -1)).clamp(min=1)
+    return mean.mean() + 0.5 * gradient_matching(depths, truth)
+
+
+def near_edges(truth: Float[Tensor, "*batch v h w"]) -> Bool[Tensor, "*batch v h w"]:
+    """The pixels at most `NEAR_EDGE` pixels from a depth edge; unknown depth (0) makes no edge."""
+    flat = truth.reshape(-1, 1, *truth.shape[-2:])
+    known = flat > 0
+    logs = torch.where(known, flat, 1).log()
+    nearest = -max_pool2d(torch.where(known, -logs, -torch.inf), 3, 1, 1)
+    farthest = max_pool2d(torch.where(known, logs, -torch.inf), 3, 1, 1)
+    wide, reach = (farthest - nearest > EDGE).to(flat.dtype), 2 * NEAR_EDGE + 1
+    for window, margin in (
+        ((reach, 1), (NEAR_EDGE, 0)),
+        ((1, reach), (0, NEAR_EDGE)),
+    ):  # rows, then columns: much faster
+        wide = max_pool2d(wide, window, 1, margin)
+    return (wide > 0).reshape(truth.shape)
 
 
 def gradient_matching(depths: Float[Tensor, "*batch v h w"], truth: Float[Tensor, "*batch v h w"]) -> Float[Tensor, ""]:
@@ -103,6 +158,19 @@ def candidate_cross_entropy(
     logarithms = probabilities.clamp(min=torch.finfo(probabilities.dtype).tiny).log()
     terms = (1 - share) * logarithms.gather(-3, index) + share * logarithms.gather(-3, index + 1)
     return per_known_pixel((-terms[..., 0, :, :] * inside).sum((-2, -1)), inside).mean()
+
+
+def _smoothed(maps: Float[Tensor, "*batch h w"], counted: Bool[Tensor, "*batch h w"]) -> Float[Tensor, "*batch h w"]:
+    """The mean of maps over the counted pixels of a window around each pixel; 0 if there are none."""
+
+    def smoothed(one: Tensor) -> Tensor:
+        flat = one.reshape(-1, 1, *maps.shape[-2:])
+        for window, margin in (((SMOOTHING, 1), (SMOOTHING // 2, 0)), ((1, SMOOTHING), (0, SMOOTHING // 2))):
+            flat = avg_pool2d(flat, window, 1, margin)
+        return flat.reshape(maps.shape)
+
+    sums, counts = smoothed(maps * counted), smoothed(counted.to(maps.dtype))
+    return torch.where(counts > 0, sums / counts.clamp(min=0.5 / SMOOTHING**2), 0)
 
 
 def _steps(error: Float[Tensor, "*batch h w"], known: Bool[Tensor, "*batch h w"]) -> Float[Tensor, "*batch"]:

@@ -32,8 +32,10 @@ class DepthLossWeights:
         log: of the mean absolute error of log depth.
         gradients: of gradient matching: the error of log depth should not change between neighbouring pixels, at four scales.
         distribution: of the cross-entropy of the distribution over the depth candidates.
+        sharp: of the depth after convex upsampling: error of log depth, mostly near edges, and gradient matching. It needs such a network.
     """
 
     log: float = 1.3
     gradients: float = 0.5
     distribution: float = 0.1
+    sharp: float = 0.0

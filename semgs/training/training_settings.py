@@ -77,7 +77,7 @@ class TrainingSettings(Rates, SupervisionSettings, Schedule, DataSettings):
                     "0 with supervision by rendered views, whose colours are compared",
                 ),
                 "sweep_rate": (
-                    self.sweep_rate > 0 or not by_depth,
+                    self.sweep_rate > 0 or not by_depth or (self.depth_losses.sharp > 0 and self.upsampling_rate > 0),
                     "a share above 0 with supervision by depth, which teaches nothing else",
                 ),
                 "class_rate": (

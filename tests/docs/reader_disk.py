@@ -28,6 +28,8 @@ from semgs.cli.main import main
 from semgs.data.resampling import resized
 from semgs.data.scenes import open_scene
 from semgs.model.weights.index import shipped_folder
+from semgs.model.weights.initial_weights import initial_network
+from semgs.model.weights.weights_file import save
 from semgs.rooms.assets.lock import make_lock, write_lock
 from semgs.rooms.sets.demo_room import demo_scene
 from semgs.rooms.sets.room_scenes import write_views
@@ -111,6 +113,10 @@ def _write_networks(disk: Path) -> None:
     for run in ("runs/small", "runs/photos", "runs/scannet", "work/runs/scannet", "work/ablation/seed_0/camera/run"):
         (disk / run).mkdir(parents=True)
         shutil.copy(shipped_folder() / "small.safetensors", disk / run / "weights.safetensors")
+    sharp = initial_network("small", "small", switches={"depth_upsampling": "convex"})
+    for run in ("runs/sharp", "runs/both"):
+        (disk / run).mkdir()
+        save(disk / run / "weights.safetensors", sharp, {})
 
 
 def _write_answers(disk: Path, labels: np.ndarray) -> None:

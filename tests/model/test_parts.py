@@ -16,6 +16,7 @@ NETWORKS = {
     "a CNN of its own": lambda: preset("small_plain", shared_layers=False),
     "the backbone": lambda: preset("small_plain", class_backbone=True),
     "the cue": lambda: preset("small_plain", class_backbone=True, depth_cue=True, cost_filter=8),
+    "convex": lambda: preset("small_plain", depth_upsampling="convex"),
     "colour only": lambda: build(networks.small_plain(), None),
 }
 

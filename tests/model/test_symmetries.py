@@ -34,7 +34,8 @@ def small_with_the_papers_heads() -> SemGS:
 
 
 NETWORKS = {
-    "small": lambda: preset("small_plain"), "base": lambda: preset("base"), "small, paper_heads": small_with_the_papers_heads
+    "small": lambda: preset("small_plain"), "base": lambda: preset("base"), "small, paper_heads": small_with_the_papers_heads,
+    "small, convex": lambda: preset("small_plain", depth_upsampling="convex"),
 }  # fmt: skip
 
 

@@ -8,9 +8,15 @@ import pytest
 import torch
 from torch import Tensor
 
-from semgs.objectives.depth_losses import candidate_cross_entropy, depth_losses, gradient_matching
+from semgs.objectives.depth_losses import (
+    candidate_cross_entropy,
+    depth_losses,
+    gradient_matching,
+    near_edges,
+    sharp_loss,
+)
 from semgs.objectives.loss_weights import DepthLossWeights
-from semgs.scene.coarse_depth import CoarseDepth
+from semgs.scene.coarse_depth import CoarseDepth, FinerDepth
 
 BY_INVERSE = torch.tensor([[4, 2, 4 / 3, 1]], dtype=torch.float64)
 """Four candidates from 4 m to 1 m: 1/4, 2/4, 3/4 and 4/4 of inverse depth."""
@@ -134,3 +140,74 @@ def test_gradients_stay_finite_where_the_truth_has_no_probability_left():
     total = total_of(truth, depths, logits)
     assert torch.isfinite(total)
     assert all(torch.isfinite(one).all() for one in torch.autograd.grad(total, (depths, logits)))
+
+
+def step(columns: int) -> Tensor:
+    """True depth of one row: 2 m in the left half, 4 m in the right half."""
+    return torch.tensor([[2.0] * (columns // 2) + [4.0] * (columns // 2)], dtype=torch.float64)[None]
+
+
+def test_six_pixels_beyond_the_two_of_a_step_are_near_an_edge():
+    near = near_edges(step(40))[0, 0]
+    assert near.nonzero()[:, 0].tolist() == list(range(13, 27))  # the pixels 19 and 20, and six more on each side
+    slope = 2 * torch.exp(0.04 * torch.arange(40.0))[None, None]  # 0.08 over three pixels
+    assert not near_edges(slope).any()
+    assert near_edges(slope.square()).all()  # 0.16
+    unknown = step(40)
+    unknown[..., 20:] = 0
+    assert not near_edges(unknown).any()
+
+
+def test_a_wrong_pixel_near_an_edge_costs_three_times_as_much():
+    for column, weight in ((20, 3), (2, 1)):
+        depths = step(40)
+        depths[0, 0, column] *= math.exp(0.5)
+        pixels = 26 + 3 * 14
+        # The window of 31 pixels around column 2 has columns 0 to 17, of which 0 to 12 are away from the edge: their mean error is 0.5 / 13.
+        # Each pixel whose window has the wrong one is compared with its own mean.
+        shifts = {c: 0.0 for c in range(40)}
+        if column == 2:
+            for c in range(40):
+                window = [k for k in range(c - 15, c + 16) if 0 <= k < 40 and not 13 <= k <= 26]
+                shifts[c] = 0.5 / len(window) if 2 in window else 0.0
+        weights = [3 if 13 <= c <= 26 else 1 for c in range(40)]
+        errors = [abs((0.5 if c == column else 0.0) - shifts[c]) for c in range(40)]
+        mean = sum(w * e for w, e in zip(weights, errors, strict=True)) / pixels
+        if column == 20:
+            assert mean == pytest.approx(3 * 0.5 / pixels)
+        steps = float(gradient_matching(depths, step(40)))
+        assert float(sharp_loss(depths, step(40))) == pytest.approx(mean + 0.5 * steps), weight
+
+
+def test_surfaces_that_are_too_far_as_a_whole_cost_nothing():
+    assert float(sharp_loss(1.3 * step(40), step(40))) == pytest.approx(0, abs=1e-12)
+    depths = step(40)
+    depths[..., 16:24] = 3.0  # a blurred edge costs, although as many pixels are too far as too near
+    assert float(sharp_loss(depths, step(40))) > 0.1
+
+
+def test_the_shift_of_the_truth_has_no_gradient():
+    depths = (1.2 * step(40)).requires_grad_()
+    with torch.no_grad():
+        depths[..., 3] += 0.1
+    sharp_loss(depths, step(40)).backward()
+    # Column 10 is in the windows of its neighbours, whose shift would pass a gradient on; without one, it learns from itself alone: weight 1
+    # of 68, below its shifted truth. Gradient matching pulls it nowhere, as its neighbours have the same error.
+    assert float(depths.grad[0, 0, 10] * depths[0, 0, 10].detach()) == pytest.approx(-1 / 68)
+
+
+def test_sharp_depth_joins_the_total_by_its_weight_and_needs_convex_upsampling():
+    truth = step(40).expand(1, 8, 40).clone()
+    blurred = truth.clone()
+    blurred[..., 16:24] = 3.0
+    coarse = CoarseDepth(
+        truth, torch.full((1, 4, 2, 10), 0.25).double(), BY_INVERSE, "inverse", FinerDepth(blurred, truth)
+    )
+    weights = DepthLossWeights(log=0.0, gradients=0.0, distribution=0.0, sharp=2.0)
+    found = depth_losses(coarse, truth, weights)
+    assert float(found.sharp) == pytest.approx(float(sharp_loss(blurred, truth)))
+    assert float(found.total) == pytest.approx(2 * float(found.sharp))
+    assert float(depth_losses(coarse, truth).sharp) == 0
+    without = CoarseDepth(truth, coarse.probabilities, BY_INVERSE, "inverse")
+    with pytest.raises(ValueError, match="needs a network with convex depth upsampling"):
+        depth_losses(without, truth, weights)

@@ -260,6 +260,23 @@ MODEL = (
         ("tests/model/sweep/test_cost_filter.py",),
     ),
     Mutant(
+        "a Gaussian at an edge hangs between its surfaces", "semgs/model/sweep/upsampling.py",
+        "same = self.weights * (", "same = self.weights + 0 * (", ("tests/model/sweep/test_upsampling.py",),
+    ),
+    Mutant(
+        "the weakest weight decides on the surface", "semgs/model/sweep/upsampling.py",
+        "stronger = weight > strongest", "stronger = weight < strongest", ("tests/model/sweep/test_upsampling.py",),
+    ),
+    Mutant(
+        "rows and columns of bilinear weights are exchanged", "semgs/model/sweep/upsampling.py",
+        '"yi,xj->yxij"', '"yi,xj->yxji"', ("tests/model/sweep/test_upsampling.py",),
+    ),
+    Mutant(
+        "sharp depth is corrected by the refinement", "semgs/model/gaussians/heads.py",
+        "disparities + raw[:, 0] / unit if self.convex is None else disparities", "disparities + raw[:, 0] / unit",
+        ("tests/model/sweep/test_upsampling.py::test_gaussians_take_the_mode_of_the_sweep_s_depths_and_no_correction",),
+    ),
+    Mutant(
         "a sensor's depth is a distance where the network's is one", "semgs/scene/encoding.py",
         "(own_depths / self._z_depths(cameras))", "(own_depths / _lower_median(self.depths, stride))",
         ("tests/scene/test_with_depths.py::test_moving_all_gaussians_is_moving_each_along_its_ray",),

@@ -70,6 +70,18 @@ OBJECTIVES = (
         "_ratio(hits, confusion.sum(-1))", "_ratio(hits, confusion.sum(-2))", OF_METRICS,
     ),
     Mutant(
+        "sharp depth follows the bias of surfaces", DEPTH_LOSSES,
+        "(error - shift).abs()", "error.abs()", OF_DEPTH_LOSSES,
+    ),
+    Mutant(
+        "the shift of the truth learns", DEPTH_LOSSES,
+        "_smoothed(error.detach(), known & ~near)", "_smoothed(error, known & ~near)", OF_DEPTH_LOSSES,
+    ),
+    Mutant(
+        "the truth is shifted by the error at edges", DEPTH_LOSSES,
+        "_smoothed(error.detach(), known & ~near)", "_smoothed(error.detach(), known)", OF_DEPTH_LOSSES,
+    ),
+    Mutant(
         "PSNR is of the square of the error", METRICS,
         "return -10 * squared_error(", "return -20 * squared_error(", OF_METRICS,
     ),

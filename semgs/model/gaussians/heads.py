@@ -22,6 +22,7 @@ from semgs.model.layers.network_input import NetworkInput
 from semgs.model.settings import MVSplatHeads
 from semgs.model.sweep.depth import Depth
 from semgs.model.sweep.unet import UNet
+from semgs.model.sweep.upsampling import ConvexDisparities, ConvexUpsampling
 from semgs.runtime.precision import FullPrecisionConv2d
 
 RENDERED_HARMONICS = 16
@@ -96,6 +97,16 @@ class Decoder(nn.Module, ABC):
         """Layers on which depth depends."""
         return ()
 
+    def upsampling_layers(self) -> tuple[nn.Module, ...]:
+        """Layers that upsample depth."""
+        return ()
+
+    def convex_disparities(
+        self, inputs: NetworkInput, shallow: Features, features: Features, depth: Depth
+    ) -> ConvexDisparities | None:
+        """Disparities by convex upsampling; None if the heads have none."""
+        return None
+
     @abstractmethod
     def forward(
         self, inputs: NetworkInput, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
@@ -124,10 +135,17 @@ class MVSplatDecoder(Decoder):
         colour: the head.
         harmonics: coefficients per colour channel.
         conventions: of geometry.
+        convex: upsamples disparity; the refinement's correction is then not used. None for bilinear upsampling and correction.
     """
 
     def __init__(
-        self, upsampler: Upsampler, refinement: DepthRefinement, colour: Head, harmonics: int, conventions: Conventions
+        self,
+        upsampler: Upsampler,
+        refinement: DepthRefinement,
+        colour: Head,
+        harmonics: int,
+        conventions: Conventions,
+        convex: ConvexUpsampling | None = None,
     ) -> None:
         super().__init__()
         self.upsampler = upsampler
@@ -136,19 +154,44 @@ class MVSplatDecoder(Decoder):
         self.harmonics = harmonics
         self.factor = upsampler.factor
         self.conventions = conventions
+        self.convex = convex
 
     def depth_layers(self) -> tuple[nn.Module, ...]:
         """Layers on which depth depends."""
-        return self.upsampler, self.refinement
+        return self.upsampler, self.refinement, *self.upsampling_layers()
+
+    def upsampling_layers(self) -> tuple[nn.Module, ...]:
+        """Layers that upsample depth."""
+        return () if self.convex is None else (self.convex,)
+
+    def convex_disparities(
+        self, inputs: NetworkInput, shallow: Features, features: Features, depth: Depth
+    ) -> ConvexDisparities | None:
+        """Disparities by convex upsampling; None without it."""
+        return None if self.convex is None else self._upsampled(inputs, self.upsampler.join(features, shallow), depth)
+
+    def _upsampled(self, inputs: NetworkInput, joined: Features, depth: Depth) -> ConvexDisparities:
+        """The same, from the joined features."""
+        assert self.convex is not None
+        coarse = sweep_disparities(depth, self.conventions)
+        upsampled: ConvexDisparities = self.convex(inputs.small, joined, coarse, depth.confidences(1), depth.spread(1))
+        return upsampled
 
     def forward(
         self, inputs: NetworkInput, shallow: Features, features: Features, depth: Depth, views_at_a_time: int | None
     ) -> DecodeViews:
         """The decoder of all views; the refinement sees them together."""
         confidences, spread = depth.confidences(self.factor), depth.spread(self.factor)
-        disparities = coarse_disparities(depth, self.factor, self.conventions)
         # The upsampled features are needed twice. If views come in chunks, they are computed twice to save memory.
-        whole: Tensor | None = self.upsampler(features, shallow) if views_at_a_time is None else None
+        whole: Tensor | None = None
+        if self.convex is None:
+            disparities = coarse_disparities(depth, self.factor, self.conventions)
+            whole = self.upsampler(features, shallow) if views_at_a_time is None else None
+        else:
+            joined = self.upsampler.join(features, shallow)
+            disparities = self._upsampled(inputs, joined, depth).mode()
+            whole = self.upsampler.widen(joined) if views_at_a_time is None else None
+            del joined
 
         def wide(at: slice) -> Tensor:
             return self.upsampler(features[at], shallow[at]) if whole is None else whole[at]
@@ -157,7 +200,8 @@ class MVSplatDecoder(Decoder):
         near, far = depth.planes.bounds[:, :, None, None].unbind(1)
         unit = near if self.conventions.relative_disparity else torch.ones_like(near)
         refined, raw = self.refinement(inputs.small, projected, disparities * unit, confidences, inputs.views)
-        depths = 1 / (disparities + raw[:, 0] / unit).clamp(1 / far, 1 / near)
+        corrected = disparities + raw[:, 0] / unit if self.convex is None else disparities
+        depths = 1 / corrected.clamp(1 / far, 1 / near)
         opacities = raw[:, 1].sigmoid()
 
         def decode(at: slice) -> RawGaussians:
@@ -228,5 +272,9 @@ def rendered_attributes(head: Head, harmonics: int, x: Float[Tensor, "n c h w"])
 
 def coarse_disparities(depth: Depth, factor: int, conventions: Conventions) -> Float[Tensor, "n h w"]:
     """1 / expected depth, upsampled to maps `factor` times as large [1 / m]."""
-    coarse = 1 / expected_depth(depth.probabilities, depth.planes.depths, conventions.candidates)
-    return upsample(coarse[:, None], factor, conventions.pixel_centres)[:, 0]
+    return upsample(sweep_disparities(depth, conventions)[:, None], factor, conventions.pixel_centres)[:, 0]
+
+
+def sweep_disparities(depth: Depth, conventions: Conventions) -> Float[Tensor, "n h4 w4"]:
+    """1 / expected depth of the plane sweep [1 / m]."""
+    return 1 / expected_depth(depth.probabilities, depth.planes.depths, conventions.candidates)

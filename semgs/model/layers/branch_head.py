@@ -22,8 +22,18 @@ class Upsampler(nn.Module):
         self, transformed: Float[Tensor, "n c h w"], single: Float[Tensor, "n c2 h w"]
     ) -> Float[Tensor, "n d h2 w2"]:
         """Features `factor` times as large, from features after the transformer and features of single views."""
-        x = self.conv(beside(transformed, single))
-        return nn.functional.gelu(upsample(x, self.factor, self.pixel_centres))
+        return self.widen(self.join(transformed, single))
+
+    def join(
+        self, transformed: Float[Tensor, "n c h w"], single: Float[Tensor, "n c2 h w"]
+    ) -> Float[Tensor, "n d h w"]:
+        """Both features as one map of the same size."""
+        joined: Tensor = self.conv(beside(transformed, single))
+        return joined
+
+    def widen(self, joined: Float[Tensor, "n d h w"]) -> Float[Tensor, "n d h2 w2"]:
+        """A map of `join` at the Gaussians' scale."""
+        return nn.functional.gelu(upsample(joined, self.factor, self.pixel_centres))
 
 
 class PlainUpsampler(nn.Module):

@@ -16,6 +16,7 @@ from semgs.model.gaussians.heads import RENDERED_HARMONICS
 from semgs.model.layers.chunks import WHOLE, Chunks
 from semgs.model.settings import MobileNet, NetworkSettings, PaperHeads, TransformerSettings
 from semgs.model.sweep.cost_volume import CHUNK
+from semgs.model.sweep.upsampling import NEIGHBOURS, WIDTH
 from semgs.scene.coarse_depth import SHRINK
 
 DRAWN_PAIRS = 30e6
@@ -90,6 +91,7 @@ class Heads:
         refined: peak of the refinement of depth.
         kept: of the refinement, until the colour head starts.
         joined: number of feature maps that are concatenated before upsampling.
+        convex: peak of the convex upsampling of depth, per texel.
     """
 
     seen: int
@@ -98,6 +100,7 @@ class Heads:
     refined: int = 0
     kept: int = 0
     joined: int = 0
+    convex: int = 0
 
 
 def stage_bytes(work: Work, chunks: Chunks = WHOLE) -> dict[str, float]:
@@ -138,7 +141,7 @@ def _numbers(work: Work, chunks: Chunks) -> dict[str, float]:
     heads = _heads(s)
     again = heads.wide if chunks.heads else 0  # computed again, and released before the head starts
     known += heads.joined * features + gaussians * ((1 if heads.refined else 0) + heads.wide - again)
-    depth = max(regression, filtered, known + gaussians * heads.refined)
+    depth = max(regression, filtered, known + texels * heads.convex, known + gaussians * heads.refined)
     kept = known + gaussians * heads.kept
     # Input of the heads, their hidden layer and their output, both also in the convolution's own memory format.
     part = min(chunks.heads or views, views) / views
@@ -192,6 +195,11 @@ def _heads(settings: NetworkSettings) -> Heads:
     outputs = SHAPE + 3 * min(colour.harmonics, RENDERED_HARMONICS)
     if isinstance(heads, PaperHeads):
         return Heads(3 + settings.channels + colour.depth.candidates, outputs)
+    convex = colour.depth.upsampling == "convex"
+    # The joined features. Input of the first convolution, also in its own memory format, and what it returns; or five maps of weights: logits, weights, their texels' disparities,
+    # which of them are near the strongest's, and the products.
+    layers = 2 * (3 * (SHRINK // settings.stride) ** 2 + heads.upsampled + NEIGHBOURS + 1) + 2 * WIDTH
+    weights = 5 * NEIGHBOURS * (SHRINK // settings.stride) ** 2
     return Heads(
         seen=3 + heads.width + heads.upsampled,
         outputs=2 + outputs,
@@ -199,6 +207,7 @@ def _heads(settings: NetworkSettings) -> Heads:
         refined=2 * heads.projected + 5 + UNET_MAPS * heads.width,
         kept=heads.width + 4,
         joined=2,
+        convex=heads.upsampled + max(layers, weights) if convex else 0,
     )
 
 

@@ -31,13 +31,13 @@ from semgs.model.weights.weights_file import fill, is_ours, read_header, read_te
 SEMANTIC_SHAPE = ("class_backbone",)
 """Switches that only shape the semantic branch: from weights with other values, everything else is kept."""
 
-MORE_DEPTH = ("cost_filter", "depth_cue")
+MORE_DEPTH = ("cost_filter", "depth_cue", "depth_upsampling")
 """Switches that add layers to depth: from weights without these layers, everything else is kept."""
 
 NO_WEIGHTS = ("class_fusion",)
 """Switches that no layer depends on: weights with other values are kept whole."""
 
-ADDED = ("colour.depth.filter.", "colour.depth.regressor.cues.")
+ADDED = ("colour.depth.filter.", "colour.depth.regressor.cues.", "colour.heads.convex.")
 """Beginnings of the tensor names of those layers."""
 
 
@@ -124,7 +124,9 @@ def _from_weights(
 def _check_switches(path: Path, requested: Mapping[str, Any], present: Switches) -> None:
     """Refuse weights whose switches differ from the requested ones, unless layers can be added or exchanged."""
     for key, value in requested.items():
-        fits = key in (*SEMANTIC_SHAPE, *NO_WEIGHTS) or (key in MORE_DEPTH and not getattr(present, key))
+        fits = key in (*SEMANTIC_SHAPE, *NO_WEIGHTS) or (
+            key in MORE_DEPTH and getattr(present, key) == getattr(Switches, key)
+        )
         if getattr(present, key) != value and not fits:
             raise InputError(
                 path, f"weights of a network with {key} = {value}", f"{getattr(present, key)}", key="settings"

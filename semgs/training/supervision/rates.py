@@ -22,6 +22,8 @@ class Rates:
     sweep_rate: float = 1.0
     """Learning rate of all layers that depth by plane sweep depends on, relative to the other layers; 0 freezes them. Use 0.1 in a rendered
     stage after --supervision depth, so that colours and opacities adapt and depth stays good."""
+    upsampling_rate: float = 1.0
+    """Learning rate of the convex upsampling of depth, relative to the other layers; 0 freezes it."""
     shared_rate: float = 1.0
     """Learning rate of the layers that both branches share, relative to the other layers; 0 freezes them. With supervision by labels or
     pictures, 0 keeps depth and colour as they are; without it, a rendered stage has to restore them. With supervision by depth, 0 keeps the
@@ -36,6 +38,7 @@ def relative_rates(network: SemGS, rates: Rates) -> dict[str, float]:
     """Learning rates of parameters by name, relative to the schedule's, for those that differ from 1."""
     groups = (
         (network.depth_parameters(), rates.sweep_rate),
+        (network.upsampling_parameters(), rates.upsampling_rate),
         (network.semantic_parameters(shared=False, alone=True) | network.pretrained_parameters(), rates.class_rate),
         (network.pretrained_parameters(), rates.backbone_rate),
         (network.parts()["shared"], rates.shared_rate),

@@ -185,7 +185,8 @@ class Pictures(Supervision):
 class Depth(Supervision):
     """Learn depth by plane sweep, before refinement, from the true depth of the input views. Nothing is rendered.
 
-    Only the layers that this depth depends on learn, not the refinement and the heads, so a rendered stage should follow.
+    Only the layers that this depth depends on learn, not the refinement and the heads, so a rendered stage should follow. With a weight for
+    sharp depth, the convex upsampling learns too.
 
     Attributes:
         losses: weights of the terms.
@@ -205,8 +206,20 @@ class Depth(Supervision):
         return _terms(terms.total, depth=terms.log, gradients=terms.gradients, distribution=terms.distribution)
 
     def learning(self, network: Any) -> set[str]:
-        """The layers of the plane sweep, shared ones included."""
-        return network.depth_parameters()
+        """The layers of the plane sweep, shared ones included, and the convex upsampling if it has a loss.
+
+        Raises:
+            InputError: it has a loss, but the network lacks it.
+        """
+        if not self.losses.sharp:
+            return network.depth_parameters()
+        upsampling = network.upsampling_parameters()
+        if not upsampling:
+            raise InputError(
+                "--depth-losses.sharp", "0 without convex upsampling", f"{self.losses.sharp}",
+                advice="give --network.depth-upsampling convex as well",
+            )  # fmt: skip
+        return network.depth_parameters() | upsampling
 
     def validate(self, network: Any, batches: Iterable[Batch]) -> Validation:
         """Errors of the input views' depth."""

@@ -119,7 +119,7 @@ def validate(model: Any, batches: Iterable[Batch], compare: Callable[[Any, Batch
 
 @torch.no_grad()
 def validate_depth(model: Any, batches: Iterable[Batch]) -> Validation:
-    """Score the plane sweep's depth of the input views, over the pixels of all batches together.
+    """Score the plane sweep's depth of the input views, after convex upsampling if there is one, over the pixels of all batches together.
 
     Args:
         model: the network, in evaluation mode.
@@ -129,7 +129,8 @@ def validate_depth(model: Any, batches: Iterable[Batch]) -> Validation:
     truth: list[Tensor] = []
     rows: list[np.ndarray] = []
     for views in (batch.context for batch in batches):
-        depths = model.sweep(views).depths.cpu()
+        swept = model.sweep(views)
+        depths = (swept.depths if swept.finer is None else swept.finer.mode).cpu()
         if views.depths is not None:
             predicted.append(depths.flatten(end_dim=-2))
             truth.append(views.depths.cpu().flatten(end_dim=-2))

@@ -27,6 +27,7 @@ from semgs.data.scene import Scene
 from semgs.model.encode import Network
 from semgs.model.layers.chunks import WHOLE, Chunks
 from semgs.model.memory import memory_plan as planning
+from semgs.model.memory import stage_memory
 from semgs.model.memory.memory_plan import NotEnoughMemoryError, Work, stage_bytes
 from semgs.model.semgs import STAGES, SemGS
 from semgs.reconstruction.pipeline import reconstruct
@@ -38,6 +39,8 @@ NEVER_MORE, ALWAYS_MORE = 1.2, 1.0
 
 @cache
 def model_of(name: str) -> SemGS:
+    if name == "convex":
+        return fill_golden(preset("small_plain", depth_upsampling="convex"))
     return fill_golden(network(paper_heads=True) if name == "text" else preset(name))
 
 
@@ -83,6 +86,8 @@ def allocated(name: str, views: int, size: tuple[int, int], chunks: Chunks) -> d
         ("small_plain", 2, (112, 160), WHOLE),
         ("small_plain", 6, (96, 112), WHOLE),
         ("small_plain", 6, (96, 112), Chunks(2, 1)),
+        ("convex", 2, (112, 160), WHOLE),
+        ("convex", 6, (96, 112), Chunks(2, 1)),
         pytest.param("base", 2, (64, 96), WHOLE, marks=pytest.mark.long),
         ("base", 3, (64, 80), Chunks(1, 1)),
         pytest.param("mvsplat", 2, (64, 96), WHOLE, marks=pytest.mark.long),
@@ -117,6 +122,11 @@ def test_the_terms_of_small_are_those_worked_out_by_hand() -> None:
     assert planned["transformer_semantic"] == 4 * (3072 + 3 * 12_288 + transformer)
     assert planned["cost_volume"] == 4 * (3072 + cost)
     assert planned["depth"] == 4 * (3072 + refinement)
+    # Convex upsampling comes before the refinement, which needs more: 32 joined features, twice an input of 4 x 3 colours, 32 features and 10
+    # numbers on depth, and two maps of 40 channels.
+    assert stage_bytes(work_of(model_of("convex"), 2, (32, 64), 0)) == planned
+    assert stage_memory._heads(model_of("convex").settings).convex == 32 + 2 * (12 + 32 + 10) + 2 * 40
+    assert stage_memory._heads(model_of("small_plain").settings).convex == 0
     work = work_of(preset("small_plain", class_backbone=True), 2, (32, 64), 0)
     backbone = stage_bytes(work)
     # At each of a texel's four positions at half the image, 16 channels in and 96 before and after padding; 96 out.

@@ -32,7 +32,7 @@ def shares(views: Views) -> dict[str, float]:
 
 def test_a_bare_wall_is_flat_and_three_quarters_of_it_are_seen_by_both(wall: Views):
     assert shares(wall) == {
-        "all": 1, "textured": 0, "flat": 1, "border": 0, "seen by both": 0.75, "seen by one": 0.25
+        "all": 1, "textured": 0, "flat": 1, "border": 0, "near an edge": 0, "elsewhere": 1, "seen by both": 0.75, "seen by one": 0.25,
     }  # fmt: skip
 
 
@@ -50,6 +50,30 @@ def test_a_step_in_depth_is_a_border_and_what_the_other_view_does_not_agree_with
     assert not found["seen by both"][0][:, 9:].any()
 
 
+def test_six_pixels_to_each_side_of_a_step_are_near_an_edge(wall: Views):
+    depths = wall.depths.clone()
+    depths[0, :, 34:] = 5.0
+    near = SCRIPT["places"](wall.changed(depths=depths))["near an edge"]
+    # In 3x3 pixels around columns 33 and 34 depth differs, so columns 27 to 40 are near; texels 7 to 9 have theirs at 30, 34 and 38.
+    assert near[0].nonzero()[:, 1].unique().tolist() == [7, 8, 9]
+    assert not near[1].any()
+
+
+def test_of_eight_gaussians_at_a_step_the_two_that_hang_between_the_surfaces_are_flyers():
+    truth = torch.tensor([[2.0] * 20 + [3.0] * 20]).expand(
+        1, 2, 40
+    )  # a step at column 20, one row of Gaussians of 2x2 pixels
+    depths = truth.clone()
+    for column, depth in ((18, 2.5), (20, 2.2), (22, 2.1), (24, 2.9), (26, 2.5), (28, 3.5), (4, 2.5), (14, 1.7)):
+        depths[..., column : column + 2] = depth
+    # 2.1 and 2.9 are within 7 % of a surface; 2.5 at column 26 has its pixel at 27, seven from the near surface; 3.5 and 1.7 are behind
+    # and before both; at column 4 there is one surface.
+    assert SCRIPT["flyers"](depths, truth, 2)[0, 0].nonzero()[:, 0].tolist() == [9, 10]
+    unknown = truth.clone()
+    unknown[..., 20:] = 0
+    assert not SCRIPT["flyers"](depths, unknown, 2).any()
+
+
 def test_texels_without_true_depth_are_nowhere(wall: Views):
     depths = wall.depths.clone()
     depths[:, :16] = 0
@@ -65,6 +89,7 @@ def test_of_a_wall_with_a_pattern_the_included_weights_match_most_of_what_both_v
     truth = torch.full((2, 8, 16), 4.0)
     found = SCRIPT["found"](load("small"), views, truth)
     assert list(found.depths) == list(SCRIPT["STEPS"])
+    assert found.flying.shape == (2, 16, 32)
     both = SCRIPT["places"](views)["seen by both"]
     assert found.right[both].float().mean() > 0.9
     assert (found.depths["raw cost"][both] / truth[both] - 1).abs().median() < 0.05

@@ -10,6 +10,8 @@ from posed import posed_views
 
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
+from semgs.geometry.plane_sweep import expected_depth
+from semgs.model.layers.network_input import widen
 from semgs.model.settings import TwoBlocks
 from semgs.model.switches import switched
 from semgs.model.weights.initial_weights import initial_network
@@ -126,6 +128,28 @@ def test_weights_lend_a_network_with_more_layers_in_depth_all_that_they_have(tmp
         assert all(torch.equal(tensor, again[name]) for name, tensor in there.items())
     with pytest.raises(InputError, match="cost_filter = 8, found 4"):
         initial_network("small_plain", str(tmp_path / "more.safetensors"), switches={"cost_filter": 8})
+
+
+def test_convex_upsampling_is_added_to_weights_without_it_and_then_stays(tmp_path: Path):
+    path, convex = plain(tmp_path), {"depth_upsampling": "convex"}
+    model = initial_network("small_plain", str(path), seed=3, switches=convex).eval()
+    there, here = load("small_plain", path), model.state_dict()
+    assert all(torch.equal(here[name], tensor) for name, tensor in there.state_dict().items())
+    assert len(here) - len(there.state_dict()) == 8
+    views = posed_views(2, (32, 48))
+    with torch.inference_mode():
+        before, after = there.sweep(views), model.sweep(views)
+    assert torch.equal(before.depths, after.depths)
+    texels = 1 / expected_depth(before.probabilities, before.candidates)
+    bilinear = 1 / torch.nn.functional.interpolate(texels[:, None], scale_factor=2, mode="bilinear")[:, 0]
+    torch.testing.assert_close(after.finer.mean, widen(bilinear, 2), rtol=0.1, atol=0)
+    save(tmp_path / "convex.safetensors", model, {})
+    for switches in ({}, convex):
+        again = initial_network("small_plain", str(tmp_path / "convex.safetensors"), seed=4, switches=switches)
+        assert again.settings == model.settings
+        assert "all" in again.origin
+    with pytest.raises(InputError, match="depth_upsampling = bilinear, found convex"):
+        initial_network("small_plain", str(tmp_path / "convex.safetensors"), switches={"depth_upsampling": "bilinear"})
 
 
 def test_more_layers_in_depth_and_other_classes_are_one_start(tmp_path: Path):

@@ -15,12 +15,13 @@ from posed import posed_views
 from torch import nn
 
 from semgs.data.views import Batch, Views
+from semgs.files.errors import InputError
 from semgs.files.images.colours import NOTHING
 from semgs.model.classes.semantic import ClassMaps
 from semgs.model.weights.initial_weights import initial_network
 from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
 from semgs.objectives.losses import losses
-from semgs.scene.coarse_depth import CoarseDepth
+from semgs.scene.coarse_depth import CoarseDepth, FinerDepth
 from semgs.training.data.batches import Portion
 from semgs.training.loop import Feed, fit
 from semgs.training.run.checkpoints import best_checkpoint
@@ -215,6 +216,36 @@ def test_every_parameter_that_learns_by_depth_gets_a_gradient_and_no_other(held:
     assert any(name.startswith("cnn.") for name in reached) == (own or not held)
 
 
+@pytest.mark.parametrize("sweep_rate", [0.0, 1.0])
+def test_every_parameter_that_learns_sharp_depth_gets_a_gradient_and_no_other(sweep_rate: float):
+    model = preset("small_plain", depth_upsampling="convex")
+    torch.nn.init.normal_(model.colour.heads.convex.layers[-1].weight)
+    supervision = Depth(DepthLossWeights(sharp=1.0))
+    state = TrainingState.begin(
+        model, supervision, 1e-3, 0.99, rates=relative_rates(model, Rates(sweep_rate=sweep_rate))
+    )
+    views = replace(posed_views(2, (16, 32)), depths=torch.full((2, 16, 32), 2.0))
+    state.objective(Batch(views, views, ("a",)))["total"].backward()
+    reached = {name for name, one in model.named_parameters() if one.grad is not None}
+    assert reached == {name for name, one in model.named_parameters() if one.requires_grad}
+    assert reached == model.upsampling_parameters() | (model.depth_parameters() if sweep_rate else set())
+
+
+def test_a_loss_of_sharp_depth_needs_convex_upsampling():
+    with pytest.raises(InputError, match=r"give --network\.depth-upsampling convex as well"):
+        Depth(DepthLossWeights(sharp=1.0)).learning(preset("small_plain"))
+
+
+def test_a_validation_of_sharp_depth_scores_the_depth_after_upsampling(batch):
+    class Sharp(Deep):
+        def sweep(self, views: Views) -> CoarseDepth:
+            coarse = super().sweep(views)
+            return replace(coarse, finer=FinerDepth(2 * coarse.depths, views.depths * 1.25))
+
+    result = Depth().validate(Sharp(1.1), [batch(0, scenes=1)])
+    assert result.numbers["depth_abs_rel"] == pytest.approx(0.25, rel=1e-5)
+
+
 def test_supervision_by_depth_trains_without_rendering_and_keeps_the_validation_of_least_error(
     sweeping, batch, settings: TrainingSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -266,6 +297,18 @@ def test_rates_are_shares_of_the_setting_by_what_the_parameters_are_for():
         assert name in dict(model.named_parameters())
     plain = TrainingSettings(model="small_plain", steps=1)
     assert relative_rates(preset("small_plain"), plain) == {}, "the paper's network learns at one rate"
+
+
+def test_the_rate_of_the_upsampling_is_its_own():
+    model = preset("small_plain", depth_upsampling="convex")
+    shares = relative_rates(model, Rates(upsampling_rate=0.5, sweep_rate=0.25))
+    assert {shares[name] for name in model.upsampling_parameters()} == {0.5}
+    sharp = DepthLossWeights(sharp=1.0)
+    TrainingSettings(model="small_plain", steps=1, supervision="depth", sweep_rate=0.0, depth_losses=sharp)
+    with pytest.raises(ValueError, match="sweep_rate is 0"):
+        TrainingSettings(
+            model="small_plain", steps=1, supervision="depth", sweep_rate=0.0, upsampling_rate=0.0, depth_losses=sharp
+        )
 
 
 def test_a_rate_of_zero_freezes_what_it_is_for_and_nothing_else():
