@@ -115,7 +115,7 @@ def refine_until(
     check: Views | None = None,
     moves: bool = True,
     exposure: bool = False,
-    done: Callable[[int], None] = lambda steps: None,
+    done: Callable[[int], object] = lambda steps: None,
 ) -> Refined:
     """As `refine`, with a view that decides when to stop.
 
@@ -203,7 +203,7 @@ class Unknowns:
     def gaussians(self) -> Gaussians:
         """The Gaussians, without classes, which do not learn."""
         start = self._start.gaussians
-        means, factors = start.means, 1.0
+        means, factors = start.means, start.means.new_ones(1)
         if self._moves:
             factors = (self._cell_shifts().flatten()[self._places] + self.depth.value).exp()[:, None]
             aside = (self._pixel @ self.aside.value[..., None])[..., 0]
