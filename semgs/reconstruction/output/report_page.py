@@ -88,6 +88,8 @@ def _headlines(result: Reconstruction, seconds: dict[str, float]) -> list[page.H
         found.append(page.Headline(str(len(legend(result.label_maps, result.classes))), "classes present"))
     if "encode" in seconds:
         found.append(page.Headline(duration(seconds["encode"]), "from photos to Gaussians"))
+    if "sharpen" in seconds:
+        found.append(page.Headline(duration(seconds["sharpen"]), "to refine them"))
     return found
 
 
@@ -164,7 +166,7 @@ def _refinement(refinement: PhotoRefinement, result: Reconstruction) -> page.Sec
             for number, value in enumerate(refinement.curve)
         )
         blocks.append(page.Bars(bars))
-    return page.Section("PhotoRefinement", lead, tuple(blocks))
+    return page.Section("Refinement", lead, tuple(blocks))
 
 
 def _facts(result: Reconstruction, origin: Provenance) -> page.Facts:

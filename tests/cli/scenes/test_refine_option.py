@@ -27,6 +27,7 @@ def test_refined_images_are_in_every_file_and_the_report_has_both(room: Path, tm
     page = (tmp_path / "refined" / "report.html").read_text()
     assert "render, one pass" in page
     assert "held-out views, refined" in page
+    assert ">Refinement<" in page
     one, other = (semgs.load_scene(tmp_path / name) for name in ("plain", "refined"))
     assert (one.gaussians.colour.features - other.gaussians.colour.features).abs().max() > 1e-3
 
