@@ -16,7 +16,7 @@ from semgs.model.encode import Network, encode
 from semgs.model.memory.memory_plan import MemoryPlan
 from semgs.reconstruction.notes import collect_notes
 from semgs.reconstruction.recording import Walk, map_walk
-from semgs.reconstruction.result import PhotoRefinement, Reconstruction, RenderedViews, Role
+from semgs.reconstruction.result import OnePassViews, PhotoRefinement, Reconstruction, RenderedViews, Role
 from semgs.reconstruction.scores import scores
 from semgs.reconstruction.sensor_depth import DepthSource, Placement, place_gaussians, read_measured
 from semgs.rendering.depth_spread import render_depth_spread
@@ -217,11 +217,8 @@ def reconstruct(
         refinement = None
         if refined is not None:
             rendered = [part for part in (rendered_context, rendered_target) if part is not None]
-            before = [
-                render_views(part.role, scene, part.positions, part.views, unrefined, min_confidence)
-                for part in rendered
-            ]
-            refinement = PhotoRefinement(passes, refined.passes, check_name, refined.curve, tuple(before))
+            before = tuple(_one_pass(part, unrefined) for part in rendered)
+            refinement = PhotoRefinement(passes, refined.passes, check_name, refined.curve, before)
         saved = _saved_scene(scene, rendered_context, encoding, network.name, labelling)
         up = up_of(saved)
     placement, plan = encoder.placement(choice.context), encoder.plan
@@ -273,9 +270,6 @@ def render_views(
     rendering = encoding.render(views.cameras)
     spread = encoding.per_gaussian(encoding.depth_spread[:, None])[:, 0]
     near = float(encoding.depth_range[:, 0].min())
-    comparable = views
-    if views.labels is not None and views.classes != encoding.classes:
-        comparable = views.changed(labels=None)
     semantic = encoding.classes is not None
     return RenderedViews(
         role,
@@ -283,7 +277,7 @@ def render_views(
         tuple(scene.frames[position].name for position in positions),
         views,
         rendering,
-        scores(rendering, comparable),
+        scores(rendering, _comparable(views, encoding)),
         render_depth_spread(encoding.gaussians, spread, views.cameras, near=near),
         label_maps(rendering, min_confidence) if semantic else None,
         confidence_maps(rendering) if semantic else None,
@@ -298,6 +292,19 @@ def _split_check(
         return None, None, choice, None
     rest = target.select(range(1, len(target))) if len(target) > 1 else None
     return scene.frames[choice.targets[0]].name, target.select([0]), replace(choice, targets=choice.targets[1:]), rest
+
+
+def _comparable(views: Views, encoding: Encoding) -> Views:
+    """The views, without labels if these have another class table than the Gaussians."""
+    if views.labels is not None and views.classes != encoding.classes:
+        return views.changed(labels=None)
+    return views
+
+
+def _one_pass(part: RenderedViews, encoding: Encoding) -> OnePassViews:
+    """The same views, rendered from Gaussians that are not refined."""
+    rendering = encoding.render(part.views.cameras)
+    return OnePassViews(part.role, rendering.images, scores(rendering, _comparable(part.views, encoding)))
 
 
 def _saved_scene(

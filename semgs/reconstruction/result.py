@@ -61,6 +61,21 @@ class RenderedViews:
 
 
 @dataclass(frozen=True)
+class OnePassViews:
+    """What views looked like before their Gaussians were refined.
+
+    Attributes:
+        role: of the views.
+        images: rendered.
+        scores: one per view.
+    """
+
+    role: Role
+    images: Float[Tensor, "v 3 h w"]
+    scores: tuple[ViewScores, ...]
+
+
+@dataclass(frozen=True)
 class PhotoRefinement:
     """What refining the Gaussians changed.
 
@@ -69,14 +84,14 @@ class PhotoRefinement:
         kept: the passes after which the result was taken; less than `passes` if the view that decides was best earlier.
         check: name of the held-out frame that decided; None without one. It is no target of the reconstruction.
         curve: PSNR of that frame before the first pass and after each [dB]; empty without one.
-        before: renderings and scores of the same views before.
+        before: what the same views looked like before.
     """
 
     passes: int
     kept: int
     check: str | None
     curve: tuple[float, ...]
-    before: tuple[RenderedViews, ...]
+    before: tuple[OnePassViews, ...]
 
 
 @dataclass(frozen=True)

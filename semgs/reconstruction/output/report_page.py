@@ -131,7 +131,7 @@ def _galleries(result: Reconstruction, part: RenderedViews, limits: tuple[float,
         more = []
         if result.refinement is not None:
             before = next(one for one in result.refinement.before if one.role == part.role)
-            pictures.insert(1, photo(before.rendering.images[index], "render, one pass"))
+            pictures.insert(1, photo(before.images[index], "render, one pass"))
             pictures[2] = photo(part.rendering.images[index], "render, refined")
         if labels is not None and classes is not None:
             pictures.append(class_map(labels[index], classes))

@@ -44,12 +44,12 @@ def refinement_table(result: Reconstruction) -> Table:
     """The mean scores of each role before and after refining."""
     assert result.refinement is not None
     names, rows = _measures(result), []
-    for title, parts in (("one pass", result.refinement.before), ("refined", result.rendered_views)):
-        for part in reversed(parts):
-            values = by_measure(mean_scores(part.scores))
+    for earlier, part in reversed(list(zip(result.refinement.before, result.rendered_views, strict=True))):
+        for title, scores in (("one pass", earlier.scores), ("refined", part.scores)):
+            values = by_measure(mean_scores(scores))
             shown = (shown_number(name, values.get(name), DIGITS) for name in names)
             rows.append((f"{ROLES[part.role]} views, {title}", *shown))
-    return Table(("", *[TITLES[name] for name in names]), tuple(sorted(rows, key=lambda row: row[0].split(",")[0])))
+    return Table(("", *[TITLES[name] for name in names]), tuple(rows))
 
 
 def score_lines(result: Reconstruction) -> list[str]:
@@ -63,8 +63,8 @@ def score_lines(result: Reconstruction) -> list[str]:
         if means.coverage < MOSTLY_SEEN:
             seen = [name for name in values if name.endswith(SEEN)]
             lines.append(f"{role} views, the {100 * means.coverage:.0f} % that is seen: {_listed(seen, values)}")
-    for part in reversed(result.refinement.before if result.refinement else ()):
-        lines.append(f"{ROLES[part.role]} views before refining: PSNR {mean_scores(part.scores).psnr:.2f} dB")
+    for earlier in reversed(result.refinement.before if result.refinement else ()):
+        lines.append(f"{ROLES[earlier.role]} views before refining: PSNR {mean_scores(earlier.scores).psnr:.2f} dB")
     return lines
 
 
