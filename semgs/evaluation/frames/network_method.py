@@ -50,7 +50,7 @@ class NetworkMethod:
 
     @torch.no_grad()
     def predict(self, inputs: Inputs) -> Prediction:
-        """Encode, refine if that is asked for, then render. Encoding, with refining, and rendering are timed, without reading files.
+        """Encode, refine if requested, then render. Encoding with refining, and rendering, are timed without reading files.
 
         Raises:
             NotEnoughMemoryError: it would not fit into memory.
