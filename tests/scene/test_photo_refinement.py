@@ -100,7 +100,7 @@ def test_gaussians_of_merged_windows_know_their_photos(encoding: Encoding, views
     owner = centres[places // rows_and_columns]
     aside = torch.linalg.cross(refined.gaussians.means - owner, merged.gaussians.means - owner).norm(dim=-1)
     distance = (refined.gaussians.means - owner).norm(dim=-1) * (merged.gaussians.means - owner).norm(dim=-1)
-    assert (aside / distance).max() < 0.05, "they stay near their own rays"
+    assert (aside / distance).max() < 0.1, "they stay near their own rays"
 
 
 def test_the_pass_that_renders_the_other_view_best_is_kept(encoding: Encoding, views: Views) -> None:
