@@ -162,7 +162,7 @@ class Encoding:
             return replace(shape, scales=shape.scales * ratios[..., None])
 
         def block_means(maps: Tensor) -> Tensor:
-            return self._full(_means(maps, stride))
+            return self.per_pixel(_means(maps, stride))
 
         gaussians = replace(
             self.gaussians,
@@ -175,7 +175,7 @@ class Encoding:
         return replace(
             self,
             gaussians=gaussians,
-            depths=self._full(own_depths),
+            depths=self.per_pixel(own_depths),
             confidences=self.confidences if confidences is None else block_means(confidences),
             depth_spread=self.depth_spread if depth_spread is None else block_means(depth_spread),
         )
@@ -196,16 +196,24 @@ class Encoding:
         if hidden is None:
             return self
         keep = ~self._stand_for(hidden)
-        places = torch.arange(len(keep)) if self.places is None else self.places
-        return replace(self, gaussians=self.gaussians.map(lambda tensor: tensor[keep]), places=places[keep.cpu()])
+        return replace(self, gaussians=self.gaussians.map(lambda tensor: tensor[keep]), places=self.blocks[keep.cpu()])
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """Rows and columns of blocks in each context view."""
+        height, width = self.depths.shape[-2:]
+        return -(-height // self.stride), -(-width // self.stride)
+
+    @property
+    def blocks(self) -> Int64[Tensor, " g"]:
+        """The block of each Gaussian of one scene: `places`, also where every block has a Gaussian."""
+        return torch.arange(len(self.gaussians)) if self.places is None else self.places
 
     @property
     def own_views(self) -> Int64[Tensor, " g"]:
         """The context view of each Gaussian of one scene."""
-        height, width = self.depths.shape[-2:]
-        blocks = -(-height // self.stride) * -(-width // self.stride)
-        places = torch.arange(len(self.gaussians)) if self.places is None else self.places
-        return places // blocks
+        rows, columns = self.grid
+        return self.blocks // (rows * columns)
 
     def _stand_for(self, pixels: Bool[Tensor, "*batch v h w"]) -> Bool[Tensor, "*batch g"]:
         """Whether each Gaussian stands for one of some pixels of the context views."""
@@ -216,11 +224,11 @@ class Encoding:
 
         This is `depths`, but for MVSplat's conventions, where `depths` are distances along the rays.
         """
-        return self._full(self._z_depths(cameras))
+        return self.per_pixel(self._z_depths(cameras))
 
     def opacity_maps(self) -> Float[Tensor, "*batch v h w"]:
         """The opacity of the Gaussian at each pixel of the context views."""
-        return self._full(self._maps(self.gaussians.opacities))
+        return self.per_pixel(self._maps(self.gaussians.opacities))
 
     def _maps(self, numbers: Float[Tensor, "*batch g"]) -> Float[Tensor, "*batch v rows columns"]:
         """A number of each Gaussian, by view, row and column.
@@ -230,9 +238,7 @@ class Encoding:
         """
         if self.places is not None:
             raise ValueError("expected Gaussians for each pixel or block of pixels of the views")
-        views, height, width = self.depths.shape[-3:]
-        rows, columns = (-(-side // self.stride) for side in (height, width))
-        return numbers.reshape(*numbers.shape[:-1], views, rows, columns)
+        return numbers.reshape(*numbers.shape[:-1], self.depths.shape[-3], *self.grid)
 
     def _z_depths(self, cameras: Cameras) -> Float[Tensor, "*batch v rows columns"]:
         """The z-depth of each Gaussian in its own view [m]."""
@@ -240,7 +246,7 @@ class Encoding:
         pose = cameras.world_from_camera.to(maps)[..., None, None, :3, :]
         return ((maps - pose[..., 3]) * pose[..., 2]).sum(-1)
 
-    def _full(self, maps: Float[Tensor, "*batch v rows columns"]) -> Float[Tensor, "*batch v h w"]:
+    def per_pixel(self, maps: Float[Tensor, "*batch v rows columns"]) -> Float[Tensor, "*batch v h w"]:
         """A number for each Gaussian, repeated for the pixels that it stands for."""
         height, width = self.depths.shape[-2:]
         return maps.repeat_interleave(self.stride, -2).repeat_interleave(self.stride, -1)[..., :height, :width]
@@ -253,7 +259,7 @@ class Encoding:
         """
         if self.gaussians.semantic is None:
             raise ValueError("the Gaussians have no classes")
-        return self._full(self._class_grid(self.gaussians.semantic.features))
+        return self.per_pixel(self._class_grid(self.gaussians.semantic.features))
 
     def fused(self, cameras: Cameras) -> Encoding:
         """The same Gaussians with classes on which the input views agree, by the rule of `semgs.geometry.fusion`.

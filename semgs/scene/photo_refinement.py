@@ -155,7 +155,7 @@ def refine_until(
                 best = now
     if best is None:
         return Refined(unknowns.encoding(), passes)
-    return Refined(best, int(torch.tensor(curve).argmax()), tuple(curve))
+    return Refined(best, curve.index(max(curve)), tuple(curve))
 
 
 class Unknowns:
@@ -164,12 +164,8 @@ class Unknowns:
     def __init__(self, encoding: Encoding, views: Views, moves: bool) -> None:
         self._start, self._moves = encoding.map(torch.Tensor.detach), moves
         gaussians = self._start.gaussians
-        height, width = views.size
-        self._grid = rows, columns = -(-height // encoding.stride), -(-width // encoding.stride)
-        places = encoding.places
-        self._places = torch.arange(len(gaussians)) if places is None else places
-        self._places = self._places.to(gaussians.means.device)
-        owner = self._places // (rows * columns)
+        self._blocks = encoding.blocks.to(gaussians.means.device)
+        owner = encoding.own_views
         poses = views.cameras.world_from_camera.to(gaussians.means)[owner]
         self._rays = gaussians.means - poses[:, :3, 3]
         self._centres = poses[:, :3, 3]
@@ -179,7 +175,7 @@ class Unknowns:
         self._spread = self._start.per_gaussian(self._start.depth_spread[:, None])[:, 0].clamp(min=LEAST_SPREAD)
         colour, zeros = gaussians.colour, gaussians.means.new_zeros
         opacities = gaussians.opacities.clamp(1e-4, 1 - 1e-4)
-        cells = [-(-side // CELL) for side in (rows, columns)]
+        cells = [-(-side // CELL) for side in encoding.grid]
         self.colour = Unknown(colour.features[:, :1], 0.04)
         self.harmonics = Unknown(colour.features[:, 1:], 0.004)
         self.log_size = Unknown(colour.scales.clamp(min=1e-9).log(), 0.04)
@@ -205,7 +201,7 @@ class Unknowns:
         start = self._start.gaussians
         means, factors = start.means, start.means.new_ones(1)
         if self._moves:
-            factors = (self._cell_shifts().flatten()[self._places] + self.depth.value).exp()[:, None]
+            factors = (self._cell_shifts().flatten()[self._blocks] + self.depth.value).exp()[:, None]
             aside = (self._pixel @ self.aside.value[..., None])[..., 0]
             means = self._centres + (self._rays + aside) * factors
         return replace(
@@ -229,19 +225,18 @@ class Unknowns:
             return replace(start, gaussians=replace(gaussians, semantic=start.gaussians.semantic))
         shifts = self._cell_shifts()
         own = shifts.flatten()
-        own[self._places] += self.depth.value
-        factors = own[self._places].exp()[:, None]
+        own[self._blocks] += self.depth.value
+        factors = own[self._blocks].exp()[:, None]
         semantic = start.gaussians.semantic
         if semantic is not None:
             semantic = replace(semantic, scales=semantic.scales * factors)
         ratios = own.reshape(shifts.shape).exp()
-        height, width = start.depths.shape[-2:]
-        full = ratios.repeat_interleave(start.stride, -2).repeat_interleave(start.stride, -1)[..., :height, :width]
-        return replace(start, gaussians=replace(gaussians, semantic=semantic), depths=start.depths * full)
+        depths = start.depths * start.per_pixel(ratios)
+        return replace(start, gaussians=replace(gaussians, semantic=semantic), depths=depths)
 
     def _cell_shifts(self) -> Float[Tensor, "v rows columns"]:
         """The shift of log depth of each block, from those of the cells."""
-        rows, columns = self._grid
+        rows, columns = self._start.grid
         fine = torch.nn.functional.interpolate(
             self.cells.value, scale_factor=CELL, mode="bilinear", align_corners=False
         )
@@ -256,11 +251,11 @@ def _error(gaussians: Gaussians, encoding: Encoding, views: Views, view: int, ex
         shown = ~views.hidden[view].to(photo.device)
         photo, image = photo[:, shown], image[:, shown]
     if exposure:
-        image = fit_exposure(image.flatten(1), photo.flatten(1)).reshape(image.shape)
+        image = match_exposure(image.flatten(1), photo.flatten(1)).reshape(image.shape)
     return (image - photo).square().mean()
 
 
-def fit_exposure(image: Float[Tensor, "3 n"], photo: Float[Tensor, "3 n"]) -> Float[Tensor, "3 n"]:
+def match_exposure(image: Float[Tensor, "3 n"], photo: Float[Tensor, "3 n"]) -> Float[Tensor, "3 n"]:
     """The pixels of a rendering with the gain and offset of each channel that come closest to the photo."""
     with torch.no_grad():
         centred = image - image.mean(1, keepdim=True)

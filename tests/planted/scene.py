@@ -20,12 +20,12 @@ SCENE = (
     ),
     Mutant(
         "depths stay where the Gaussians were", REFINEMENT,
-        "depths=start.depths * full", "depths=start.depths",
+        "depths = start.depths * start.per_pixel(ratios)", "depths = start.depths",
         (f"{OF_REFINEMENT}depths_follow_the_gaussians_and_class_gaussians_grow_with_them",),
     ),
     Mutant(
         "Gaussians of a walk are those of the first photos", REFINEMENT,
-        "self._places = torch.arange(len(gaussians)) if places is None else places", "self._places = torch.arange(len(gaussians))",
+        "self._blocks = encoding.blocks.to(", "self._blocks = torch.arange(len(gaussians)).to(",
         (f"{OF_REFINEMENT}gaussians_of_merged_windows_know_their_photos",),
     ),
     Mutant(

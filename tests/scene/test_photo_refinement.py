@@ -12,7 +12,7 @@ from posed import posed_views
 
 from semgs.data.views import Views
 from semgs.scene.encoding import Encoding
-from semgs.scene.photo_refinement import Unknown, fit_exposure, refine, refine_until
+from semgs.scene.photo_refinement import Unknown, match_exposure, refine, refine_until
 
 SIZE = (29, 37)
 
@@ -124,7 +124,7 @@ def test_a_darker_photo_is_fitted_with_gain_and_offset() -> None:
     image = torch.rand(3, 35, generator=torch.Generator().manual_seed(1))
     gains, offsets = torch.tensor([0.5, 2.0, 1.0]), torch.tensor([0.1, -0.2, 0.0])
     photo = gains[:, None] * image + offsets[:, None]
-    torch.testing.assert_close(fit_exposure(image, photo), photo)
+    torch.testing.assert_close(match_exposure(image, photo), photo)
 
 
 def test_each_step_is_told(encoding: Encoding, views: Views) -> None:

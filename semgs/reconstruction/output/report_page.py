@@ -122,17 +122,15 @@ def _keys(result: Reconstruction, limits: tuple[float, float]) -> tuple[page.Leg
 def _galleries(result: Reconstruction, part: RenderedViews, limits: tuple[float, float]) -> tuple[page.Block, ...]:
     """Photo, render, classes and depth of each view, with the truth folded below."""
     labels, classes, truth = part.labels, result.classes, part.views
+    earlier = () if result.refinement is None else result.refinement.before
+    before = next((views for views in earlier if views.role == part.role), None)
     rows = []
     for index, (position, name, score) in enumerate(zip(part.positions, part.names, part.scores, strict=True)):
-        pictures = [
-            photo(truth.images[index], "photo (input)" if part.role == "context" else "photo (held out)"),
-            photo(part.rendering.images[index], "render"),
-        ]
+        pictures = [photo(truth.images[index], "photo (input)" if part.role == "context" else "photo (held out)")]
+        if before is not None:
+            pictures.append(photo(before.images[index], "render, one pass"))
+        pictures.append(photo(part.rendering.images[index], "render" if before is None else "render, refined"))
         more = []
-        if result.refinement is not None:
-            before = next(one for one in result.refinement.before if one.role == part.role)
-            pictures.insert(1, photo(before.images[index], "render, one pass"))
-            pictures[2] = photo(part.rendering.images[index], "render, refined")
         if labels is not None and classes is not None:
             pictures.append(class_map(labels[index], classes))
             if truth.labels is not None and truth.classes == classes:
