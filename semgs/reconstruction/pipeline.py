@@ -23,7 +23,7 @@ from semgs.rendering.depth_spread import render_depth_spread
 from semgs.rendering.rendering import check_may_be_unknown, confidence_maps, label_maps
 from semgs.runtime.stopwatch import Stages
 from semgs.scene.encoding import Encoding
-from semgs.scene.exposure import ExposureChoice, fit_exposures
+from semgs.scene.exposure import ExposureChoice, Exposures, fit_exposures
 from semgs.scene.photo_refinement import refine_until
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import up_of
@@ -153,7 +153,7 @@ def reconstruct(
         min_confidence: seen pixels with less are unknown in label maps; scores do not change.
         passes: refine the Gaussians with so many steps for each photo; 0 leaves them as the network placed them. The first held-out frame then
             decides when to stop, and is held out no longer.
-        stages: shows and times the stages read, encode, place, segment, merge, sharpen, features and render.
+        stages: shows and times the stages read, encode, place, segment, merge, expose, sharpen, features and render.
         notes: further notes for the user, a sentence each.
 
     Raises:
@@ -182,13 +182,9 @@ def reconstruct(
         with stages("read", f"Reading {count} frames at {height}x{width} (height x width)"):
             context, target = encoder.read(choice.context, choice.depth_range), encoder.read_target(choice)
         encoding = encoder.encode(choice.context, context, target).without(context.hidden)
-    exposures = None
-    if exposure != "as-taken":
-        exposures = fit_exposures(context, encoding.depths, encoding.depth_spread)
-        if exposures.differ or exposure == "fitted":
-            context, encoding = exposures.applied(context), exposures.recoloured(encoding)
-        else:
-            exposures = None
+    exposures = _other_exposures(context, encoding, exposure, stages)
+    if exposures is not None:
+        context, encoding = exposures.applied(context), exposures.recoloured(encoding)
     refined, unrefined, check, check_name = None, encoding, None, None
     if passes:
         check_name, check, choice, target = _split_check(scene, choice, target)
@@ -282,6 +278,15 @@ def render_views(
         label_maps(rendering, min_confidence) if semantic else None,
         confidence_maps(rendering) if semantic else None,
     )
+
+
+def _other_exposures(context: Views, encoding: Encoding, exposure: ExposureChoice, stages: Stages) -> Exposures | None:
+    """The exposures of the input photos; None if they are to stay as taken, or do not differ."""
+    if exposure == "as-taken":
+        return None
+    with stages("expose", f"Comparing the exposure of {len(context)} photos"):
+        exposures = fit_exposures(context, encoding.depths, encoding.depth_spread)
+    return exposures if exposures.differ or exposure == "fitted" else None
 
 
 def _split_check(

@@ -11,7 +11,6 @@ Only ratios of gains can be known: the logs of the gains, and the offsets, of ph
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import Literal
 
 import torch
@@ -19,10 +18,11 @@ from jaxtyping import Float, Float64
 from torch import Tensor
 
 from semgs.data.views import Views
-from semgs.geometry.cameras import back_project
+from semgs.geometry.cameras import Cameras, back_project
 from semgs.geometry.fusion import see_again
 from semgs.geometry.harmonics import basis
 from semgs.scene.encoding import Encoding
+from semgs.scene.nearest import inside
 
 ExposureChoice = Literal["auto", "fitted", "as-taken"]
 """Whether photos come to a common exposure: if they differ in exposure, always, or never."""
@@ -38,6 +38,12 @@ FLATTEST = 0.01
 
 FEWEST = 100
 """Photos that share fewer pixels are not compared."""
+
+PARTNERS = 8
+"""Each photo is compared with the next one, and with so many others that see the most of it: of a walk, not with all others."""
+
+THIN = 16
+"""Every so many pixels of every so many rows tell how much of a photo another one sees."""
 
 UNEXPLAINED = 2 / 3
 """Photos differ in exposure if no more than this share of their mean squared difference remains at the common one."""
@@ -120,7 +126,7 @@ def fit_exposures(views: Views, depths: Float[Tensor, "v h w"], spread: Float[Te
         apart = colours - mean[..., None]
         return _Pair(pixels, mean, apart.square().mean(-1).sqrt(), apart.prod(0).mean(-1))
 
-    found = {members: pair for members in combinations(range(len(views)), 2) if (pair := compare(*members))}
+    found = {members: pair for members in _partners(points, views.cameras) if (pair := compare(*members))}
     gains, offsets = torch.ones(len(views), 3, dtype=torch.float64), torch.zeros(len(views), 3, dtype=torch.float64)
     if not found:
         return Exposures(gains.float(), offsets.float(), 0.0, 0.0)
@@ -138,6 +144,30 @@ def fit_exposures(views: Views, depths: Float[Tensor, "v h w"], spread: Float[Te
     after = sum(pair.difference(gains[list(both)], offsets[list(both)]) for both, pair in found.items())
     total = float(pixels.sum())
     return Exposures(gains.float(), offsets.float(), before / total, after / total)
+
+
+def _partners(points: Float[Tensor, "v h w 3"], cameras: Cameras) -> list[tuple[int, int]]:
+    """The pairs of photos to compare, as positions of the first and the second; all pairs if the photos are few.
+
+    Args:
+        points: that the pixels of each photo show [m].
+        cameras: of the photos.
+    """
+    count = len(points)
+    thin = points[:, ::THIN, ::THIN].flatten(1, 2)
+    shares = inside(thin.flatten(0, 1), cameras).unflatten(0, (count, -1)).double().mean(1)
+    shares = (shares + shares.T).fill_diagonal_(-1)
+    best = shares.topk(min(PARTNERS, count - 1)).indices
+    pairs = {(one, one + 1) for one in range(count - 1)}
+    return sorted(
+        pairs
+        | {
+            (min(pair), max(pair))
+            for pair in zip(
+                torch.arange(count).repeat_interleave(best.shape[1]).tolist(), best.flatten().tolist(), strict=True
+            )
+        }
+    )
 
 
 def _solve(

@@ -125,7 +125,7 @@ def test_refined_gaussians_show_the_photos_better_and_the_first_held_out_frame_d
     scene, oracle = wall_scene(), PaleOracle()
     choice, stages = choose_named(scene, [0, 3]), Stages()
     result = reconstruct(scene, choice, oracle, passes=4, stages=stages)
-    assert list(stages.seconds) == ["read", "encode", "sharpen", "render"]
+    assert list(stages.seconds) == ["read", "encode", "expose", "sharpen", "render"]
     refinement = result.refinement
     assert refinement is not None
     assert (refinement.passes, refinement.check, len(refinement.curve)) == (4, scene.frames[1].name, 5)
@@ -176,7 +176,7 @@ def test_stages_are_announced_and_timed_in_order(wall_scene: Callable[..., Scene
     scene = wall_scene()
     stages = Stages()
     reconstruct(scene, choose_named(scene, [0, 3]), oracle, stages=stages)
-    assert list(stages.seconds) == ["read", "encode", "render"]
+    assert list(stages.seconds) == ["read", "encode", "expose", "render"]
     assert all(seconds > 0 for seconds in stages.seconds.values())
 
 

@@ -19,6 +19,7 @@ WALL = 4.0
 def few_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
     """The images are small: every pixel is compared."""
     monkeypatch.setattr(exposure, "STEP", 1)
+    monkeypatch.setattr(exposure, "THIN", 1)
     monkeypatch.setattr(exposure, "FEWEST", 20)
 
 
@@ -116,3 +117,14 @@ def test_gaussians_get_the_gain_and_offset_of_their_own_photo() -> None:
     torch.testing.assert_close(colours[count:], torch.full((count, 3), 0.45))
     places = encoding.without((torch.arange(2 * count) % 3 == 0).reshape(2, *SIZE))
     assert torch.equal(exposures.recoloured(places).gaussians.colour.features[:, 0], constant[places.places])
+
+
+def test_photos_of_a_walk_are_compared_with_those_that_see_most_of_them() -> None:
+    """Eleven photos a column apart: the first two and the last two are left out by each other. Four at one place are all compared."""
+    views, encoding = photos(torch.ones(11, 3), torch.zeros(11, 3), *(0.25 * place for place in range(11)))
+    points = back_project(encoding.depths, views.cameras)
+    pairs = exposure._partners(points, views.cameras)
+    assert len(pairs) == 11 * 10 // 2 - 4
+    assert {(0, 9), (0, 10), (1, 9), (1, 10)}.isdisjoint(pairs)
+    few, encoded_few = photos(torch.ones(4, 3), torch.zeros(4, 3), 0.0, 0.0, 0.0, 0.0)
+    assert len(exposure._partners(back_project(encoded_few.depths, few.cameras), few.cameras)) == 6

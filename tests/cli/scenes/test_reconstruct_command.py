@@ -43,7 +43,7 @@ def test_all_files_appear_and_the_summary_tells_what_was_done(done: tuple[Path, 
     numbers = json.loads((out / "report.json").read_text())
     assert numbers["choice"]["context"] == [0, 3]
     assert numbers["choice"]["targets"] == [1, 2]
-    assert list(numbers["seconds"]) == ["choose", "check", "load", "read", "encode", "render", "write"]
+    assert list(numbers["seconds"]) == ["choose", "check", "load", "read", "encode", "expose", "render", "write"]
     for part in (
         "0 (images/000.png), 3 (images/003.png)", numbers["choice"]["reason"], "PSNR", "encode", "random",
         str(out / "gaussians.ply"), f"Open {out / 'report.html'} in a browser.",
