@@ -1,0 +1,91 @@
+"""Pixel votes: what Gaussians collect from class maps, against blending weights worked out by hand and by rendering each Gaussian."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from semgs.geometry.cameras import Cameras
+from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.rendering import reference
+from semgs.rendering.pinhole import Pinhole
+from semgs.rendering.splats import Splats
+from semgs.scene.pixel_votes import PixelVotes
+
+SIZE = (9, 9)
+
+
+def camera() -> Cameras:
+    """At the origin, looking along +z; the axis passes the centre of the middle pixel."""
+    intrinsics = torch.tensor([[[9.0, 0, 4.5], [0, 9, 4.5], [0, 0, 1]]], dtype=torch.float64)
+    return Cameras(torch.eye(4, dtype=torch.float64)[None], intrinsics, SIZE)
+
+
+def on_the_axis(*depths_and_opacities: tuple[float, float]) -> Gaussians:
+    """Round Gaussians of 10 cm at some depths on the axis."""
+    depths, opacities = torch.tensor(depths_and_opacities).unbind(1)
+    count = len(depths)
+    means = torch.stack((torch.zeros(count), torch.zeros(count), depths), 1)
+    quaternions = torch.tensor([[1.0, 0, 0, 0]]).expand(count, 4)
+    return Gaussians(means, opacities, Appearance(quaternions, torch.full((count, 3), 0.1), torch.zeros(count, 1, 3)))
+
+
+def middle(*shares: float) -> torch.Tensor:
+    """A class map that knows the middle pixel alone."""
+    distributions = torch.zeros(len(shares), *SIZE)
+    distributions[:, 4, 4] = torch.tensor(shares)
+    return distributions
+
+
+def test_gaussians_collect_by_their_blending_weight() -> None:
+    """On its axis, 0.6 of a pixel is the Gaussian in front, 0.4 * 0.9 the one behind, and nothing is one behind the camera."""
+    votes = PixelVotes(on_the_axis((2.0, 0.6), (3.0, 0.9), (-2.0, 0.9)), 2)
+    votes.add(camera(), middle(0.75, 0.25))
+    torch.testing.assert_close(votes.sums, torch.tensor([[0.45, 0.15], [0.27, 0.09], [0, 0]]))
+    torch.testing.assert_close(votes.weights, torch.tensor([0.6, 0.36, 0.0]))
+    assert votes.unseen.tolist() == [False, False, True]
+
+
+def test_photos_agree_by_their_weights_and_the_unseen_stay_so() -> None:
+    """From behind the order turns round: the second Gaussian has 0.36 from the front and 0.9 from behind."""
+    scene = on_the_axis((2.0, 0.6), (3.0, 0.9), (50.0, 0.0))
+    behind = camera()
+    behind.world_from_camera[0] = torch.tensor([[-1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 5], [0, 0, 0, 1]])
+    votes = PixelVotes(scene, 2)
+    votes.add(camera(), middle(1.0, 0.0))
+    votes.add(behind, middle(0.0, 1.0))
+    labelled = votes.labelled()
+    assert labelled.semantic is not None
+    expected = torch.tensor([[0.6 / 0.66, 0.06 / 0.66], [0.36 / 1.26, 0.9 / 1.26], [0.5, 0.5]])
+    torch.testing.assert_close(labelled.semantic.features, expected)
+    assert labelled.semantic.scales is scene.colour.scales
+    assert labelled.means is scene.means
+
+
+def test_the_sums_are_those_of_the_reference_renderer_gaussian_by_gaussian() -> None:
+    torch.manual_seed(3)
+    count = 40
+    means = torch.rand(count, 3) * torch.tensor([2.0, 1.5, 1.0]) + torch.tensor([-1.0, -0.75, 2.0])
+    quaternions = torch.nn.functional.normalize(torch.randn(count, 4), dim=1)
+    shape = Appearance(quaternions, torch.rand(count, 3) * 0.2 + 0.02, torch.rand(count, 4, 3))
+    scene = Gaussians(means, torch.rand(count), shape)
+    votes, expected = PixelVotes(scene, 5), torch.zeros(count, 5)
+    for aside in (-0.5, 0.0, 0.5):
+        one = camera()
+        one.world_from_camera[0, 0, 3] = aside
+        distributions = torch.rand(5, *SIZE).softmax(0)
+        votes.add(one, distributions)
+        pinhole = Pinhole.of(one[0])
+        order = reference.depth_order(means, pinhole, None)
+        splats = Splats(means, quaternions, shape.scales, scene.opacities, torch.eye(count))
+        expected += torch.einsum("ghw,chw->gc", reference.splat(splats, order, pinhole).picture.float(), distributions)
+    assert expected.sum() > 50  # of 243 pixels
+    torch.testing.assert_close(votes.sums, expected, rtol=1e-4, atol=1e-4)
+
+
+def test_a_map_of_another_size_or_table_is_refused() -> None:
+    votes = PixelVotes(on_the_axis((2.0, 0.6)), 2)
+    with pytest.raises(ValueError, match=r"distributions are \(3, 9, 9\); expected \(2, 9, 9\)"):
+        votes.add(camera(), middle(0.2, 0.3, 0.5))
+    with pytest.raises(ValueError, match="expected"):
+        votes.add(camera(), torch.zeros(2, 9, 8))
