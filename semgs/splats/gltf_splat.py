@@ -79,9 +79,7 @@ def read_gltf(path: Path, data: bytes) -> Splat:
         if all(len(one) == len(gaussians) for one, gaussians in zip(columns, read, strict=True)):
             extra[name] = np.concatenate(columns).squeeze(-1) if columns[0].shape[1] == 1 else np.concatenate(columns)
     generator = file.content["asset"].get("generator")
-    return Splat(
-        _together(read), "glTF", "y", extra=extra, comments=(generator,) if isinstance(generator, str) else ()
-    )
+    return Splat(_together(read), "glTF", "y", extra=extra, comments=(generator,) if isinstance(generator, str) else ())
 
 
 def _parts(file: Container) -> Iterator[Part]:

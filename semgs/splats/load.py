@@ -15,15 +15,7 @@ from semgs.splats.ply_tables import read_tables
 from semgs.splats.splat import Splat
 from semgs.splats.spz import is_spz, read_spz
 
-ENDINGS = (".ply", ".spz", ".glb", ".gltf")
-"""Of the names of files that commands take for splats; what they are is told from their content."""
-
 EXPECTED = "a splat: PLY, compressed PLY, SPZ, or glTF with KHR_gaussian_splatting"
-
-
-def is_splat(path: Path) -> bool:
-    """Whether a path is a file with the ending of a splat."""
-    return path.suffix.lower() in ENDINGS and not path.is_dir()
 
 
 def load_splat(path: str | Path) -> Splat:

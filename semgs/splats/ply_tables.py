@@ -130,9 +130,7 @@ def _add(path: Path, place: str, element: Element, name: str, kind: str) -> None
     element.types[name] = kind
 
 
-def _binary(
-    path: Path, body: memoryview, order: str, elements: list[Element]
-) -> dict[str, dict[str, np.ndarray]]:
+def _binary(path: Path, body: memoryview, order: str, elements: list[Element]) -> dict[str, dict[str, np.ndarray]]:
     """The tables of a binary body, without copies."""
     kinds = [
         np.dtype({"names": list(element.types), "formats": [order + kind for kind in element.types.values()]})
