@@ -23,9 +23,10 @@ if TYPE_CHECKING:
     from semgs.robotics.occupancy import Occupancy, occupancy
     from semgs.scene.photo_refinement import refine
     from semgs.scene.scene_file import SavedScene, load_scene, save_scene
+    from semgs.splats.load import load_splat
 
 __all__ = [
-    "Cameras", "Gaussians", "Objects", "Occupancy", "SavedScene", "Views", "load", "load_scene", "objects", "occupancy", "open_scene", "refine", "render",
+    "Cameras", "Gaussians", "Objects", "Occupancy", "SavedScene", "Views", "load", "load_scene", "load_splat", "objects", "occupancy", "open_scene", "refine", "render",
     "save_ply", "save_scene", "save_semantic_ply", "stream", "tempered",
 ]  # fmt: skip
 
@@ -38,6 +39,7 @@ _HOMES = {
     "Views": "semgs.data.views",
     "load": "semgs.model.weights.load",
     "load_scene": "semgs.scene.scene_file",
+    "load_splat": "semgs.splats.load",
     "objects": "semgs.robotics.objects",
     "occupancy": "semgs.robotics.occupancy",
     "open_scene": "semgs.data.scenes",

@@ -17,7 +17,7 @@ FLOORS = (
     ("rendering",),
     ("data",),
     ("scene", "rooms", "sfm", "figures"),
-    ("segmenters", "objectives", "robotics", "doctor"),
+    ("segmenters", "objectives", "robotics", "doctor", "splats"),
     ("model",),
     ("training", "export", "mapping"),
     ("evaluation", "viewer", "ros", "bench"),
@@ -57,7 +57,18 @@ FOLDERS = {
 }  # fmt: skip
 """Packages whose folders have an order too: modules of one import their own folder and those before it. Modules beside folders may take part."""
 
-WITHOUT_NETWORK = ("segmenters", "robotics", "objectives", "doctor", "sfm", "rooms", "figures", "export", "viewer")
+WITHOUT_NETWORK = (
+    "segmenters",
+    "robotics",
+    "objectives",
+    "doctor",
+    "sfm",
+    "rooms",
+    "figures",
+    "export",
+    "viewer",
+    "splats",
+)
 """Packages that work on scenes and views, wherever these come from."""
 
 MOST_MODULES = 18
@@ -69,7 +80,7 @@ VERSION = "semgs._version"
 OPTIONAL = (
     "pycolmap", "embreex", "gsplat", "viser", "lightning_fabric", "sklearn", "tensorboard",
     "huggingface_hub", "lpips", "rosbags", "onnxruntime", "ai_edge_litert", "transformers", "yaml", "av", "lzfse", "pillow_heif", "matplotlib",
-    "scenezoo", "open3d", "rerun",
+    "scenezoo", "open3d", "rerun", "zstandard",
 )  # fmt: skip
 """Libraries that an extra brings: each is imported in one module, inside the function that needs it."""
 

@@ -29,9 +29,9 @@ from jaxtyping import Bool, Int64
 from torch import Tensor
 
 from semgs._version import __version__
-from semgs.export.ply import DEGREE_0
 from semgs.export.scene_objects import PlacedThing
 from semgs.files.atomic import write_bytes
+from semgs.geometry.harmonics import DEGREE_0
 from semgs.robotics.boxes import EDGES, SIGNS
 from semgs.scene.confidence import class_confidences
 from semgs.scene.scene_file import SavedScene

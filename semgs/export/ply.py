@@ -14,7 +14,6 @@ export.json (`semgs.export.export_record`).
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +23,7 @@ from jaxtyping import Int64
 from semgs.data.tables.classes import ClassTable
 from semgs.files.atomic import write_bytes
 from semgs.geometry.gaussians import Appearance, Gaussians
-
-DEGREE_0 = math.sqrt(1 / (4 * math.pi))
-"""The constant harmonic Y_00: a colour c in 0..1 is the coefficient (c - 0.5) / DEGREE_0."""
+from semgs.geometry.harmonics import DEGREE_0
 
 _FULL = 15  # harmonics above degree 0, per channel, at degree 3
 _SMALLEST_SCALE = 1e-20  # the log of 0, for a flat Gaussian, is not finite; this renders the same

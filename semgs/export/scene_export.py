@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Int64
+from jaxtyping import Bool, Int64, UInt8
 from torch import Tensor
 
-from semgs.export.colmap import copy_input_photos, photos_of, save_model, tracks_of
+from semgs.export.colmap import copy_input_photos, image_names, photos_of, save_model, tracks_of
 from semgs.export.export_record import ExportedFile
 from semgs.export.gltf import save_gltf
 from semgs.export.map_files import IMAGE, VOXELS, save_map, save_voxels
 from semgs.export.ply import save_ply, save_semantic_ply
 from semgs.export.points import make_points, save_bag, save_points
 from semgs.export.scene_objects import PlacedThing, file_from_scene, occupancy_of, place_things, save_objects
+from semgs.files.images.pictures import write_png
 from semgs.robotics.objects import Objects
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.selection import part_of
@@ -77,13 +78,20 @@ class SceneExport:
         (save_bag if ending == "mcap" else save_points)(folder / f"points.{ending}", points)
         return ExportedFile(f"points.{ending}", framed, len(points))
 
-    def write_colmap(self, folder: Path, framed: FramedScene, source: Path) -> tuple[ExportedFile, list[str]]:
+    def write_colmap(
+        self,
+        folder: Path,
+        framed: FramedScene,
+        source: Path,
+        images_of_views: Sequence[UInt8[np.ndarray, "h w 3"]] | None = None,
+    ) -> tuple[ExportedFile, list[str]]:
         """Write the folder colmap; returns also notes about what is missing.
 
         Args:
             folder: the output folder.
             framed: the scene in the frame of the model.
             source: the folder of `semgs reconstruct` that has the photos of the input views.
+            images_of_views: the photos themselves; None takes those of `source`.
         """
         notes = []
         tracks = tracks_of(framed.scene)
@@ -93,8 +101,12 @@ class SceneExport:
         model, images = folder / "colmap" / "sparse" / "0", folder / "colmap" / "images"
         model.mkdir(parents=True)
         save_model(model, framed.scene, make_points(framed.scene).only(keep), tracks.only(keep))
-        photos = photos_of(source, framed.scene)
-        if photos is None:
+        photos = None if images_of_views is not None else photos_of(source, framed.scene)
+        if images_of_views is not None:
+            images.mkdir()
+            for name, image in zip(image_names(framed.scene.frames), images_of_views, strict=True):
+                write_png(images / name, image)
+        elif photos is None:
             notes.append(
                 f"{source} has no photos of the input views, so colmap/images is missing; export from a folder of semgs reconstruct"
             )

@@ -14,6 +14,9 @@ from torch import Tensor
 MAX_DEGREE = 3
 """The highest degree of the format."""
 
+DEGREE_0 = sqrt(1 / (4 * pi))
+"""The constant harmonic Y_00: a colour c in 0..1 is the coefficient (c - 0.5) / DEGREE_0."""
+
 
 def basis(directions: Float[Tensor, "*batch 3"], degree: int) -> Float[Tensor, "*batch k"]:
     """Real spherical harmonics of unit directions up to `degree`, with 3DGS's signs (Condon-Shortley phase kept).
@@ -24,7 +27,7 @@ def basis(directions: Float[Tensor, "*batch 3"], degree: int) -> Float[Tensor, "
     if not 0 <= degree <= MAX_DEGREE:
         raise ValueError(f"degree is {degree}; expected 0 to {MAX_DEGREE}")
     x, y, z = directions.unbind(-1)
-    values = [torch.full_like(x, sqrt(1 / (4 * pi)))]
+    values = [torch.full_like(x, DEGREE_0)]
     if degree >= 1:
         c = sqrt(3 / (4 * pi))
         values += [-c * y, c * z, -c * x]

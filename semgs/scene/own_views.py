@@ -33,10 +33,11 @@ def own_images(scene: SavedScene) -> Float[Tensor, "v rows columns 3"]:
 
 
 def own_points(scene: SavedScene) -> Float64[Tensor, "v rows columns 3"]:
-    """The surface at each place of the input views: the Gaussians, or, in merged scenes, the depth of the views."""
+    """The surface at each place of the input views: the Gaussians, or, in merged scenes and splats, the depth of the views; NaN if it is unknown."""
     if scene.places is None:
         return scene.gaussians.means.double().reshape(*scene.grid, 3)
-    points = back_project(scene.depths.double(), scene.cameras)
+    depths = scene.depths.double()
+    points = back_project(torch.where(depths > 0, depths, torch.nan), scene.cameras)
     return points[:, :: scene.stride, :: scene.stride]
 
 

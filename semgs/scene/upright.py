@@ -122,12 +122,24 @@ class FramedScene:
         return inverse_rigid(self.file_from_source)
 
 
-def up_of(scene: SavedScene, up: Up = "auto") -> UpDirection:
-    """The direction that is up in a scene."""
+def axis_direction(axis: Literal["x", "y", "z", "-x", "-y", "-z"]) -> Float64[Tensor, " 3"]:
+    """The unit vector along an axis, or against it."""
+    direction = torch.zeros(3, dtype=torch.float64)
+    direction["xyz".index(axis[-1])] = -1 if axis[0] == "-" else 1
+    return direction
+
+
+def up_of(scene: SavedScene, up: Up | UpDirection = "auto") -> UpDirection:
+    """The direction that is up in a scene.
+
+    Args:
+        scene: with all of its Gaussians.
+        up: if it is known: an axis, or the direction.
+    """
+    if isinstance(up, UpDirection):
+        return up
     if up != "auto":
-        direction = torch.zeros(3, dtype=torch.float64)
-        direction["xyz".index(up[-1])] = -1 if up[0] == "-" else 1
-        return UpDirection(direction, "as given")
+        return UpDirection(axis_direction(up), "as given")
     cues = _cues(scene)
     pitch = roll = 0.0
     score = torch.zeros(1, dtype=torch.float64)
@@ -226,7 +238,7 @@ def upright(scene: SavedScene, axes: Axes, up: Up | UpDirection = "auto") -> Fra
         axes: the direction that is up in the file.
         up: the direction that is up in the scene.
     """
-    found = up if isinstance(up, UpDirection) else up_of(scene, up)
+    found = up_of(scene, up)
     forward = scene.cameras.world_from_camera[0, :3, 2]
     level = forward - (forward @ found.direction) * found.direction
     if level.norm() < 1e-6:  # it looks straight down or up

@@ -12,7 +12,7 @@ from semgs.export.scene_objects import place_things
 from semgs.files.text import printable
 from semgs.robotics.objects import Objects
 from semgs.scene.scene_file import SavedScene
-from semgs.scene.upright import Up, up_of
+from semgs.scene.upright import Up, UpDirection, up_of
 from semgs.viewer.nodes import add_boxes, add_input_views, add_splats, node_name, set_first_camera
 from semgs.viewer.server import serving
 from semgs.viewer.splat_groups import Mode, SceneSplats
@@ -35,7 +35,7 @@ def scene_page(
     scene: SavedScene,
     photos: Sequence[UInt8[np.ndarray, "h w 3"]] = (),
     *,
-    up: Up = "auto",
+    up: Up | UpDirection = "auto",
     min_confidence: float = 0.0,
     at_most: int = MOST_GAUSSIANS,
     things: Objects | None = None,

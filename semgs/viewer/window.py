@@ -69,7 +69,7 @@ def open_window(
     scene: SavedScene,
     photos: Sequence[UInt8[np.ndarray, "h w 3"]] = (),
     *,
-    up: Up = "auto",
+    up: Up | UpDirection = "auto",
     min_confidence: float = 0.0,
     at_most: int | None = None,
     things: Objects | None = None,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from semgs.cli.arguments import did_you_mean
+from semgs.cli.opened_scene import open_given
 from semgs.cli.options.types import Probability, at_least, one_word
 from semgs.cli.progress import show_stage
 from semgs.cli.terminal import aligned
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from semgs.export.scene_export import SceneExport
     from semgs.scene.scene_file import SavedScene
     from semgs.scene.upright import Axes, FramedScene, UpDirection
+    from semgs.splats.reconstruction import OpenedScene
 
 Format = Literal["ply", "points", "mcap", "gltf", "colmap", "objects", "occupancy"]
 
@@ -42,7 +44,7 @@ Metres = Annotated[float, one_word("METRES", at_least(0.0, more=True))]
 class Export:
     """Write a reconstructed scene for other programs, the right way up.
 
-    SCENE is an output folder of semgs reconstruct, or its scene.safetensors. OUT will contain
+    SCENE is an output folder of semgs reconstruct, its scene.safetensors, or a splat of another program (PLY, SPZ, glTF). OUT will contain
     - gaussians.ply (--as ply): 3D Gaussians for splat viewers such as SuperSplat; with --colour classes semantics.ply, coloured by class
     - points.ply (--as points): points with colour, class and confidence, for CloudCompare, Open3D and trimesh
     - points.mcap (--as mcap): the same as a PointCloud2, for RViz and Foxglove; needs pip install '.[ros]'
@@ -61,10 +63,11 @@ class Export:
     - semgs export out/office --as points --classes chair table --min-confidence 0.5 --out chairs
     - semgs export out/office --as colmap --frame scene --out training
     - semgs export out/office --as objects occupancy --frame scene --out map
+    - semgs export office.spz --as ply gltf --up z --out office
     """
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
-    """Folder from semgs reconstruct, or a scene file."""
+    """Folder from semgs reconstruct, a scene file, or a splat."""
     out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
     formats: Annotated[tuple[Format, ...], tyro.conf.arg(name="as")] = ("ply",)
@@ -74,7 +77,9 @@ class Export:
     coordinates of the scene's poses; if they are far from their origin, all is relative to the origin in scene.safetensors. A robot's map
     needs scene, and poses with +Z up."""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
-    """The direction that is up in the scene's coordinates. auto finds it from floors and walls."""
+    """The direction that is up in the scene's coordinates. auto finds it from floors and walls; for a splat without --cameras it is what is usual in its format."""
+    cameras: Annotated[Path | None, tyro.conf.arg(metavar="SCENE", help_behavior_hint="")] = None
+    """For a splat: the scene with its cameras, in its coordinates."""
     colour: tuple[Literal["photo", "classes"], ...] = ("photo",)
     """Colours of --as ply; with both, two files."""
     min_opacity: Probability = 0.0
@@ -119,19 +124,21 @@ class Export:
             from semgs.export.scene_objects import things_of
             from semgs.files.bags import check_bag_library
             from semgs.robotics.object_libraries import check_object_libraries
-            from semgs.scene.scene_file import load_scene
             from semgs.scene.upright import up_of
 
             if "mcap" in self.formats:
                 check_bag_library()
             if "objects" in self.formats:
                 check_object_libraries()
-            scene = load_scene(self.scene)
+            opened = open_given(self.scene, self.cameras, self.up)
+            scene = opened.scene
             keep = self._selected(scene)
+            if "colmap" in self.formats and opened.pivot is not None:
+                raise UsageError("--as colmap is for training on photos; give the scene that has them with --cameras")
             for_robots = bool({"objects", "occupancy"} & set(self.formats))
-            found_up = up_of(scene, self.up) if self.frame == "upright" or for_robots else None
+            found_up = up_of(scene, opened.up) if self.frame == "upright" or for_robots else None
             if for_robots:
-                self._check_for_robots(scene, found_up)
+                self._check_for_robots(opened, found_up)
         notes = [] if found_up is None or found_up.certain else [found_up.warning]
         things = None
         if "objects" in self.formats and found_up is not None:
@@ -142,11 +149,13 @@ class Export:
         with own_folder(self.out, self.overwrite) as folder, show_stage("Writing"):
             files = []
             for name in dict.fromkeys(self.formats):
-                files += self._write(folder, name, export, notes)
+                files += self._write(folder, name, export, opened, notes)
             write_record(folder, files, export.up)
         self._print(files, notes)
 
-    def _write(self, folder: Path, name: Format, export: SceneExport, notes: list[str]) -> list[ExportedFile]:
+    def _write(
+        self, folder: Path, name: Format, export: SceneExport, opened: OpenedScene, notes: list[str]
+    ) -> list[ExportedFile]:
         """Write the files of a format, and add to the notes."""
         framed = export.frame(UP_OF[name])
         if name == "ply":
@@ -155,7 +164,7 @@ class Export:
             return [export.write_gltf(folder, framed)]
         if name == "colmap":
             file, missing = export.write_colmap(
-                folder, framed, self.scene if self.scene.is_dir() else self.scene.parent
+                folder, framed, self.scene if self.scene.is_dir() else self.scene.parent, opened.photos
             )
             notes += missing
             return [file]
@@ -197,16 +206,17 @@ class Export:
             raise UsageError("no Gaussian is left; relax --min-opacity, --min-confidence or --classes")
         return keep
 
-    def _check_for_robots(self, scene: SavedScene, up: UpDirection | None) -> None:
+    def _check_for_robots(self, opened: OpenedScene, up: UpDirection | None) -> None:
         """Check that a scene has what things and maps need."""
         from semgs.export.scene_objects import Z_IS_UP, check_metric
 
+        scene = opened.scene
         try:
             check_metric(scene)
         except ValueError as error:
             raise InputError(
                 self.scene, "a scene in metres for --as objects and occupancy", "one whose unit is unknown",
-                advice="reconstruct it again with --scale-from",
+                advice="give --cameras with a scene in metres" if opened.splat else "reconstruct it again with --scale-from",
             ) from error  # fmt: skip
         if "objects" in self.formats and scene.classes is None:
             raise InputError(self.scene, "a scene with classes for --as objects", "one with colour and depth only")

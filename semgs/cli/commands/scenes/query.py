@@ -15,6 +15,7 @@ from semgs.cli.terminal import aligned
 from semgs.cli.usage_errors import UsageError
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
+from semgs.splats.endings import is_splat
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -66,6 +67,10 @@ class Query:
         """
         if self.threshold is not None and not -1 <= self.threshold <= 1:
             raise UsageError(f"--threshold is {self.threshold:g}; expected a cosine, from -1 to 1")
+        if is_splat(self.scene):
+            raise InputError(
+                self.scene, "a scene with features", "a splat of another program, which has none", advice="reconstruct its photos with --features"
+            )  # fmt: skip
         check_folder(self.out, self.overwrite)
         with show_stage("Reading the scene"):
             from semgs.scene.scene_file import load_scene

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from semgs.cli.opened_scene import open_given
 from semgs.cli.options.types import Count, Probability, Size
 from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress, show_stage
@@ -19,17 +20,18 @@ if TYPE_CHECKING:
     from semgs.export.stills import Stills
     from semgs.geometry.cameras import Cameras
     from semgs.scene.scene_file import SavedScene
+    from semgs.splats.reconstruction import OpenedScene
 
 VIDEO = ".mp4"
 CAMERAS = "transforms.json"
-SWING = 24.0
+SWING, CIRCLE = 24.0, 360.0
 
 
 @dataclass(frozen=True)
 class Render:
     """Render images or a video of a reconstructed scene along a camera path.
 
-    SCENE is an output folder of semgs reconstruct, or its scene.safetensors. If OUT ends with .mp4, it is a video, with the images side by side.
+    SCENE is an output folder of semgs reconstruct, its scene.safetensors, or a splat of another program (PLY, SPZ, glTF). If OUT ends with .mp4, it is a video, with the images side by side.
     Otherwise it is a folder with
     - 0000_colour.png, 0000_classes.png ...: an image for each camera and each --show
     - transforms.json: the cameras, which --path reads again
@@ -39,14 +41,15 @@ class Render:
     - semgs render out/office --out office.mp4 --path inputs --show colour overlay depth --size 480x640
     - semgs render out/office --out stills --frames 8 --show colour rgba
     - semgs render out/office --out path.mp4 --path camera_path.json
+    - semgs render office.spz --out office.mp4 --cameras scans/office --path inputs
     """
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
-    """Folder from semgs reconstruct, or a scene file."""
+    """Folder from semgs reconstruct, a scene file, or a splat."""
     out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
     """Output: a video (.mp4) or a folder, new or, with --overwrite, one from an earlier run."""
     path: Annotated[str, tyro.conf.arg(metavar="orbit|inputs|FILE")] = "orbit"
-    """orbit swings around what the first input view looks at; inputs goes from the first input view to the last and back; FILE is a camera path of
+    """orbit swings around what the first input view looks at, or circles a splat without --cameras; inputs goes from the first input view to the last and back; FILE is a camera path of
     nerfstudio or a transforms.json, in the coordinates of the scene's poses."""
     show: Annotated[
         tuple[Literal["colour", "classes", "overlay", "depth", "confidence", "alpha", "rgba"], ...],
@@ -58,7 +61,10 @@ class Render:
         Count | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: 120; a FILE has its own)")
     ] = None
     """Number of images along the path."""
-    degrees: float = SWING
+    degrees: Annotated[
+        float | None,
+        tyro.conf.arg(metavar="FLOAT", help_behavior_hint="(default: 24; 360 for a splat without --cameras)"),
+    ] = None
     """Angle of the orbit: half of it to each side, or 360 for a full circle. The further from the input views, the more holes there are."""
     size: Annotated[Size | None, tyro.conf.arg(metavar="HxW", help_behavior_hint="")] = None
     """Height x width of the images, in pixels; by default that of the reconstruction. The height of the view stays; more or less is seen to both sides."""
@@ -66,6 +72,8 @@ class Render:
     """Images per second of a video."""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
     """The direction that is up in the scene's coordinates, for the orbit."""
+    cameras: Annotated[Path | None, tyro.conf.arg(metavar="SCENE", help_behavior_hint="")] = None
+    """For a splat: the scene with its cameras, in its coordinates. Without it, cameras are put around the splat, or inside if it is a room."""
     min_confidence: Probability = 0.0
     """Pixels whose likeliest class is less likely than this are unknown: grey in the class map."""
     overwrite: bool = False
@@ -80,7 +88,7 @@ class Render:
             ImportError: OUT is a video, and PyAV is not installed.
         """
         video = self.out.suffix.lower() == VIDEO
-        if not 0 < self.degrees <= 360:
+        if self.degrees is not None and not 0 < self.degrees <= 360:
             raise UsageError(f"--degrees is {self.degrees:g}; expected more than 0, at most 360")
         if video and "rgba" in self.show:
             raise UsageError("--show rgba is for images; a video has no transparency")
@@ -92,13 +100,12 @@ class Render:
             check_folder(self.out, self.overwrite)
         with show_stage("Reading the scene"):
             from semgs.export.video import check_video_library
-            from semgs.scene.scene_file import load_scene
 
             if video:
                 check_video_library()
-            scene = load_scene(self.scene)
-            stills = self._stills(scene)
-            cameras, note = self._cameras(scene)
+            opened = open_given(self.scene, self.cameras, self.up)
+            stills = self._stills(opened.scene)
+            cameras, note = self._path_cameras(opened)
             if video:
                 self._check_width(cameras, len(stills.shows))
         count = cameras.batch[0]
@@ -124,21 +131,23 @@ class Render:
         with what_the_user_gave():
             return Stills(scene, shows, self.min_confidence)
 
-    def _cameras(self, scene: SavedScene) -> tuple[Cameras, str]:
+    def _path_cameras(self, opened: OpenedScene) -> tuple[Cameras, str]:
         """The cameras of the path, and a note; "" for none."""
         from semgs.export.camera_files import read_camera_file
         from semgs.geometry.camera_paths import interpolate_cameras, orbit, resize_cameras
         from semgs.scene.upright import up_of
 
-        note = ""
+        note, scene = "", opened.scene
         if self.path == "orbit":
-            up = up_of(scene, self.up)
+            up = up_of(scene, opened.up)
             if not up.certain:
                 note = up.warning
-            camera = scene.cameras[0]
-            seen = scene.depths[0][scene.depths[0] > 0]
-            pivot = camera.centres + float(seen.median() if len(seen) else 1.0) * camera.world_from_camera[:3, 2]
-            cameras = orbit(camera, pivot, up.direction, self.degrees, self.frames or 120)
+            camera, pivot = scene.cameras[0], opened.pivot
+            degrees = self.degrees or (SWING if pivot is None else CIRCLE)
+            if pivot is None:
+                seen = scene.depths[0][scene.depths[0] > 0]
+                pivot = camera.centres + float(seen.median() if len(seen) else 1.0) * camera.world_from_camera[:3, 2]
+            cameras = orbit(camera, pivot, up.direction, degrees, self.frames or 120)
         elif self.path == "inputs":
             if len(scene.frames) < 2:
                 raise InputError(self.scene, "two input views or more for --path inputs", "one")

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from semgs.cli.commands.scenes.reconstruct import Reconstruct
+from semgs.cli.opened_scene import open_given
 from semgs.cli.options.types import Count, Probability, Views, WeightsOrRandom, at_least, one_word
 from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_stage
@@ -23,11 +24,12 @@ from semgs.files.atomic import write_text
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 from semgs.robotics.object_libraries import check_object_libraries
+from semgs.splats.endings import is_splat
 from semgs.viewer.server import LOOPBACK, check_viewer_library
 
 if TYPE_CHECKING:
     from semgs.robotics.objects import Objects
-    from semgs.scene.scene_file import SavedScene
+    from semgs.splats.reconstruction import OpenedScene
 
 SCENE_FILE = "scene.safetensors"
 
@@ -38,7 +40,7 @@ LAST_PORT = 65535
 class View:
     """Show a scene in 3D in your browser: colour, classes, confidence or depth, with every class on a checkbox.
 
-    SCENE is an output folder of semgs reconstruct, or its scene.safetensors. Posed photos, as for semgs reconstruct, are reconstructed first and not saved.
+    SCENE is an output folder of semgs reconstruct, its scene.safetensors, or a splat of another program (PLY, SPZ, glTF). Posed photos, as for semgs reconstruct, are reconstructed first and not saved.
     The viewer runs until Ctrl-C. With --html, it is one page instead, which needs no network and no Python.
 
     Examples
@@ -46,10 +48,11 @@ class View:
     - semgs view scans/office --views 3
     - semgs view out/office --objects
     - semgs view out/office --html office.html
+    - semgs view office.ply --cameras scans/office
     """
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
-    """Folder from semgs reconstruct, a scene file, or posed photos."""
+    """Folder from semgs reconstruct, a scene file, a splat, or posed photos."""
     html: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
     """Write the scene as one page and exit."""
     max_gaussians: Annotated[
@@ -62,6 +65,8 @@ class View:
     """Show things: the boxes of pieces of furniture, and a colour for each. The scene must be in metres; needs pip install '.[objects]'."""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
     """The direction that is up in the scene's coordinates."""
+    cameras: Annotated[Path | None, tyro.conf.arg(metavar="SCENE", help_behavior_hint="")] = None
+    """A splat: the scene with its cameras, in its coordinates. Without it, cameras are put around the splat, or inside if it is a room."""
     port: Annotated[int, one_word("INT", at_least(1))] = 8080
     """Port of the viewer; if it is taken, the next free one."""
     host: str = LOOPBACK
@@ -98,7 +103,8 @@ class View:
     @contextmanager
     def _reconstructed(self) -> Iterator[Path]:
         """The folder or file of the scene; posed photos are reconstructed into a folder that disappears at the end."""
-        if self.scene.suffix == Path(SCENE_FILE).suffix or (self.scene / SCENE_FILE).exists():
+        saved = self.scene.suffix == Path(SCENE_FILE).suffix or (self.scene / SCENE_FILE).exists()
+        if saved or is_splat(self.scene):
             yield self.scene
             return
         with TemporaryDirectory(prefix="semgs-") as folder:
@@ -111,26 +117,26 @@ class View:
     def _write(self, path: Path, file: Path) -> None:
         """Write the page."""
         with show_stage("Writing the page"):
-            from semgs.scene.scene_file import load_scene
             from semgs.viewer.viewer_cameras import photos_in
             from semgs.viewer.viewer_page import MOST_GAUSSIANS, scene_page
 
-            scene = load_scene(path)
-            photos = photos_in(path if path.is_dir() else path.parent, scene)
+            opened = open_given(path, self.cameras, self.up)
+            scene = opened.scene
+            photos = opened.photos if opened.splat else photos_in(path if path.is_dir() else path.parent, scene)
             at_most = self.max_gaussians or MOST_GAUSSIANS
             page = scene_page(
                 scene,
-                photos,
-                up=self.up,
+                photos or (),
+                up=opened.up,
                 min_confidence=self.min_confidence,
                 at_most=at_most,
-                things=self._things(scene),
+                things=self._things(opened),
             )
             write_text(file, page)
         count = min(at_most, len(scene.gaussians))
         print(f"{file}: {count:,} of {len(scene.gaussians):,} Gaussians, {file.stat().st_size / 1e6:.1f} MB")
 
-    def _things(self, scene: SavedScene) -> Objects | None:
+    def _things(self, opened: OpenedScene) -> Objects | None:
         """The things of the scene, if they are to be shown."""
         if not self.objects:
             return None
@@ -138,28 +144,28 @@ class View:
         from semgs.scene.upright import up_of
 
         try:
-            return things_of(scene, up_of(scene, self.up))
+            return things_of(opened.scene, up_of(opened.scene, opened.up))
         except ValueError as error:
             raise InputError(self.scene, "a scene in metres with classes for --objects", str(error)) from error
 
     def _show(self, path: Path) -> None:
         """Show the viewer until an interrupt."""
         with show_stage("Reading the scene"):
-            from semgs.scene.scene_file import load_scene
             from semgs.viewer.viewer_cameras import photos_in
             from semgs.viewer.window import open_window
 
-            scene = load_scene(path)
-            photos = photos_in(path if path.is_dir() else path.parent, scene)
+            opened = open_given(path, self.cameras, self.up)
+            scene = opened.scene
+            photos = opened.photos if opened.splat else photos_in(path if path.is_dir() else path.parent, scene)
         if self.host != LOOPBACK:
             print(f"semgs: anybody who can reach {self.host} can see this scene, without a password", file=sys.stderr)
         viewer = open_window(
             scene,
-            photos,
-            up=self.up,
+            photos or (),
+            up=opened.up,
             min_confidence=self.min_confidence,
             at_most=self.max_gaussians,
-            things=self._things(scene),
+            things=self._things(opened),
             host=self.host,
             port=self.port,
         )

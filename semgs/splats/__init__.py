@@ -1,0 +1,1 @@
+"""Gaussian splats of other programs: their files, and scenes made of them."""

@@ -1,0 +1,193 @@
+"""Containers of glTF 2.0, .glb and .gltf: their JSON, and accessors as arrays, read without trusting any number in them.
+
+Source: https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html, chapters 3.6 (buffers, accessors) and 4 (GLB).
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import struct
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+
+from semgs.files.contents import read_bytes
+from semgs.files.errors import InputError, input_error
+from semgs.files.strict_json import parse_json
+
+MAGIC = b"glTF"
+HEADER, CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
+VERSION = 2
+EXPECTED = "a glTF file"
+DATA = "data:"
+
+_TYPES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_STRIDES = range(4, 253, 4)
+
+
+@dataclass(frozen=True)
+class Container:
+    """A file taken apart.
+
+    Attributes:
+        path: the file.
+        content: its JSON object.
+        body: the binary chunk of a .glb; None if it has none.
+    """
+
+    path: Path
+    content: dict[str, Any]
+    body: bytes | None = None
+
+    def entry(self, kind: str, index: object, place: str) -> dict[str, Any]:
+        """An object of a list of the file, such as "accessors".
+
+        Args:
+            kind: the list.
+            index: of the object.
+            place: what refers to it, for the error.
+
+        Raises:
+            InputError: there is none.
+        """
+        entries = self.content.get(kind, [])
+        known = isinstance(entries, list) and type(index) is int and 0 <= index < len(entries)
+        if not known or not isinstance(entries[index], dict):
+            raise InputError(self.path, f"an object of {kind}", f"{index!r:.40}", place)
+        return entries[index]
+
+    def whole(self, entry: dict[str, Any], key: str, place: str, default: int | None = None) -> int:
+        """A whole number, 0 or more.
+
+        Raises:
+            InputError: it is something else, or is missing and there is no default.
+        """
+        value = entry.get(key, default)
+        if type(value) is not int or value < 0:
+            raise InputError(self.path, "a whole number", f"{value!r:.40}", f"{place}.{key}")
+        return value
+
+    def count(self, index: object, place: str) -> int:
+        """The rows of an accessor."""
+        return self.whole(self.entry("accessors", index, place), "count", f"accessors[{index}]")
+
+    def array(self, index: object, place: str) -> np.ndarray:
+        """The values of an accessor [n k], as float64; normalised integers as what they stand for.
+
+        Raises:
+            InputError: it is sparse, or does not fit its buffer, or has a type that is not known.
+        """
+        accessor = self.entry("accessors", index, place)
+        place = f"accessors[{index}]"
+        if "sparse" in accessor:
+            raise InputError(self.path, "accessors that are not sparse", "a sparse one", place)
+        width, component = _TYPES.get(accessor.get("type", "")), _COMPONENTS.get(accessor.get("componentType", 0))
+        if width is None or component is None:
+            found = f"{accessor.get('type')!r:.20}, {accessor.get('componentType')!r:.20}"
+            raise InputError(self.path, "scalars or vectors of a known componentType", found, place)
+        kind = np.dtype((component, (width,)))
+        count = self.whole(accessor, "count", place)
+        view = self.entry("bufferViews", accessor.get("bufferView"), place)
+        start = self.whole(accessor, "byteOffset", place, 0)
+        stride = self.whole(view, "byteStride", place, kind.itemsize)
+        if stride < kind.itemsize or (stride != kind.itemsize and stride not in _STRIDES):
+            raise InputError(self.path, f"a stride of at least {kind.itemsize} bytes", f"{stride}", place)
+        data = self._view(view, f"bufferViews[{accessor.get('bufferView')}]")
+        if not count or start + (count - 1) * stride + kind.itemsize > len(data):
+            found = f"{count:,} rows of {stride} bytes in {len(data):,}"
+            raise InputError(self.path, "rows inside the buffer", found, place)
+        values = np.ndarray((count, width), component, data, start, (stride, kind.itemsize // width))
+        if values.dtype.kind == "f" or not accessor.get("normalized", False):
+            return values.astype(np.float64)
+        return np.maximum(values / np.iinfo(values.dtype).max, -1)
+
+    def _view(self, view: dict[str, Any], place: str) -> memoryview:
+        """The bytes of a part of a buffer."""
+        index = view.get("buffer")
+        buffer = self.entry("buffers", index, place)
+        start, length = self.whole(view, "byteOffset", place, 0), self.whole(view, "byteLength", place)
+        data = self._buffer(buffer, index, f"buffers[{index}]")
+        limit = min(len(data), self.whole(buffer, "byteLength", f"buffers[{index}]"))
+        if start + length > limit:
+            raise InputError(self.path, f"a part of the {limit:,} bytes", f"{start:,} to {start + length:,}", place)
+        return memoryview(data)[start : start + length]
+
+    def _buffer(self, buffer: dict[str, Any], index: object, place: str) -> bytes:
+        """The bytes of a buffer: of the .glb itself, inside the text, or of a file beside it."""
+        uri = buffer.get("uri")
+        if uri is None:
+            if self.body is None or index != 0:
+                raise InputError(self.path, "a buffer with bytes", "none", place)
+            return self.body
+        if not isinstance(uri, str):
+            raise InputError(self.path, "a text", f"{uri!r:.40}", f"{place}.uri")
+        if uri.startswith(DATA):
+            head, _, text = uri.partition(",")
+            if not head.endswith(";base64"):
+                raise InputError(self.path, "data in base64", f"{head[:40]!r}", f"{place}.uri")
+            try:
+                return base64.b64decode(text, validate=True)
+            except (binascii.Error, ValueError) as error:
+                raise InputError(self.path, "data in base64", str(error), f"{place}.uri") from error
+        name = PurePosixPath(unquote(uri))
+        if ":" in uri or "\\" in uri or "\0" in str(name) or name.is_absolute() or ".." in name.parts or not name.parts:
+            raise InputError(self.path, "a file in the same folder", f"{uri[:60]!r}", f"{place}.uri")
+        file = self.path.parent / name
+        if not file.is_file():
+            raise InputError(self.path, "a buffer whose file exists", f"{uri[:60]!r}", f"{place}.uri")
+        return read_bytes(file)
+
+
+def is_gltf(data: bytes) -> bool:
+    """Whether bytes may be a glTF file: a GLB, or a JSON object with an asset."""
+    return data[:4] == MAGIC or (data[:64].lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"{" and b'"asset"' in data)
+
+
+def open_container(path: Path, data: bytes) -> Container:
+    """Take a glTF file apart.
+
+    Args:
+        path: the file, whose folder may have buffers.
+        data: its bytes.
+
+    Raises:
+        InputError: it is damaged or of another version.
+    """
+    text, body = _chunks(path, data) if data[:4] == MAGIC else (data, None)
+    with input_error(path, f"{EXPECTED} with JSON"):
+        content = parse_json(text)
+    asset = content.get("asset") if isinstance(content, dict) else None
+    version = asset.get("version") if isinstance(asset, dict) else None
+    if not isinstance(version, str) or not version.startswith(f"{VERSION}."):
+        raise InputError(path, "glTF 2.0", f"{version!r:.40}", "asset.version")
+    return Container(path, content, body)
+
+
+def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
+    """The JSON and the binary chunk of a GLB."""
+    if len(data) < HEADER.size:
+        raise InputError(path, EXPECTED, "the end of it inside the header")
+    _, version, length = HEADER.unpack_from(data)
+    if version != VERSION:
+        raise InputError(path, "GLB of version 2", f"version {version}")
+    if length != len(data):
+        raise InputError(path, f"{length:,} bytes, as its header says", f"{len(data):,}")
+    chunks, start = [], HEADER.size
+    while start < len(data):
+        if start + CHUNK.size > len(data):
+            raise InputError(path, "chunks that are complete", "one that is cut off")
+        size, kind = CHUNK.unpack_from(data, start)
+        start += CHUNK.size
+        if start + size > len(data):
+            raise InputError(path, "chunks that are complete", "one that is cut off")
+        chunks.append((kind, data[start : start + size]))
+        start += size
+    if not chunks or chunks[0][0] != b"JSON":
+        raise InputError(path, "a first chunk with JSON", "another")
+    body = chunks[1][1] if len(chunks) > 1 and chunks[1][0] == b"BIN\0" else None
+    return chunks[0][1], body

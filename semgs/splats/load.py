@@ -1,0 +1,44 @@
+"""Opens a splat of another program, of any of the formats."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from semgs.files.contents import read_bytes
+from semgs.files.errors import InputError
+from semgs.files.paths import typed_path
+from semgs.splats import gltf_container, ply_tables
+from semgs.splats.compressed_ply import is_compressed, read_compressed_ply
+from semgs.splats.gltf_splat import read_gltf
+from semgs.splats.plain_ply import read_plain_ply
+from semgs.splats.ply_tables import read_tables
+from semgs.splats.splat import Splat
+from semgs.splats.spz import is_spz, read_spz
+
+EXPECTED = "a splat: PLY, compressed PLY, SPZ, or glTF with KHR_gaussian_splatting"
+
+
+def load_splat(path: str | Path) -> Splat:
+    """Read the Gaussians of another program: 3DGS PLY, compressed PLY of SuperSplat, SPZ of versions 2 to 4, or glTF with KHR_gaussian_splatting.
+
+    The format is told from the content. Coordinates are those of the file; SPZ comes with y down, as other programs convert it to PLY.
+
+    Args:
+        path: the file.
+
+    Raises:
+        InputError: it is missing, no splat, damaged, or a number in it is not valid. The error names the first one.
+        ImportError: it is SPZ of version 4, and zstandard is not installed.
+    """
+    file = typed_path(path)
+    if not file.is_file():
+        raise InputError(file, EXPECTED, "no such file" if not file.exists() else "no file")
+    data = read_bytes(file, EXPECTED)
+    if data[:4] in (ply_tables.MAGIC + b"\n", ply_tables.MAGIC + b"\r"):
+        ply = read_tables(file, data)
+        return read_compressed_ply(file, ply) if is_compressed(ply) else read_plain_ply(file, ply)
+    if is_spz(data):
+        return read_spz(file, data)
+    if gltf_container.is_gltf(data):
+        return read_gltf(file, data)
+    raise InputError(file, EXPECTED, "another kind of file" if data else "an empty file")

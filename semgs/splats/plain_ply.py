@@ -1,0 +1,114 @@
+"""PLY files of the first 3DGS implementation and of everything that writes like it.
+
+The element `vertex` has, in any order and of any type of numbers: x y z, f_dc_0..2 (the constant harmonics of red, green and blue), opacity (logit),
+scale_0..2 (natural logarithm), rot_0..3 (w, x, y, z), and 0, 9, 24 or 45 properties f_rest: all higher harmonics of red, then green, then blue.
+Source: https://github.com/graphdeco-inria/gaussian-splatting (scene/gaussian_model.py, save_ply). nx ny nz are left out if they are zero, as 3DGS writes them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from semgs.files.errors import InputError
+from semgs.splats.ply_tables import PlyTables
+from semgs.splats.splat import DEGREES, Splat, check_all, check_count, make_gaussians
+
+POSITION = ("x", "y", "z")
+CONSTANT = ("f_dc_0", "f_dc_1", "f_dc_2")
+SCALES = ("scale_0", "scale_1", "scale_2")
+ROTATION = ("rot_0", "rot_1", "rot_2", "rot_3")
+NORMAL = ("nx", "ny", "nz")
+NEEDED = (*POSITION, *CONSTANT, "opacity", *SCALES, *ROTATION)
+VERTEX = "vertex"
+
+Columns = Mapping[str, np.ndarray]
+
+
+def read_plain_ply(path: Path, ply: PlyTables) -> Splat:
+    """The splat of a 3DGS PLY.
+
+    Infinite logits, which other programs write for opacities of 0 and 1, are read as these.
+
+    Args:
+        path: the file, for errors.
+        ply: its tables.
+
+    Raises:
+        InputError: it is a mesh, a point cloud or another kind of PLY, or its numbers are no Gaussians.
+    """
+    columns = ply.tables.get(VERTEX, {})
+    missing = [name for name in NEEDED if name not in columns]
+    if missing:
+        raise InputError(
+            path, "a PLY of 3D Gaussians", _kind(ply, missing), advice="meshes and point clouds have no Gaussians"
+        )
+    check_count(path, ply.counts[VERTEX], "element vertex")
+    rest = rest_names(path, columns)
+    logits, logs = together(columns, ("opacity",))[:, 0], together(columns, SCALES)
+    check_all(path, "opacity", logits, ~np.isnan(logits), "a number")
+    check_all(path, "scale", logs, ~np.isnan(logs), "a number")
+    with np.errstate(over="ignore"):
+        scales, opacities = np.exp(logs), 1 / (1 + np.exp(-logits))
+    gaussians = make_gaussians(
+        path,
+        means=together(columns, POSITION),
+        opacities=opacities,
+        scales=scales,
+        quaternions=together(columns, ROTATION),
+        harmonics=np.concatenate((together(columns, CONSTANT)[:, None], by_coefficient(columns, rest)), axis=1),
+    )
+    known = {*NEEDED, *rest, *(NORMAL if not any(columns[name].any() for name in NORMAL if name in columns) else ())}
+    return Splat(
+        gaussians,
+        "PLY",
+        "-y",
+        extra={name: np.array(values) for name, values in columns.items() if name not in known},
+        comments=(*ply.comments, *_not_read(ply, (VERTEX,))),
+    )
+
+
+def together(columns: Columns, names: tuple[str, ...]) -> np.ndarray:
+    """Some columns side by side [g n], as float64."""
+    return np.stack([columns[name] for name in names], axis=-1, dtype=np.float64, casting="unsafe")
+
+
+def rest_names(path: Path, columns: Columns) -> tuple[str, ...]:
+    """The names of the harmonics above degree 0, in their order.
+
+    Raises:
+        InputError: they are not those of a degree from 0 to 3.
+    """
+    count = sum(name.startswith("f_rest_") for name in columns)
+    names = tuple(f"f_rest_{number}" for number in range(count))
+    if count not in DEGREES or not all(name in columns for name in names):
+        found = ", ".join(sorted(name for name in columns if name.startswith("f_rest_"))[:3])
+        raise InputError(path, "0, 9, 24 or 45 properties f_rest_0, f_rest_1, ...", f"{count} ({found}, ...)")
+    return names
+
+
+def by_coefficient(columns: Columns, names: tuple[str, ...]) -> np.ndarray:
+    """Harmonics above degree 0 from the channels one after the other, as float32 [g k 3]."""
+    per_channel = len(names) // 3
+    harmonics = np.empty((len(columns["x" if "x" in columns else names[0]]), per_channel, 3), np.float32)
+    with np.errstate(over="ignore"):
+        for number, name in enumerate(names):
+            harmonics[:, number % per_channel, number // per_channel] = columns[name]
+    return harmonics
+
+
+def _kind(ply: PlyTables, missing: list[str]) -> str:
+    """What a PLY is that lacks some properties."""
+    columns = ply.tables.get(VERTEX)
+    if columns is None:
+        return f"elements {', '.join(ply.tables) or '(none)'}"
+    if not any(name in columns for name in (*CONSTANT, "opacity", *SCALES, *ROTATION)):
+        return "a point cloud" if all(name in columns for name in POSITION) else "another kind of PLY"
+    return f"none of the properties {', '.join(missing[:4])}"
+
+
+def _not_read(ply: PlyTables, known: tuple[str, ...]) -> list[str]:
+    """A line for each element that is not read."""
+    return [f"element {name} ({count:,} rows) was not read" for name, count in ply.counts.items() if name not in known]

@@ -1,0 +1,184 @@
+"""The elements of a PLY file as tables of numbers, read without trusting the header.
+
+Format: G. Turk, "The PLY Polygon File Format", 1994. Text, binary little endian and binary big endian are read; properties that are lists, as the faces of a
+mesh have them, are not.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from semgs.files.errors import InputError, input_error
+
+MAGIC = b"ply"
+EXPECTED = "a PLY file of Gaussians"
+
+LONGEST_HEADER = 1 << 20
+"""Bytes in which the header has to end."""
+
+MOST_DIGITS = 12
+"""Digits of a count."""
+
+ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
+
+_TYPES = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
+    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8",
+}  # fmt: skip
+
+_END = re.compile(rb"(?:^|\n)end_header[ \t]*\r?\n")
+
+
+@dataclass(frozen=True)
+class Element:
+    """An element as the header describes it.
+
+    Attributes:
+        name: such as "vertex".
+        count: of rows.
+        types: the type of each property, as NumPy writes it without its order of bytes; "list" for a list.
+    """
+
+    name: str
+    count: int
+    types: dict[str, str]
+
+
+@dataclass(frozen=True)
+class PlyTables:
+    """The content of a file.
+
+    Attributes:
+        tables: the columns of each element by their names.
+        counts: the rows of each element.
+        comments: the lines of comments.
+    """
+
+    tables: Mapping[str, Mapping[str, np.ndarray]]
+    counts: Mapping[str, int]
+    comments: tuple[str, ...]
+
+
+def read_tables(path: Path, data: bytes) -> PlyTables:
+    """The tables of a PLY file.
+
+    Args:
+        path: the file, for errors.
+        data: its bytes.
+
+    Raises:
+        InputError: it is not a PLY file, is longer or shorter than its header says, or has lists.
+    """
+    end = _END.search(data, 0, LONGEST_HEADER)
+    if end is None:
+        raise InputError(path, EXPECTED, "no end of a header")
+    order, elements, comments = _header(path, data[: end.start()])
+    listed = [element for element in elements if "list" in element.types.values()]
+    if listed:
+        raise InputError(path, EXPECTED, f"the lists of a mesh (element {listed[0].name})")
+    if order:
+        tables = _binary(path, memoryview(data)[end.end() :], order, elements)
+    else:
+        tables = _text(path, data[end.end() :], elements)
+    return PlyTables(tables, {element.name: element.count for element in elements}, comments)
+
+
+def _header(path: Path, text: bytes) -> tuple[str, list[Element], tuple[str, ...]]:
+    """The order of bytes ("" for text), the elements and the comments of a header."""
+    with input_error(path, EXPECTED, "header"):
+        lines = [line.rstrip("\r") for line in text.decode("utf-8").split("\n")]
+    if lines[0] != "ply":
+        raise InputError(path, EXPECTED, "another first line than ply", "header")
+    order: str | None = None
+    elements: list[Element] = []
+    comments: list[str] = []
+    for number, line in enumerate(lines[1:], 2):
+        words = line.split()
+        place = f"line {number}"
+        match words:
+            case []:
+                pass
+            case ["comment" | "obj_info", *_]:
+                comments.append(line.partition(" ")[2])
+            case ["format", name, "1.0"] if name in ORDERS and order is None:
+                order = ORDERS[name]
+            case ["element", name, count] if count.isascii() and count.isdigit() and len(count) <= MOST_DIGITS:
+                if any(element.name == name for element in elements):
+                    raise InputError(path, "elements with different names", f"{name} twice", place)
+                elements.append(Element(name, int(count), {}))
+            case ["property", "list", _, _, name] if elements:
+                _add(path, place, elements[-1], name, "list")
+            case ["property", kind, name] if elements and kind in _TYPES:
+                _add(path, place, elements[-1], name, _TYPES[kind])
+            case _:
+                raise InputError(path, "a line of a PLY header", f"{line[:60]!r}", place)
+    if order is None:
+        raise InputError(path, "a line with the format", "none", "header")
+    return order, elements, tuple(comments)
+
+
+def _add(path: Path, place: str, element: Element, name: str, kind: str) -> None:
+    """Add a property to an element."""
+    if name in element.types:
+        raise InputError(path, "properties with different names", f"{name} twice", place)
+    element.types[name] = kind
+
+
+def _binary(path: Path, body: memoryview, order: str, elements: list[Element]) -> dict[str, dict[str, np.ndarray]]:
+    """The tables of a binary body, without copies."""
+    kinds = [
+        np.dtype({"names": list(element.types), "formats": [order + kind for kind in element.types.values()]})
+        for element in elements
+    ]
+    length = sum(element.count * kind.itemsize for element, kind in zip(elements, kinds, strict=True))
+    if length != len(body):
+        raise InputError(path, f"{length:,} bytes after the header, as it says", f"{len(body):,}")
+    tables, start = {}, 0
+    for element, kind in zip(elements, kinds, strict=True):
+        rows = np.frombuffer(body, kind, element.count, start) if kind.itemsize else np.empty(0, kind)
+        start += rows.nbytes
+        tables[element.name] = {name: rows[name] for name in element.types}
+    return tables
+
+
+def _text(path: Path, body: bytes, elements: list[Element]) -> dict[str, dict[str, np.ndarray]]:
+    """The tables of a body of text: a line for each row."""
+    lines = [line for line in body.split(b"\n") if line.strip()]
+    total = sum(element.count for element in elements)
+    if len(lines) != total:
+        raise InputError(path, f"{total:,} lines after the header, as it says", f"{len(lines):,}")
+    tables, start = {}, 0
+    for element in elements:
+        part = lines[start : start + element.count]
+        start += element.count
+        if not part or not element.types:
+            tables[element.name] = {name: np.empty(0) for name in element.types}
+            continue
+        with input_error(path, f"{len(element.types)} numbers in each line", f"element {element.name}"):
+            rows = np.loadtxt(io.BytesIO(b"\n".join(part)), np.float64, comments=None, ndmin=2, encoding="ascii")
+        if rows.shape != (element.count, len(element.types)):
+            found = f"{rows.shape[-1]}"
+            raise InputError(path, f"{len(element.types)} numbers in each line", found, f"element {element.name}")
+        tables[element.name] = {
+            name: _as_type(path, element.name, name, rows[:, column], kind)
+            for column, (name, kind) in enumerate(element.types.items())
+        }
+    return tables
+
+
+def _as_type(path: Path, element: str, name: str, values: np.ndarray, kind: str) -> np.ndarray:
+    """Numbers from a text in the type that the header gives them."""
+    if kind[0] == "f":
+        return values
+    limits = np.iinfo(kind)
+    good = (values >= limits.min) & (values <= limits.max) & (values == np.floor(values))
+    if not good.all():
+        found = f"{values[~good][0]:g}"
+        raise InputError(path, f"whole numbers from {limits.min} to {limits.max}", found, f"{name} of {element}")
+    return values.astype(kind)

@@ -1,0 +1,141 @@
+"""What commands open: a scene of `semgs reconstruct`, or a splat of another program with cameras of its own or of a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import torch
+from jaxtyping import Float64, UInt8
+from torch import Tensor
+
+from semgs.data.scene import Scene
+from semgs.data.scenes import open_scene
+from semgs.files.errors import InputError
+from semgs.files.paths import typed_path
+from semgs.geometry.gaussians import Gaussians
+from semgs.scene.scene_file import SavedScene, load_scene
+from semgs.scene.upright import Up, UpDirection, axis_direction
+from semgs.splats.endings import is_splat
+from semgs.splats.load import load_splat
+from semgs.splats.nerfstudio_frame import FILE_NAME, find_trained_frame
+from semgs.splats.splat import Splat
+from semgs.splats.splat_cameras import SIZE, cameras_around
+from semgs.splats.splat_scene import splat_scene
+
+MOST_VIEWS = 8
+"""Cameras of a scene that are used, evenly chosen."""
+
+NEAR_FAR = (0.1, 100.0)
+"""Placeholder for the bounds of views that are read for their cameras; those of the scene come from the splat's depth."""
+
+
+@dataclass(frozen=True)
+class OpenedScene:
+    """A reconstruction, of ours or of another program.
+
+    Attributes:
+        scene: the scene.
+        up: the direction that is up: "auto" to find it in the scene.
+        pivot: the middle of a splat without cameras, which a video circles; None for other scenes.
+        photos: of the views of a splat whose cameras came from a scene; None for other scenes.
+        splat: whether it is a splat of another program.
+    """
+
+    scene: SavedScene
+    up: Up | UpDirection = "auto"
+    pivot: Float64[Tensor, " 3"] | None = None
+    photos: tuple[UInt8[np.ndarray, "h w 3"], ...] | None = None
+    splat: bool = False
+
+
+def open_reconstruction(path: str | Path, cameras: str | Path | None = None, up: Up = "auto") -> OpenedScene:
+    """Open a scene of `semgs reconstruct`, or a splat of another program.
+
+    Args:
+        path: a folder or scene file of `semgs reconstruct`, or a splat as for `load_splat`.
+        cameras: for a splat: a scene of any layout that `open_scene` reads, in the coordinates of the splat, or in those that nerfstudio's
+            dataparser_transforms.json leads to. None puts cameras around the splat, or inside if it is a room.
+        up: the direction that is up in its coordinates. For a splat without cameras, "auto" is what is usual in its format, and is uncertain.
+
+    Raises:
+        InputError: it cannot be used, or the cameras do not see it.
+        ValueError: cameras are given for a scene of `semgs reconstruct`.
+        ImportError: it is SPZ of version 4, and zstandard is not installed.
+    """
+    file = typed_path(path)
+    if not is_splat(file):
+        if cameras is not None:
+            raise ValueError(f"cameras are for splats of other programs; {path} has its own")
+        return OpenedScene(load_scene(file), up)
+    splat = load_splat(file)
+    if cameras is None:
+        return _without_cameras(file, splat, up)
+    return _with_cameras(file, splat, typed_path(cameras), up)
+
+
+def _without_cameras(file: Path, splat: Splat, up: Up) -> OpenedScene:
+    """A splat with cameras that are chosen from it."""
+    usual: Literal["y", "-y"] = splat.up
+    reason = f"files do not say it; {usual} is usual in {splat.format}"
+    found = UpDirection(
+        axis_direction(usual if up == "auto" else up), "as given" if up != "auto" else reason, certain=up != "auto"
+    )
+    around = cameras_around(splat.gaussians, found.direction)
+    try:
+        scene = splat_scene(splat.gaussians, around.cameras, source=file.stem, model=splat.format)
+    except ValueError as error:
+        raise InputError(
+            file, "a splat that cameras around it can see", str(error), advice="give cameras with --cameras"
+        ) from error
+    return OpenedScene(scene, found, around.pivot, splat=True)
+
+
+def _with_cameras(file: Path, splat: Splat, path: Path, up: Up) -> OpenedScene:
+    """A splat with cameras of a scene, in the coordinates of that scene."""
+    scene = open_scene(path, needs_labels=False)
+    gaussians = _in_frame_of(file, splat.gaussians, scene)
+    chosen = np.unique(np.linspace(0, len(scene) - 1, MOST_VIEWS).round().astype(int)).tolist()
+    views = scene.read(chosen, _size(scene), NEAR_FAR)
+    x, y, z = map(float, scene.origin)
+    try:
+        saved = splat_scene(
+            gaussians,
+            views.cameras,
+            frames=[scene.frames[index].name for index in chosen],
+            source=file.stem,
+            model=splat.format,
+            unit="metric" if scene.unit == "metric" else "unknown",
+            origin=(x, y, z),
+        )
+    except ValueError as error:
+        raise InputError(
+            file,
+            f"a splat in the coordinates of {path}",
+            str(error),
+            advice=f"if nerfstudio trained it, put its {FILE_NAME} into the folder of the splat",
+        ) from error
+    photos = (255 * views.images).round().to(torch.uint8).movedim(1, -1).numpy()
+    return OpenedScene(saved, up, photos=tuple(photos), splat=True)
+
+
+def _in_frame_of(file: Path, gaussians: Gaussians, scene: Scene) -> Gaussians:
+    """A splat in the coordinates of a scene, relative to its origin."""
+    folders = [file.parent, scene.path if scene.path.is_dir() else scene.path.parent]
+    trained = find_trained_frame(folders, scene.applied_transform, scene.applied_scale)
+    if trained is not None:
+        gaussians = trained.undo(gaussians)
+    if scene.origin.any():
+        means = (gaussians.means.double() - torch.from_numpy(scene.origin)).float()
+        gaussians = Gaussians(means, gaussians.opacities, gaussians.colour)
+    return gaussians
+
+
+def _size(scene: Scene) -> tuple[int, int]:
+    """The size of the views: that of the first frame, at most as many pixels as `SIZE`."""
+    height, width = scene.frames[0].lens.size
+    scale = min(1.0, sqrt(SIZE[0] * SIZE[1] / (height * width)))
+    return max(1, round(scale * height)), max(1, round(scale * width))

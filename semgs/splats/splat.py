@@ -1,0 +1,156 @@
+"""A splat of another program: what its file says, as activated quantities."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from semgs.files.errors import InputError
+from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.geometry.summaries import describe
+
+FloatArray = Float[np.ndarray, "*shape"]
+
+MOST_GAUSSIANS = 50_000_000
+"""Files that claim more are refused before anything is allocated."""
+
+DEGREES = {0: 0, 9: 1, 24: 2, 45: 3}
+"""The degree of the harmonics, by how many numbers they have above the constant one, in all three channels."""
+
+SHORTEST = 1e-12
+"""A shorter quaternion has no direction that can be trusted."""
+
+
+@dataclass(frozen=True)
+class Splat:
+    """Gaussians from a file of another program, in the coordinates of that file.
+
+    Attributes:
+        gaussians: of colour, without classes: opacities 0..1, standard deviations, unit quaternions (w, x, y, z), harmonics [g k 3] in the basis
+            of 3DGS. Degrees that are zero in all Gaussians are left out.
+        format: of the file: "PLY", "compressed PLY", "SPZ" or "glTF".
+        up: the direction that is usually up in files of this format. No field of the file says it.
+        extra: columns that are not part of the format, by name, each with a row for each Gaussian.
+        comments: what the file says about itself, and what was not read.
+    """
+
+    gaussians: Gaussians
+    format: str
+    up: Literal["y", "-y"]
+    extra: Mapping[str, np.ndarray] = field(default_factory=dict)
+    comments: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return describe(
+            "Splat",
+            gaussians=self.gaussians,
+            format=self.format,
+            extra=", ".join(self.extra) or None,
+            comments="; ".join(self.comments) or None,
+        )
+
+    def __len__(self) -> int:
+        """The number of Gaussians."""
+        return len(self.gaussians)
+
+
+def check_count(path: Path, count: int, place: str | None = None) -> None:
+    """Check how many Gaussians a file claims.
+
+    Raises:
+        InputError: none, or more than `MOST_GAUSSIANS`.
+    """
+    if not 1 <= count <= MOST_GAUSSIANS:
+        raise InputError(path, f"1 to {MOST_GAUSSIANS:,} Gaussians", f"{count:,}", place)
+
+
+def make_gaussians(
+    path: Path,
+    *,
+    means: FloatArray,
+    opacities: FloatArray,
+    scales: FloatArray,
+    quaternions: FloatArray,
+    harmonics: FloatArray,
+) -> Gaussians:
+    """Gaussians from activated numbers.
+
+    Args:
+        path: the file, for errors.
+        means: [g 3].
+        opacities: [g], 0..1.
+        scales: [g 3], standard deviations.
+        quaternions: [g 4], (w, x, y, z), of any length but zero.
+        harmonics: [g k 3].
+
+    Raises:
+        InputError: a number is not finite as a float32, an opacity is not 0..1, a scale is negative or a quaternion is zero.
+    """
+    for name, values, low, high in (
+        ("position", means, -np.inf, np.inf),
+        ("opacity", opacities, 0.0, 1.0),
+        ("scale", scales, 0.0, np.inf),
+        ("harmonics", harmonics, -np.inf, np.inf),
+    ):
+        largest = np.finfo(np.float32).max
+        check_all(
+            path, name, values, (values >= max(low, -largest)) & (values <= min(high, largest)), _range(low, high)
+        )
+    turns = quaternions.astype(np.float64)
+    with np.errstate(all="ignore"):
+        lengths = np.linalg.norm(turns, axis=-1)
+    check_all(path, "rotation", turns, np.isfinite(lengths) & (lengths > SHORTEST), "a quaternion that is not zero")
+    turns /= lengths[:, None]
+    means, opacities, scales, turns, harmonics = (
+        np.ascontiguousarray(values, np.float32) for values in (means, opacities, scales, turns, harmonics)
+    )
+    return Gaussians(
+        means=torch.from_numpy(means),
+        opacities=torch.from_numpy(opacities),
+        colour=Appearance(
+            quaternions=torch.from_numpy(turns),
+            scales=torch.from_numpy(scales),
+            features=torch.from_numpy(harmonics[:, : _used(harmonics)].copy()),
+        ),
+    )
+
+
+def check_all(path: Path, name: str, values: np.ndarray, good: np.ndarray, expected: str) -> None:
+    """Check that all Gaussians have good numbers.
+
+    Args:
+        path: the file.
+        name: of the numbers.
+        values: [g] or [g ...].
+        good: of each number, or of each Gaussian.
+        expected: what is good.
+
+    Raises:
+        InputError: a number is not good. It names the first Gaussian with one.
+    """
+    if good.all():
+        return
+    index = int(np.argwhere(~good)[0][0])
+    found = ", ".join(f"{number:g}" for number in np.ravel(values[index])[:4])
+    raise InputError(path, expected, found, f"{name} of Gaussian {index}")
+
+
+def _range(low: float, high: float) -> str:
+    """A range in words."""
+    if high == 1:
+        return "0 to 1"
+    return "finite numbers" if low else "finite numbers, 0 or more"
+
+
+def _used(harmonics: np.ndarray) -> int:
+    """The harmonics up to the last degree that is not zero everywhere."""
+    used = harmonics.shape[1]
+    while used > 1 and not harmonics[:, (round(used**0.5) - 1) ** 2 : used].any():
+        used = (round(used**0.5) - 1) ** 2
+    return used

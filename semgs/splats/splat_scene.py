@@ -1,0 +1,115 @@
+"""A scene made of a splat: with cameras, depth of what they see, and a view for each Gaussian, as a reconstruction has them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import torch
+from jaxtyping import Float, Int64
+from torch import Tensor
+
+from semgs.geometry.cameras import Cameras, project
+from semgs.geometry.gaussians import Gaussians
+from semgs.rendering.render import render
+from semgs.rendering.rendering import SEEN_ALPHA
+from semgs.scene.scene_file import SavedScene
+
+SAME = 0.05
+"""A Gaussian is seen by a view if it is at most this share behind the depth there."""
+
+NEAR, FAR = 0.5, 2.0
+"""Bounds of the depth of each view, from the nearest and the farthest depth that is usual there."""
+
+USUAL = (0.01, 0.99)
+"""Quantiles of the depth of a view that say so."""
+
+
+def splat_scene(
+    gaussians: Gaussians,
+    cameras: Cameras,
+    *,
+    frames: Sequence[str] = (),
+    source: str = "",
+    model: str = "",
+    unit: Literal["metric", "unknown"] = "unknown",
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> SavedScene:
+    """The scene of a splat as some cameras see it.
+
+    Depth is rendered, 0 where less than half of the light is stopped; confidence is the opacity there. Each Gaussian gets the place of the pixel that shows it: in a
+    view that sees it, or else in one whose image it is in behind something, or else at the border of the nearest image.
+
+    Args:
+        gaussians: of colour, relative to `origin`.
+        cameras: [v], relative to `origin`.
+        frames: names of the views; by default their positions.
+        source, model: names of the file and of its format.
+        unit: "metric" if lengths are in metres.
+        origin: as in `SavedScene`.
+
+    Raises:
+        ValueError: no camera sees anything.
+    """
+    views = [render(gaussians, cameras[view : view + 1]) for view in range(cameras.batch[0])]
+    alphas = torch.cat([view.alphas for view in views]).clamp(0, 1)
+    depths = torch.where(alphas >= SEEN_ALPHA, torch.cat([view.depths for view in views]).clamp(min=0), 0)
+    if not depths.any():
+        raise ValueError("no camera sees the splat")
+    return SavedScene(
+        gaussians=gaussians,
+        cameras=cameras,
+        depths=depths,
+        confidences=alphas,
+        depth_range=torch.stack([_bounds(view if view.any() else depths) for view in depths]),
+        unit=unit,
+        classes=None,
+        frames=tuple(frames) or tuple(map(str, range(len(depths)))),
+        source=source,
+        model=model,
+        origin=origin,
+        stride=1,
+        places=find_places(gaussians.means, cameras, depths),
+    )
+
+
+def find_places(means: Float[Tensor, "g 3"], cameras: Cameras, depths: Float[Tensor, "v h w"]) -> Int64[Tensor, " g"]:
+    """The pixel that shows each Gaussian, counted by view, row and column.
+
+    Of the views that see it, it is the nearest one.
+
+    Args:
+        means: positions.
+        cameras: of the views.
+        depths: of each pixel, 0 where nothing is.
+    """
+    height, width = cameras.size
+    places = torch.zeros(len(means), dtype=torch.int64)
+    best = torch.full((len(means),), torch.inf, dtype=torch.float64)
+    for view in range(len(depths)):
+        seen = project(means.double(), cameras[view])
+        z = seen[:, 2]
+        in_front = z > 0
+        pixels = torch.where(in_front[:, None], seen[:, :2], 0)
+        outside = torch.maximum(-pixels, pixels - torch.tensor([width, height])).amax(-1).clamp(0, 1e9)
+        column = pixels[:, 0].clamp(0, width - 1).long()
+        row = pixels[:, 1].clamp(0, height - 1).long()
+        inside = in_front & (outside == 0)
+        shown = inside & (z <= (1 + SAME) * depths[view, row, column])
+        # In this order: shown, hidden, outside, behind the camera. The nearest of each comes first, or the one that is least outside.
+        group = torch.where(shown, 0, torch.where(inside, 1, torch.where(in_front, 2, 3)))
+        away = (means.double() - cameras.centres[view]).norm(dim=-1)
+        away = torch.where(group == 2, outside, away)
+        rank = group + away / (1 + away)
+        better = rank < best
+        best = torch.where(better, rank, best)
+        places = torch.where(better, (view * height + row) * width + column, places)
+    return places
+
+
+def _bounds(depths: Float[Tensor, " *shape"]) -> Float[Tensor, " 2"]:
+    """Near and far of a view."""
+    known = depths[depths > 0].double()
+    known = known[:: -(-len(known) // 1_000_000)]
+    near, far = (float(known.quantile(share)) for share in USUAL)
+    return torch.tensor([NEAR * near, FAR * far], dtype=torch.float64)
