@@ -59,6 +59,9 @@ COMMANDS = {
     "view": Command("scenes.view:View", "Show a scene in 3D in the browser, or write it as one page."),
     "prepare": Command("scenes.prepare:Prepare", "Convert scenes to compact zip files for training."),
     "label": Command("scenes.label:Label", "Label scenes with a 2D segmenter, to train a network on its answers."),
+    "label-splat": Command(
+        "scenes.label_splat:LabelSplat", "Give a splat of another program classes, from its photos."
+    ),
     "rooms": Command("scenes.rooms:Rooms", "Generate synthetic rooms with labels, depth and poses."),
     "train": Command("networks.train:Train", "Train, or resume training."),
     "recipe": Command("networks.recipe:Recipe", "Train as the included weights were: classes, depth, colour."),

@@ -95,6 +95,21 @@ class PhotoRefinement:
 
 
 @dataclass(frozen=True)
+class GivenSplat:
+    """The splat of another program that was labelled.
+
+    Attributes:
+        name: of its file.
+        format: of its file, such as "PLY".
+        photos: how many photos said classes.
+    """
+
+    name: str
+    format: str
+    photos: int
+
+
+@dataclass(frozen=True)
 class Reconstruction:
     """A scene reconstructed from some of its frames; all tensors are on the CPU.
 
@@ -114,6 +129,7 @@ class Reconstruction:
         placement: how the Gaussians were placed at a sensor's depth; None if their depth is the model's.
         min_confidence: seen pixels with less are unknown in label maps.
         refinement: what refining changed; None without it.
+        splat: whose Gaussians these are, with new classes; None if they are the network's.
     """
 
     scene: Scene
@@ -131,6 +147,7 @@ class Reconstruction:
     placement: Placement | None = None
     min_confidence: float = 0.0
     refinement: PhotoRefinement | None = None
+    splat: GivenSplat | None = None
 
     @property
     def classes(self) -> ClassTable | None:

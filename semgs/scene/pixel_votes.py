@@ -20,7 +20,7 @@ from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.render import render_each_view
 from semgs.rendering.splats import Splats
 
-LEAST_WEIGHT = 0.05
+LEAST_WEIGHT = 0.001
 """Gaussians that contribute less than this to all photos together, in pixels, are unseen: of so little, classes are noise."""
 
 
@@ -52,7 +52,9 @@ class PixelVotes:
         """
         expected = (self.sums.shape[1], *camera.size)
         if tuple(distributions.shape) != expected:
-            raise ValueError(f"distributions are {tuple(distributions.shape)}; expected {expected}: classes, height, width")
+            raise ValueError(
+                f"distributions are {tuple(distributions.shape)}; expected {expected}: classes, height, width"
+            )
 
         def collect(scene: Gaussians, pinhole: Pinhole, near: float | None, backend: ModuleType) -> Tensor:
             order = backend.depth_order(scene.means, pinhole, near)

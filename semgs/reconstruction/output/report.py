@@ -21,7 +21,7 @@ class Provenance:
 
     Attributes:
         software: name and version.
-        weights: where the model's weights come from, in a sentence.
+        weights: where the model's weights come from, in a sentence; "" if no network of ours was used.
         parameters: of the model.
         device: where it ran.
     """
@@ -143,6 +143,7 @@ def report_numbers(result: Reconstruction, origin: Provenance, seconds: dict[str
             "target": _rounded(mean_scores(result.target.scores)) if result.target else None,
         },
         "refinement": result.refinement and _refinement(result.refinement),
+        "splat": result.splat and asdict(result.splat),
         "classes": [
             {"name": entry.name, "share": rounded(entry.share)}
             for entry in (legend(maps, result.classes) if result.classes is not None else ())

@@ -28,6 +28,8 @@ CURVE = (90, 120, 180)
 
 HELD_OUT = "The model did not get these frames: they test the reconstruction. What no input view sees stays empty."
 
+HELD_OUT_OF_LABELS = "These photos said no classes. Whether the splat was trained on them, its file does not say."
+
 
 def report_page(result: Reconstruction, origin: Provenance, seconds: dict[str, float], page_in_3d: bool = False) -> str:
     """The report as one self-contained HTML page; `page_in_3d` says whether to link the page that shows the scene in 3D."""
@@ -40,7 +42,13 @@ def report_page(result: Reconstruction, origin: Provenance, seconds: dict[str, f
             "Input views", _own_lead(result), (*_galleries(result, result.context, limits), *_keys(result, limits))
         ),
         *(
-            [page.Section("Held-out views", HELD_OUT, _galleries(result, result.target, limits))]
+            [
+                page.Section(
+                    "Held-out views",
+                    HELD_OUT if result.splat is None else HELD_OUT_OF_LABELS,
+                    _galleries(result, result.target, limits),
+                )
+            ]
             if result.target
             else []
         ),
@@ -56,12 +64,19 @@ def report_page(result: Reconstruction, origin: Provenance, seconds: dict[str, f
     ]
     return page.html_page(
         title=scene.name,
-        lead=f"Reconstructed from {len(result.context.positions)} photos"
+        lead=f"{_what_was_done(result)}"
         + (f" and compared with {held_out} that {'was' if held_out == 1 else 'were'} held out." if held_out else "."),
         headlines=_headlines(result, seconds),
         sections=sections,
         foot=f"Made by {origin.software}. The numbers of this page are in report.json.",
     )
+
+
+def _what_was_done(result: Reconstruction) -> str:
+    """What the photos were used for."""
+    if result.splat is None:
+        return f"Reconstructed from {len(result.context.positions)} photos"
+    return f"{result.splat.name}, labelled from {result.splat.photos} photos"
 
 
 def _depth_maps(result: Reconstruction) -> list[np.ndarray]:
@@ -96,6 +111,8 @@ def _headlines(result: Reconstruction, seconds: dict[str, float]) -> list[page.H
 def _own_lead(result: Reconstruction) -> str:
     """The text above the input views."""
     lead = "The input photos, and the scene from the same cameras."
+    if result.splat is not None:
+        lead = f"{len(result.context.positions)} of the photos that said classes, and the splat from the same cameras."
     if result.classes is not None:
         lead += " Hatched: unseen (alpha below 0.5)."
         if result.min_confidence > 0:
@@ -186,8 +203,7 @@ def _facts(result: Reconstruction, origin: Provenance) -> page.Facts:
             f"{length(result.depth_range.near, result.metric)} to {length(result.depth_range.far, result.metric)}: "
             f"{result.depth_range.reason}",
         ),
-        ("Model", f"{result.model}, {origin.parameters:,} parameters, on {origin.device}"),
-        ("Weights", origin.weights),
+        *_makers(result, origin),
     ]
     if result.placement is not None:
         rows.append(("Depth from", "the sensor" if result.depth_source == "sensor" else "the sensor and the model"))
@@ -200,6 +216,16 @@ def _facts(result: Reconstruction, origin: Provenance) -> page.Facts:
     if result.features is not None:
         rows.append(("Features", result.features.description))
     return page.Facts(tuple(rows))
+
+
+def _makers(result: Reconstruction, origin: Provenance) -> list[tuple[str, str]]:
+    """Where Gaussians and classes come from."""
+    rows = [] if result.splat is None else [("Splat", f"{result.splat.name} ({result.splat.format})")]
+    if origin.weights:
+        model = result.model if result.splat is None or result.labelling is None else result.labelling.source.title
+        rows.append(("Model", f"{model}, {origin.parameters:,} parameters, on {origin.device}"))
+        rows.append(("Weights", origin.weights))
+    return rows
 
 
 def _calibration(result: Reconstruction) -> str:

@@ -1,0 +1,161 @@
+"""Labels a splat of another program: each photo says its classes, and each Gaussian collects those of the pixels that it contributes to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from semgs.data.choosing.choice import Choice
+from semgs.data.resampling import default_size
+from semgs.data.scene import Scene
+from semgs.geometry.gaussians import Gaussians
+from semgs.reconstruction.notes import note_on_hidden
+from semgs.reconstruction.pipeline import render_views
+from semgs.reconstruction.result import GivenSplat, Reconstruction
+from semgs.runtime.stopwatch import Stages
+from semgs.scene.encoding import Encoding
+from semgs.scene.pixel_votes import PixelVotes
+from semgs.scene.upright import Up, up_of
+from semgs.segmenters.labelling import Labelling
+from semgs.splats.splat_scene import splat_scene
+
+SHOWN = 8
+"""Photos of each role that are rendered and shown, evenly chosen."""
+
+TOO_DARK = 15.0
+"""Photos that a splat renders with a lower PSNR are probably not of this splat, or not in its coordinates [dB]."""
+
+
+def hold_out(count: int, each: int) -> tuple[list[int], list[int]]:
+    """The photos that say classes, and those that are held out for comparison: one of `each`, from the middle of them; 0 holds out none."""
+    held = list(range(each // 2, count, each)) if each else []
+    return [position for position in range(count) if position not in set(held)], held
+
+
+@torch.no_grad()
+def label_splat(
+    scene: Scene,
+    gaussians: Gaussians,
+    labelling: Labelling,
+    given: GivenSplat,
+    positions: Sequence[int],
+    held_out: Sequence[int] = (),
+    size: Sequence[int] | None = None,
+    *,
+    up: Up = "auto",
+    min_confidence: float = 0.0,
+    stages: Stages | None = None,
+    notes: Sequence[str] = (),
+) -> Reconstruction:
+    """Give the Gaussians of a splat classes, and render them from the cameras of its photos. Geometry and colours stay as they are.
+
+    Photos are read one at a time, so memory does not grow with them.
+
+    Args:
+        scene: the photos and their cameras.
+        gaussians: of the splat, in the coordinates of the scene, relative to its origin.
+        labelling: whose source says the classes of photos.
+        given: where the splat comes from.
+        positions: of the photos that say classes.
+        held_out: of photos that do not; a few of them are compared with renderings.
+        size: (height, width) of the photos as read [px]; None is `default_size` of the first one.
+        up: the direction that is up; "auto" finds it.
+        min_confidence: seen pixels with less are unknown in label maps.
+        stages: shows and times the stages segment and render.
+        notes: further notes for the user, a sentence each.
+
+    Raises:
+        InputError: a photo or its class map cannot be read.
+        ValueError: there are no photos, or no camera sees anything of the splat.
+    """
+    stages, source = stages or Stages(), labelling.source
+    if not positions:
+        raise ValueError("there is no photo to say classes")
+    height, width = default_size(scene.frames[positions[0]].lens.size) if size is None else size
+    bounds = scene.depth_range(_few(positions))
+    votes = PixelVotes(gaussians, len(source.classes))
+    title = f"Classes of {len(positions)} photos from {source.title}"
+    with stages.steps("segment", title, len(positions)) as done:
+        for count, position in enumerate(positions):
+            view = scene.read([position], (height, width), bounds)
+            distributions = source.of(scene.frames[position], (height, width))
+            if view.hidden is not None:
+                distributions = distributions.masked_fill(view.hidden, 0)
+            votes.add(view.cameras, distributions)
+            done(count + 1)
+    choice = Choice(
+        tuple(_few(positions)),
+        tuple(_few(held_out)),
+        f"evenly chosen of the {len(positions)} photos that say classes"
+        + (f" and the {len(held_out)} that are held out" if held_out else ""),
+        bounds,
+    )
+    context = scene.read(choice.context, (height, width), bounds)
+    target = scene.read(choice.targets, (height, width), bounds) if choice.targets else None
+    x, y, z = map(float, scene.origin)
+    with stages(
+        "render", f"Rendering {len(choice.context) + len(choice.targets)} views of {len(gaussians):,} Gaussians"
+    ):
+        saved = splat_scene(
+            gaussians,
+            context.cameras,
+            frames=[scene.frames[position].name for position in choice.context],
+            source=scene.name,
+            model=f"{given.format} of {given.name}, classes from {labelling.description}",
+            unit="metric" if scene.unit == "metric" else "unknown",
+            origin=(x, y, z),
+        )
+        saved = replace(saved, gaussians=votes.labelled(), classes=source.classes)
+        encoding = Encoding(
+            gaussians=saved.gaussians,
+            depths=saved.depths,
+            confidences=saved.confidences,
+            depth_spread=torch.zeros_like(saved.depths),
+            depth_range=saved.depth_range,
+            classes=saved.classes,
+            stride=saved.stride,
+            places=saved.places,
+        )
+        rendered = render_views("context", scene, choice.context, context, encoding, min_confidence)
+        compared = target and render_views("target", scene, choice.targets, target, encoding, min_confidence)
+        direction = up_of(saved, up)
+    unseen = votes.unseen
+    quality = float(np.median([score.psnr for score in rendered.scores]))
+    own_notes = [
+        *scene.notes,
+        note_on_hidden(context, target),
+        f"{int(unseen.sum()):,} of {len(unseen):,} Gaussians are outside all photos or hidden in them: they have no class."
+        if unseen.any()
+        else "",
+        f"The splat does not look like the photos from their cameras (PSNR {quality:.1f} dB): are these cameras in its coordinates?"
+        if quality < TOO_DARK
+        else "",
+        *labelling.notes,
+        "" if direction.certain else f"Which way is up is uncertain ({direction.reason}): set it with --up.",
+    ]
+    return Reconstruction(
+        scene=scene,
+        choice=choice,
+        encoding=encoding,
+        model=given.format,
+        context=rendered,
+        target=compared,
+        saved=saved,
+        up=direction,
+        notes=tuple(note for note in (*notes, *own_notes) if note),
+        labelling=labelling,
+        min_confidence=min_confidence,
+        splat=given,
+    )
+
+
+def _few(positions: Sequence[int]) -> list[int]:
+    """At most `SHOWN` of some photos, evenly chosen."""
+    if not positions:
+        return []
+    return [
+        positions[place] for place in np.unique(np.linspace(0, len(positions) - 1, SHOWN).round().astype(int)).tolist()
+    ]

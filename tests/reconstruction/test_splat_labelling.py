@@ -1,0 +1,122 @@
+"""Labels for a splat of another program: a wall whose classes are known, from true class maps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import torch
+
+from semgs.data.frames import Frame
+from semgs.data.scene import Scene
+from semgs.data.tables.classes import SCANNET20, ClassTable
+from semgs.geometry.gaussians import Gaussians
+from semgs.model.encode import Network
+from semgs.reconstruction.output.report import Provenance
+from semgs.reconstruction.output.report_page import report_page
+from semgs.reconstruction.result import GivenSplat
+from semgs.reconstruction.splat_labelling import hold_out, label_splat
+from semgs.rendering.rendering import UNSEEN
+from semgs.segmenters.labelling import Labelling
+
+GIVEN = GivenSplat("wall.ply", "PLY", 3)
+WALL, PICTURE = SCANNET20.index("wall"), SCANNET20.index("picture")
+
+
+@dataclass(frozen=True)
+class TrueMaps:
+    """A source that knows the labels of the photos, and which photos were asked for."""
+
+    scene: Scene
+    asked: list[str]
+    classes: ClassTable = SCANNET20
+    title: str = "true maps"
+    made_by: None = None
+
+    @property
+    def known(self) -> np.ndarray:
+        return np.ones(len(self.classes), bool)
+
+    def of(self, frame: Frame, size: tuple[int, int]) -> torch.Tensor:
+        self.asked.append(frame.name)
+        labels = self.scene.read([frame.name], size).labels
+        assert labels is not None
+        return torch.nn.functional.one_hot(labels[0].long(), len(self.classes)).permute(2, 0, 1).float()
+
+
+@pytest.fixture
+def scene(wall_scene: Callable[..., Scene]) -> Scene:
+    return wall_scene()
+
+
+@pytest.fixture
+def splat(scene: Scene, oracle: Network) -> Gaussians:
+    """The Gaussians of the first and the last photo, without classes."""
+    given = oracle(scene.read([0, 3])).gaussians
+    return Gaussians(given.means, given.opacities, given.colour)
+
+
+def test_held_out_views_have_the_true_classes_and_the_geometry_is_the_given_one(scene: Scene, splat: Gaussians) -> None:
+    source = TrueMaps(scene, [])
+    result = label_splat(scene, splat, Labelling(source), GIVEN, [0, 1, 3], [2], up="-y")
+    assert source.asked == ["images/00.png", "images/01.png", "images/03.png"]
+    assert result.saved.gaussians.means is splat.means
+    assert result.saved.gaussians.colour is splat.colour
+    assert result.saved.frames == ("images/00.png", "images/01.png", "images/03.png")
+    assert result.target is not None
+    assert result.target.names == ("images/02.png",)
+    labels, truth = result.target.labels[0], result.target.views.labels[0].numpy()
+    known = labels != UNSEEN
+    assert known.mean() > 0.9
+    assert (labels == truth)[known].mean() > 0.97
+    assert set(np.unique(labels[known])) == {WALL, PICTURE}
+    assert result.target.scores[0].psnr > 20
+    assert result.splat == GIVEN
+    assert "true maps" in result.saved.model
+
+
+def test_gaussians_that_no_photo_sees_stay_unseen_and_the_notes_say_how_many(scene: Scene, splat: Gaussians) -> None:
+    behind = splat.map(lambda tensor: torch.cat((tensor, tensor[:7])))
+    means = behind.means.clone()
+    means[-7:] += torch.tensor([0.0, 0.0, 500.0])
+    more = Gaussians(means, behind.opacities, behind.colour)
+    result = label_splat(scene, more, Labelling(TrueMaps(scene, [])), GIVEN, [0, 1, 3], up="-y")
+    assert result.target is None
+    assert result.saved.gaussians.semantic is not None
+    shares = result.saved.gaussians.semantic.features
+    assert shares[-7:].tolist() == [[pytest.approx(0.05)] * 20] * 7
+    assert shares[:-7].amax(1).median() > 0.99
+    unseen = int((shares.amax(1) < 0.051).sum())
+    assert 7 <= unseen < 0.1 * len(more)
+    assert any(note.startswith(f"{unseen} of {len(more):,} Gaussians are outside all photos") for note in result.notes)
+
+
+def test_cameras_that_do_not_fit_are_noticed(scene: Scene, splat: Gaussians) -> None:
+    dark = Gaussians(splat.means, splat.opacities, splat.colour.__class__(
+        splat.colour.quaternions, splat.colour.scales, -splat.colour.features
+    ))  # fmt: skip
+    result = label_splat(scene, dark, Labelling(TrueMaps(scene, [])), GIVEN, [0, 3], up="-y")
+    assert any("does not look like the photos" in note for note in result.notes)
+    fitting = label_splat(scene, splat, Labelling(TrueMaps(scene, [])), GIVEN, [0, 3], up="-y")
+    assert not any("does not look like" in note for note in fitting.notes)
+
+
+def test_the_report_says_whose_geometry_it_is_and_claims_nothing_about_the_training(
+    scene: Scene, splat: Gaussians
+) -> None:
+    result = label_splat(scene, splat, Labelling(TrueMaps(scene, [])), GIVEN, [0, 1, 3], [2], up="-y")
+    page = report_page(result, Provenance("semgs 9.9", "", 0, "cpu"), {"segment": 1.0})
+    assert "wall.ply, labelled from 3 photos and compared with 1 that was held out." in page
+    assert "wall.ply (PLY)" in page
+    assert "These photos said no classes." in page
+    assert "The model did not get these frames" not in page
+    assert "parameters, on" not in page
+
+
+@pytest.mark.parametrize(
+    ("count", "each", "held"), [(8, 8, [4]), (20, 8, [4, 12]), (3, 8, []), (5, 0, []), (4, 2, [1, 3]), (2, 1, [0, 1])]
+)
+def test_one_of_so_many_photos_is_held_out(count: int, each: int, held: list[int]) -> None:
+    assert hold_out(count, each) == ([place for place in range(count) if place not in held], held)
