@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 import torch
 
@@ -40,14 +42,17 @@ def middle(*shares: float) -> torch.Tensor:
 def test_gaussians_collect_by_their_blending_weight() -> None:
     """On its axis, 0.6 of a pixel is the Gaussian in front, 0.4 * 0.9 the one behind, and nothing is one behind the camera."""
     votes = PixelVotes(on_the_axis((2.0, 0.6), (3.0, 0.9), (-2.0, 0.9)), 2)
-    votes.add(camera(), middle(0.75, 0.25))
-    torch.testing.assert_close(votes.sums, torch.tensor([[0.45, 0.15], [0.27, 0.09], [0, 0]]))
-    torch.testing.assert_close(votes.weights, torch.tensor([0.6, 0.36, 0.0]))
+    votes.add(camera(), middle(0.749, 0.249))
+    torch.testing.assert_close(votes.weights, torch.tensor([0.6, 0.36, 0.0]).sqrt())
     assert votes.unseen.tolist() == [False, False, True]
+    semantic = votes.labelled().semantic
+    assert semantic is not None
+    torch.testing.assert_close(semantic.features, torch.tensor([[0.75, 0.25], [0.75, 0.25], [0.5, 0.5]]))
 
 
-def test_photos_agree_by_their_weights_and_the_unseen_stay_so() -> None:
-    """From behind the order turns round: the second Gaussian has 0.36 from the front and 0.9 from behind."""
+def test_pixels_of_a_photo_count_by_their_weights_and_photos_by_the_roots_of_theirs() -> None:
+    """From behind the order turns round. The first Gaussian has 0.6 of the front photo's pixel and 0.1 * 0.6 of the other's, the second 0.36 and 0.9:
+    roots 0.775 and 0.245, 0.6 and 0.949. The first photo says class 0 and the second class 1, each with odds of 1001."""
     scene = on_the_axis((2.0, 0.6), (3.0, 0.9), (50.0, 0.0))
     behind = camera()
     behind.world_from_camera[0] = torch.tensor([[-1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 5], [0, 0, 0, 1]])
@@ -56,31 +61,39 @@ def test_photos_agree_by_their_weights_and_the_unseen_stay_so() -> None:
     votes.add(behind, middle(0.0, 1.0))
     labelled = votes.labelled()
     assert labelled.semantic is not None
-    expected = torch.tensor([[0.6 / 0.66, 0.06 / 0.66], [0.36 / 1.26, 0.9 / 1.26], [0.5, 0.5]])
-    torch.testing.assert_close(labelled.semantic.features, expected)
+    lead = torch.tensor([(0.774597 - 0.244949) / 1.019546, (0.6 - 0.948683) / 1.548683, 0.0])
+    torch.testing.assert_close(labelled.semantic.features[:, 0], (lead * math.log(1001)).sigmoid())
     assert labelled.semantic.scales is scene.colour.scales
     assert labelled.means is scene.means
 
 
-def test_the_sums_are_those_of_the_reference_renderer_gaussian_by_gaussian() -> None:
+def test_the_weights_are_those_of_the_reference_renderer_gaussian_by_gaussian() -> None:
     torch.manual_seed(3)
     count = 40
     means = torch.rand(count, 3) * torch.tensor([2.0, 1.5, 1.0]) + torch.tensor([-1.0, -0.75, 2.0])
     quaternions = torch.nn.functional.normalize(torch.randn(count, 4), dim=1)
     shape = Appearance(quaternions, torch.rand(count, 3) * 0.2 + 0.02, torch.rand(count, 4, 3))
     scene = Gaussians(means, torch.rand(count), shape)
-    votes, expected = PixelVotes(scene, 5), torch.zeros(count, 5)
-    for aside in (-0.5, 0.0, 0.5):
-        one = camera()
-        one.world_from_camera[0, 0, 3] = aside
-        distributions = torch.rand(5, *SIZE).softmax(0)
-        votes.add(one, distributions)
-        pinhole = Pinhole.of(one[0])
-        order = reference.depth_order(means, pinhole, None)
-        splats = Splats(means, quaternions, shape.scales, scene.opacities, torch.eye(count))
-        expected += torch.einsum("ghw,chw->gc", reference.splat(splats, order, pinhole).picture.float(), distributions)
-    assert expected.sum() > 50  # of 243 pixels
-    torch.testing.assert_close(votes.sums, expected, rtol=1e-4, atol=1e-4)
+    distributions = torch.rand(5, *SIZE).softmax(0)
+    votes = PixelVotes(scene, 5)
+    votes.add(camera(), distributions)
+    pinhole = Pinhole.of(camera()[0])
+    order = reference.depth_order(means, pinhole, None)
+    each = reference.splat(Splats(means, quaternions, shape.scales, scene.opacities, torch.eye(count)), order, pinhole)
+    pixels = each.picture.float()
+    weights = pixels.sum((1, 2))
+    assert 20 < weights.sum() <= 81
+    seen = weights > 0.01
+    assert seen.sum() > 30
+    logs = torch.einsum("ghw,chw->gc", pixels, (distributions + 1e-3).log()) / weights[:, None]
+    torch.testing.assert_close(votes.weights[seen], weights[seen].sqrt(), rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(votes.labelled().semantic.features[seen], logs.softmax(1)[seen], rtol=1e-4, atol=1e-5)
+
+
+def test_pixels_of_zeros_say_nothing() -> None:
+    votes = PixelVotes(on_the_axis((2.0, 0.6)), 2)
+    votes.add(camera(), torch.zeros(2, *SIZE))
+    assert votes.unseen.tolist() == [True]
 
 
 def test_a_map_of_another_size_or_table_is_refused() -> None:
