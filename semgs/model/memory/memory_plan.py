@@ -16,11 +16,11 @@ from semgs.model.layers.network_input import MULTIPLE, padded_size
 from semgs.model.memory.stage_memory import Work, seen_bytes, stage_bytes
 from semgs.runtime.free_memory import free_bytes, held_bytes
 
-LIBRARIES = 225e6
+LIBRARIES = 185e6
 """Memory of the libraries for convolutions, and of the compiler of the rendering kernels [bytes]. A process keeps memory that was freed,
 so the compiler comes on top of any stage. Only the first run compiles: later ones need about 80 MB less."""
 
-HOLES = {"heads": 0.6, "cost_volume": 0.2, "render": 0.2}
+HOLES = {"heads": 0.5, "cost_volume": 0.2, "render": 0.2}
 """The allocator's overhead relative to a stage's tensors, `MANY_HOLES` in the other stages: small tensors come from a heap, which keeps
 gaps where tensors were freed; large tensors, as in the cost volume and in rendering, are released completely."""
 

@@ -140,9 +140,9 @@ def test_kernels_gaps_and_small_tensors_are_added(monkeypatch: pytest.MonkeyPatc
         planning, "stage_bytes", lambda *_: {"cnn": 1e9, "cost_volume": 1e8, "depth": 1e8, "heads": 1e8}
     )
     found = planning.peaks(work_of(model_of("small_plain"), 2, (32, 64), 0), WHOLE, 5e6)
-    # What the process held, 225 MB of libraries, 4 % more than the tensors, and gaps: 70 % up to 250 MB, 60 % in the heads, 20 % where tensors
+    # What the process held, 185 MB of libraries, 4 % more than the tensors, and gaps: 70 % up to 250 MB, 50 % in the heads, 20 % where tensors
     # are few.
-    assert found == pytest.approx({"cnn": 1520e6, "cost_volume": 354e6, "depth": 404e6, "heads": 394e6})
+    assert found == pytest.approx({"cnn": 1480e6, "cost_volume": 314e6, "depth": 364e6, "heads": 344e6})
 
 
 def test_memory_grows_no_faster_than_views_and_pixels_where_views_come_one_at_a_time() -> None:
@@ -199,9 +199,9 @@ def test_what_does_not_fit_is_told_with_what_would() -> None:
 def test_the_size_that_would_fit_is_told_with_the_memory_of_its_own_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(planning, "held_bytes", lambda: 4e8)
     model, views, targets = model_of("small_plain"), posed_views(4, (240, 320)), posed_views(4, (240, 320))
-    with pytest.raises(NotEnoughMemoryError, match=r"240x320 needs 0\.84 GB$"):
+    with pytest.raises(NotEnoughMemoryError, match=r"240x320 needs 0\.8 GB$"):
         model.memory_plan(posed_views(4, (480, 640)), targets, available_bytes=1.1e9)
-    assert model.memory_plan(views, targets).peak_bytes == pytest.approx(0.844e9, rel=1e-3)
+    assert model.memory_plan(views, targets).peak_bytes == pytest.approx(0.804e9, rel=1e-3)
 
 
 def test_a_picture_that_is_padded_needs_what_its_padded_size_needs(monkeypatch: pytest.MonkeyPatch) -> None:
