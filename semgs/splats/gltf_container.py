@@ -86,9 +86,11 @@ class Container:
         place = f"accessors[{index}]"
         if "sparse" in accessor:
             raise InputError(self.path, "accessors that are not sparse", "a sparse one", place)
-        width, component = _TYPES.get(accessor.get("type", "")), _COMPONENTS.get(accessor.get("componentType", 0))
+        kinds = accessor.get("type"), accessor.get("componentType")
+        width = _TYPES.get(kinds[0]) if isinstance(kinds[0], str) else None
+        component = _COMPONENTS.get(kinds[1]) if type(kinds[1]) is int else None
         if width is None or component is None:
-            found = f"{accessor.get('type')!r:.20}, {accessor.get('componentType')!r:.20}"
+            found = f"{kinds[0]!r:.20}, {kinds[1]!r:.20}"
             raise InputError(self.path, "scalars or vectors of a known componentType", found, place)
         kind = np.dtype((component, (width,)))
         count = self.whole(accessor, "count", place)

@@ -80,7 +80,7 @@ def open_reconstruction(path: str | Path, cameras: str | Path | None = None, up:
 def _without_cameras(file: Path, splat: Splat, up: Up) -> OpenedScene:
     """A splat with cameras that are chosen from it."""
     usual: Literal["y", "-y"] = splat.up
-    reason = f"files do not say it; {usual} is usual in {splat.format}"
+    reason = f"files do not say it; {usual.upper()} is usual in {splat.format}"
     found = UpDirection(
         axis_direction(usual if up == "auto" else up), "as given" if up != "auto" else reason, certain=up != "auto"
     )

@@ -37,7 +37,10 @@ def test_every_degree_order_of_bytes_and_type_gives_the_same_gaussian(
 
 
 def test_properties_may_come_in_any_order_and_others_are_kept(tmp_path: Path):
-    rows = [known_row(instance=7.0, nx=0.0, ny=0.0, nz=0.0, f_rest=2.0), known_row(instance=9.0, nx=0.0, ny=0.0, nz=0.0, f_rest=3.0)]
+    rows = [
+        known_row(instance=7.0, nx=0.0, ny=0.0, nz=0.0, f_rest=2.0),
+        known_row(instance=9.0, nx=0.0, ny=0.0, nz=0.0, f_rest=3.0),
+    ]
     columns = columns_3dgs([dict(sorted(row.items(), reverse=True)) for row in rows])
     columns["instance"] = ("int", [7, 9])
     splat = load_splat(save(tmp_path / "a.ply", ply({"vertex": columns}, comment="from a test")))
@@ -148,14 +151,30 @@ W, X = 0 << 30, 1 << 30
 """The largest component of packed rotations."""
 
 
-def packed(position: tuple[int, int, int], rotation: int = W | 511 << 20 | 511 << 10 | 511, scale: int = 0, colour: int = 0):
+def packed(
+    position: tuple[int, int, int], rotation: int = W | 511 << 20 | 511 << 10 | 511, scale: int = 0, colour: int = 0
+):
     x, y, z = position
     return x << 21 | y << 11 | z, rotation, scale, colour
 
 
 def test_a_compressed_gaussian_is_unpacked_between_the_bounds_of_its_chunk(tmp_path: Path):
-    bounds = {"min_x": 1.0, "max_x": 1.0 + 2047, "max_y": 1023.0, "max_z": 2047.0, "min_scale_x": -2.0, "max_scale_x": 0.0}
-    bounds |= {"min_scale_y": -1.0, "max_scale_y": -1.0, "min_scale_z": 0.0, "max_scale_z": 2047 / 1000, "min_r": -1.0, "max_r": 1.0}
+    bounds = {
+        "min_x": 1.0,
+        "max_x": 1.0 + 2047,
+        "max_y": 1023.0,
+        "max_z": 2047.0,
+        "min_scale_x": -2.0,
+        "max_scale_x": 0.0,
+    }
+    bounds |= {
+        "min_scale_y": -1.0,
+        "max_scale_y": -1.0,
+        "min_scale_z": 0.0,
+        "max_scale_z": 2047 / 1000,
+        "min_r": -1.0,
+        "max_r": 1.0,
+    }
     rotation = X | 1023 << 20 | 0 << 10 | 511  # w = 1/sqrt 2, y = -1/sqrt 2, z nearly 0
     one = packed((5, 6, 7), rotation, scale=2047 << 21 | 77 << 11 | 500, colour=255 << 24 | 0 << 16 | 51 << 8 | 204)
     data = compressed_ply([one], [bounds], harmonics=[[0, 255, 127, 128, 0, 0, 128, 128, 128]])
@@ -167,7 +186,9 @@ def test_a_compressed_gaussian_is_unpacked_between_the_bounds_of_its_chunk(tmp_p
     assert shape.scales[0].tolist() == pytest.approx([1, np.exp(-1), np.exp(0.5)])
     rest = (511 / 1023 - 0.5) * 2**0.5
     length = (0.5 + 0.5 + rest**2) ** 0.5
-    assert shape.quaternions[0].tolist() == pytest.approx([0.5**0.5 / length, 0, -(0.5**0.5) / length, rest / length], abs=1e-6)
+    assert shape.quaternions[0].tolist() == pytest.approx(
+        [0.5**0.5 / length, 0, -(0.5**0.5) / length, rest / length], abs=1e-6
+    )
     assert shape.features[0, 0].tolist() == pytest.approx([(1 - 0.5) / Z00, -0.5 / Z00, -0.3 / Z00])
     below, above = -0.5 / 256 * 8, 0.5 / 256 * 8
     expected = [[-4, above, above], [4, -4, above], [below, -4, above]]  # coefficient by coefficient: red, green, blue

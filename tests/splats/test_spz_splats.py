@@ -39,7 +39,10 @@ def test_blocks_are_unpacked_and_come_with_y_down_and_z_forward(tmp_path: Path, 
     assert (splat.format, splat.up, splat.comments) == ("SPZ", "-y", (f"SPZ version {version}",))
     assert gaussians.means.tolist() == [[1, -2, 3], [0, 0, 0]]
     assert gaussians.opacities.tolist() == pytest.approx([0.2, 1])
-    assert shape.features[:, 0].tolist() == [pytest.approx([0.5 / 0.15, -0.5 / 0.15, -0.3 / 0.15]), pytest.approx([-0.5 / 0.15] * 3)]
+    assert shape.features[:, 0].tolist() == [
+        pytest.approx([0.5 / 0.15, -0.5 / 0.15, -0.3 / 0.15]),
+        pytest.approx([-0.5 / 0.15] * 3),
+    ]
     assert shape.scales.tolist() == [pytest.approx([1, exp(1), exp(-1)]), pytest.approx([exp(-10)] * 3)]
     # The file has (0.5, -0.5, 0) and (0, 0.5, -0.5) for y and z, which change their sign, and (-0.5, 0, 0.5) for x.
     assert shape.features[0, 1:].tolist() == [[-0.5, 0.5, 0], [0, -0.5, 0.5], [-0.5, 0, 0.5]]
@@ -66,13 +69,17 @@ def test_harmonics_are_those_of_the_scene_after_half_a_turn_about_x():
     features = torch.randn(3, 16, 3, generator=torch.Generator().manual_seed(1))
     shape = Appearance(torch.eye(4)[:1].repeat(3, 1), torch.ones(3, 3), features)
     moved = move_gaussians(turn, Gaussians(torch.zeros(3, 3), torch.ones(3), shape)).colour.features
-    torch.testing.assert_close(moved[:, 1:], features[:, 1:] * torch.from_numpy(HARMONICS_FLIP)[:, None], rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(
+        moved[:, 1:], features[:, 1:] * torch.from_numpy(HARMONICS_FLIP)[:, None], rtol=1e-4, atol=1e-5
+    )
 
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_degree_0_has_no_harmonics_and_extensions_that_change_nothing_are_skipped(tmp_path: Path, version: int):
     records = RECORD.pack(0xADBE0002, 12) + bytes(12) + RECORD.pack(0xADBE0003, 4) + struct.pack("<I", 4)
-    splat = load_splat(save(tmp_path / "a.spz", spz(version, spz_blocks(version, 0), degree=0, flags=3, extensions=records)))
+    splat = load_splat(
+        save(tmp_path / "a.spz", spz(version, spz_blocks(version, 0), degree=0, flags=3, extensions=records))
+    )
     assert splat.gaussians.colour.features.shape == (2, 1, 3)
     assert "antialiasing" in splat.comments[1]
 
@@ -137,7 +144,10 @@ def test_a_zstd_bomb_is_not_inflated(tmp_path: Path):
 
     blocks = spz_blocks(4)
     data = spz(4, blocks)
-    stream, bomb = zstandard.ZstdCompressor().compress(blocks[0]), zstandard.ZstdCompressor().compress(bytes(100_000_000))
+    stream, bomb = (
+        zstandard.ZstdCompressor().compress(blocks[0]),
+        zstandard.ZstdCompressor().compress(bytes(100_000_000)),
+    )
     data = data.replace(stream, bomb).replace(struct.pack("<QQ", len(stream), 18), struct.pack("<QQ", len(bomb), 18))
     with pytest.raises(InputError, match="stream 0: expected 18 bytes, found more"):
         read(tmp_path, data)

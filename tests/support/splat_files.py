@@ -84,7 +84,9 @@ def compressed_ply(
     names = CHUNK + (CHUNK_COLOURS if colours else [])
     default = {name: float(name.startswith("max")) for name in names}
     chunks = [default | dict(one) for one in bounds]
-    vertices = zip(("packed_position", "packed_rotation", "packed_scale", "packed_color"), zip(*packed, strict=True), strict=True)
+    vertices = zip(
+        ("packed_position", "packed_rotation", "packed_scale", "packed_color"), zip(*packed, strict=True), strict=True
+    )
     elements: dict[str, Any] = {
         "chunk": {name: ("float", [chunk[name] for chunk in chunks]) for name in names},
         "vertex": {name: ("uint", list(values)) for name, values in vertices},
@@ -145,7 +147,9 @@ def gltf(arrays: Mapping[str, np.ndarray], node: Mapping[str, Any] | None = None
         values = np.ascontiguousarray(values)
         views.append({"buffer": 0, "byteOffset": len(body), "byteLength": values.nbytes})
         accessor = {"bufferView": len(views) - 1, "componentType": kinds[values.dtype.char], "count": len(values)}
-        accessors.append(accessor | {"type": names[values.shape[1]]} | ({} if values.dtype.kind == "f" else {"normalized": True}))
+        accessors.append(
+            accessor | {"type": names[values.shape[1]]} | ({} if values.dtype.kind == "f" else {"normalized": True})
+        )
         body += values.tobytes() + b"\0" * (-values.nbytes % 4)
     primitive = {
         "mode": 0,
