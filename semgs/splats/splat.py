@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 import torch
 from jaxtyping import Float
+from torch import Tensor
 
 from semgs.files.errors import InputError
 from semgs.geometry.gaussians import Appearance, Gaussians
@@ -105,18 +106,16 @@ def make_gaussians(
         lengths = np.linalg.norm(turns, axis=-1)
     check_all(path, "rotation", turns, np.isfinite(lengths) & (lengths > SHORTEST), "a quaternion that is not zero")
     turns /= lengths[:, None]
-    means, opacities, scales, turns, harmonics = (
-        np.ascontiguousarray(values, np.float32) for values in (means, opacities, scales, turns, harmonics)
-    )
     return Gaussians(
-        means=torch.from_numpy(means),
-        opacities=torch.from_numpy(opacities),
-        colour=Appearance(
-            quaternions=torch.from_numpy(turns),
-            scales=torch.from_numpy(scales),
-            features=torch.from_numpy(harmonics[:, : _used(harmonics)].copy()),
-        ),
+        means=_tensor(means),
+        opacities=_tensor(opacities),
+        colour=Appearance(_tensor(turns), _tensor(scales), _tensor(harmonics[:, : _used(harmonics)])),
     )
+
+
+def _tensor(values: np.ndarray) -> Float[Tensor, " ..."]:
+    """A copy as float32."""
+    return torch.from_numpy(np.array(values, np.float32, order="C"))
 
 
 def check_all(path: Path, name: str, values: np.ndarray, good: np.ndarray, expected: str) -> None:
