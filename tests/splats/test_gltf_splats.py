@@ -160,6 +160,14 @@ BAD = {
 }  # fmt: skip
 
 
+def test_a_mesh_that_many_nodes_use_takes_no_more_memory_than_the_file_has(tmp_path: Path):
+    content, body = gltf(gltf_arrays())
+    content["nodes"] = [{"mesh": 0}] * 20
+    content["scenes"][0]["nodes"] = list(range(20))
+    with pytest.raises(InputError, match=rf"at most {len(body) // 6} Gaussians in {len(body)} bytes, found 20"):
+        read(tmp_path, glb(content, body))
+
+
 @pytest.mark.parametrize("what", BAD)
 def test_what_cannot_be_read_is_refused_in_one_line(tmp_path: Path, what: str):
     data, message = BAD[what]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from math import cos, radians, sin
+from math import cos, radians, sin, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from semgs.export.ply import save_ply
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.rotations import covariance
+from semgs.geometry.rotations import covariance, matrix_from_quaternion
 from semgs.scene.scene_file import FILE_NAME, load_scene, save_scene
 from semgs.scene.upright import UpDirection, up_of
 from semgs.splats import nerfstudio_frame
@@ -140,11 +140,31 @@ def test_what_is_usual_is_up_without_cameras_and_a_note_says_that_it_is_uncertai
     assert isinstance(opened.up, UpDirection)
     assert opened.up.direction.tolist() == [0, -1, 0]
     assert not up_of(opened.scene, opened.up).certain
-    assert "-Y is usual in PLY" in opened.up.warning
+    assert "no field of PLY says it, -Y is usual" in opened.up.warning
     given = open_reconstruction(tmp_path / "a.ply", up="z").up
     assert isinstance(given, UpDirection)
     assert given.certain
     assert given.direction.tolist() == [0, 0, 1]
+
+
+def test_floor_and_walls_say_how_a_splat_without_cameras_is_tilted(tmp_path: Path):
+    """-Y is usual; this room stands 25 degrees off, and turned."""
+    turn = matrix_from_quaternion(torch.nn.functional.normalize(torch.tensor([1.0, 0.0, 0.4, 0.0]).double(), dim=0))
+    tilt = matrix_from_quaternion(
+        torch.tensor([cos(radians(12.5)), 0.6 * sin(radians(12.5)), 0.0, 0.8 * sin(radians(12.5))]).double()
+    )
+    half = matrix_from_quaternion(torch.tensor([sqrt(0.5), sqrt(0.5), 0.0, 0.0]).double())  # z up to -y up
+    turned = tilt @ turn @ half
+    points = (box(60_000).double() - torch.tensor([10.0, 20, 30])) @ turned.T
+    save_ply(tmp_path / "a.ply", dots(points, 0.04))
+    opened = open_reconstruction(tmp_path / "a.ply")
+    assert isinstance(opened.up, UpDirection)
+    assert float(opened.up.direction @ turned[:, 2]) > cos(radians(2))
+    assert float(turned[:, 2] @ torch.tensor([0.0, -1, 0]).double()) < cos(radians(20))
+    assert not opened.up.certain
+    assert "level or upright; no field of PLY says it" in opened.up.warning
+    # The cameras were put about it: they look level.
+    assert float((opened.scene.cameras.world_from_camera[:, :3, 2] @ opened.up.direction).abs().max()) < 1e-9
 
 
 TRANSFORM = [[0.0, -1, 0, 0.5], [1, 0, 0, -2], [0, 0, 1, 3]]

@@ -60,7 +60,7 @@ def test_a_splat_is_circled_and_up_may_be_given(stick: Path, tmp_path: Path, cap
     assert main(["render", str(stick), "--out", str(tmp_path / "a"), "--frames", "4", "--size", "60x80"]) == 0
     told = capsys.readouterr().out
     assert "4 images each of colour, depth" in told
-    assert "note: which way is up is uncertain (files do not say it; -Y is usual in PLY); set it with --up" in told
+    assert "note: which way is up is uncertain (no field of PLY says it, -Y is usual); set it with --up" in told
     # The circle is about -y: along the stick and across it in turn.
     sizes = [lit(tmp_path / "a" / f"000{index}_colour.png") for index in range(4)]
     assert all(abs(one[0] - other[0]) <= 3 for one, other in zip(sizes[:2], sizes[2:], strict=True))
