@@ -63,6 +63,16 @@ ROUNDS = (
 )
 """The first one is wide: lines along the floor can look like upright ones from another pitch, and surfaces, which say it to a few degrees, decide between them."""
 
+ROUNDS_AROUND = (
+    Round(_steps(5.0, 9), _steps(5.0, 9), line=6.0, surface=8.0, surfaces=2.0, pitch=0.0),
+    Round(_steps(1.0, 5), _steps(1.0, 5), line=2.0, surface=6.0, surfaces=1.0, pitch=0.0),
+    Round(_steps(0.25, 4), _steps(0.25, 4), line=0.7, surface=6.0, surfaces=1.0, pitch=0.0),
+)
+"""The same around a direction that is usual, if the cameras say nothing."""
+
+SURFACES_AROUND = 20_000
+"""So many surfaces are enough there."""
+
 PITCH = (-15.0, 25.0)
 """Mean and standard deviation of the pitch of cameras, up is positive [degrees]."""
 
@@ -141,17 +151,51 @@ def up_of(scene: SavedScene, up: Up | UpDirection = "auto") -> UpDirection:
     if up != "auto":
         return UpDirection(axis_direction(up), "as given")
     cues = _cues(scene)
+    found, score = _search(cues, ROUNDS)
+    if not len(cues.surfaces) and not len(cues.lines):
+        return UpDirection(found, "the cameras say it alone", certain=False)
+    return UpDirection(found, cues.fit(found), certain=score > 0)
+
+
+def up_near(scene: SavedScene, usual: Float64[Tensor, " 3"], reason: str) -> UpDirection:
+    """The direction within 45 degrees of a usual one that fits lines and surfaces best, or the usual one if none fits. It is always uncertain.
+
+    Args:
+        scene: with cameras that say nothing, because they were put around a splat.
+        usual: of unit length.
+        reason: why it is usual.
+    """
+    level = torch.eye(3, dtype=torch.float64)[int(usual.abs().argmin())]
+    right = _unit(level - (level @ usual) * usual)
+    cues = replace(
+        _cues(scene),
+        rights=torch.zeros(1, 3).double(),
+        base=torch.stack((usual, right, torch.linalg.cross(usual, right))),
+    )
+    kept = slice(None, None, max(1, len(cues.surfaces) // SURFACES_AROUND))
+    cues = replace(
+        cues,
+        surfaces=cues.surfaces[kept],
+        may_be_level=cues.may_be_level[kept],
+        may_be_upright=cues.may_be_upright[kept],
+    )
+    if len(cues.surfaces) or len(cues.lines):
+        found, score = _search(cues, ROUNDS_AROUND)
+        if score > 0:
+            return UpDirection(found, f"{cues.fit(found)}; {reason}", certain=False)
+    return UpDirection(usual, reason, certain=False)
+
+
+def _search(cues: Cues, rounds: Sequence[Round]) -> tuple[Float64[Tensor, " 3"], float]:
+    """The best direction, and its score in the last round."""
     pitch = roll = 0.0
     score = torch.zeros(1, dtype=torch.float64)
-    for one in ROUNDS:
+    for one in rounds:
         pitches, rolls = torch.meshgrid(pitch + _tensor(one.pitches), roll + _tensor(one.rolls), indexing="ij")
         score = cues.score(pitches.flatten(), rolls.flatten(), one)
         best = score.argmax()
         pitch, roll = float(pitches.flatten()[best]), float(rolls.flatten()[best])
-    found = cues.directions(_tensor([pitch]), _tensor([roll]))[0]
-    if not len(cues.surfaces) and not len(cues.lines):
-        return UpDirection(found, "the cameras say it alone", certain=False)
-    return UpDirection(found, cues.fit(found), certain=bool(score.max() > 0))
+    return cues.directions(_tensor([pitch]), _tensor([roll]))[0], float(score.max())
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import binascii
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import unquote
@@ -25,6 +25,9 @@ VERSION = 2
 EXPECTED = "a glTF file"
 DATA = "data:"
 
+SMALLEST = 6
+"""Bytes of a position of three 16-bit integers."""
+
 _TYPES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _STRIDES = range(4, 253, 4)
@@ -38,11 +41,13 @@ class Container:
         path: the file.
         content: its JSON object.
         body: the binary chunk of a .glb; None if it has none.
+        read: the buffers that were read, by their number.
     """
 
     path: Path
     content: dict[str, Any]
     body: bytes | None = None
+    read: dict[int, bytes] = field(default_factory=dict)
 
     def entry(self, kind: str, index: object, place: str) -> dict[str, Any]:
         """An object of a list of the file, such as "accessors".
@@ -86,9 +91,11 @@ class Container:
         place = f"accessors[{index}]"
         if "sparse" in accessor:
             raise InputError(self.path, "accessors that are not sparse", "a sparse one", place)
-        width, component = _TYPES.get(accessor.get("type", "")), _COMPONENTS.get(accessor.get("componentType", 0))
+        kinds = accessor.get("type"), accessor.get("componentType")
+        width = _TYPES.get(kinds[0]) if isinstance(kinds[0], str) else None
+        component = _COMPONENTS.get(kinds[1]) if type(kinds[1]) is int else None
         if width is None or component is None:
-            found = f"{accessor.get('type')!r:.20}, {accessor.get('componentType')!r:.20}"
+            found = f"{kinds[0]!r:.20}, {kinds[1]!r:.20}"
             raise InputError(self.path, "scalars or vectors of a known componentType", found, place)
         kind = np.dtype((component, (width,)))
         count = self.whole(accessor, "count", place)
@@ -106,18 +113,35 @@ class Container:
             return values.astype(np.float64)
         return np.maximum(values / np.iinfo(values.dtype).max, -1)
 
+    def check_size(self, count: int) -> None:
+        """Check that so many positions fit into the buffers: objects that are used again and again would need any amount of memory.
+
+        Raises:
+            InputError: they do not fit, or a buffer cannot be read.
+        """
+        buffers = self.content.get("buffers", [])
+        number = len(buffers) if isinstance(buffers, list) else 0
+        size = sum(len(self._buffer(index, f"buffers[{index}]")) for index in range(number))
+        if count * SMALLEST > size:
+            raise InputError(self.path, f"at most {size // SMALLEST:,} Gaussians in {size:,} bytes", f"{count:,}")
+
     def _view(self, view: dict[str, Any], place: str) -> memoryview:
         """The bytes of a part of a buffer."""
-        index = view.get("buffer")
-        buffer = self.entry("buffers", index, place)
+        buffer, index = self.entry("buffers", view.get("buffer"), place), view["buffer"]
         start, length = self.whole(view, "byteOffset", place, 0), self.whole(view, "byteLength", place)
-        data = self._buffer(buffer, index, f"buffers[{index}]")
+        data = self._buffer(index, f"buffers[{index}]")
         limit = min(len(data), self.whole(buffer, "byteLength", f"buffers[{index}]"))
         if start + length > limit:
             raise InputError(self.path, f"a part of the {limit:,} bytes", f"{start:,} to {start + length:,}", place)
         return memoryview(data)[start : start + length]
 
-    def _buffer(self, buffer: dict[str, Any], index: object, place: str) -> bytes:
+    def _buffer(self, index: int, place: str) -> bytes:
+        """The bytes of a buffer, read once."""
+        if index not in self.read:
+            self.read[index] = self._read_buffer(self.entry("buffers", index, place), index, place)
+        return self.read[index]
+
+    def _read_buffer(self, buffer: dict[str, Any], index: int, place: str) -> bytes:
         """The bytes of a buffer: of the .glb itself, inside the text, or of a file beside it."""
         uri = buffer.get("uri")
         if uri is None:

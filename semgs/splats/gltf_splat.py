@@ -70,7 +70,9 @@ def read_gltf(path: Path, data: bytes) -> Splat:
         raise InputError(
             path, f"Gaussians ({EXTENSION})", "none in its scene", advice="meshes and point clouds have no Gaussians"
         )
-    check_count(path, sum(file.count(part.attributes.get("POSITION"), part.place) for part in parts))
+    count = sum(file.count(part.attributes.get("POSITION"), part.place) for part in parts)
+    check_count(path, count)
+    file.check_size(count)
     read = [_gaussians(file, part) for part in parts]
     names = set.intersection(*({name for name in part.attributes if name.startswith("_")} for part in parts))
     extra = {}

@@ -21,7 +21,7 @@ EXPECTED = "a splat: PLY, compressed PLY, SPZ, or glTF with KHR_gaussian_splatti
 def load_splat(path: str | Path) -> Splat:
     """Read the Gaussians of another program: 3DGS PLY, compressed PLY of SuperSplat, SPZ of versions 2 to 4, or glTF with KHR_gaussian_splatting.
 
-    The format is told from the content. Coordinates are those of the file; SPZ comes with y down, as other programs convert it to PLY.
+    The content decides what the format is. Coordinates are those of the file; SPZ comes with y down, as other programs convert it to PLY.
 
     Args:
         path: the file.

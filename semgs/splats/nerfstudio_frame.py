@@ -79,7 +79,7 @@ def read_trained_frame(
         raise InputError(path, "an object with transform and scale", "something else")
     saved = _matrix(path, content.get("transform"))
     scale = content.get("scale")
-    if type(scale) not in (int, float) or not 0 < scale < np.inf:
+    if not isinstance(scale, int | float) or isinstance(scale, bool) or not 0 < scale < np.inf:
         raise InputError(path, "a positive number", f"{scale!r:.40}", "scale")
     if applied_transform is not None:
         applied = np.eye(4)
@@ -93,11 +93,11 @@ def read_trained_frame(
 
 def _matrix(path: Path, value: object) -> Float64[np.ndarray, "4 4"]:
     """A 3x4 matrix of finite numbers with the row 0 0 0 1 below."""
-    good = isinstance(value, list) and len(value) in (3, 4)
-    good = good and all(isinstance(row, list) and len(row) == 4 for row in value)  # type: ignore[union-attr]
-    good = good and all(type(one) in (int, float) for row in value for one in row)  # type: ignore[union-attr]
+    rows = value[:3] if isinstance(value, list) and len(value) in (3, 4) else []
+    numbers = [one for row in rows if isinstance(row, list) and len(row) == 4 for one in row]
+    good = len(numbers) == 12 and all(type(one) in (int, float) for one in numbers)
     matrix = np.eye(4)
-    matrix[:3] = np.array(value, np.float64)[:3] if good else np.nan
+    matrix[:3] = np.array(numbers, np.float64).reshape(3, 4) if good else np.nan
     if not np.isfinite(matrix).all():
         raise InputError(path, "3 rows of 4 finite numbers", f"{value!r:.40}", "transform")
     return matrix

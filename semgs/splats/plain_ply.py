@@ -58,7 +58,7 @@ def read_plain_ply(path: Path, ply: PlyTables) -> Splat:
         opacities=opacities,
         scales=scales,
         quaternions=together(columns, ROTATION),
-        harmonics=np.concatenate((together(columns, CONSTANT)[:, None], by_coefficient(columns, rest)), axis=1),
+        harmonics=by_coefficient(columns, rest, CONSTANT),
     )
     known = {*NEEDED, *rest, *(NORMAL if not any(columns[name].any() for name in NORMAL if name in columns) else ())}
     return Splat(
@@ -89,13 +89,21 @@ def rest_names(path: Path, columns: Columns) -> tuple[str, ...]:
     return names
 
 
-def by_coefficient(columns: Columns, names: tuple[str, ...]) -> np.ndarray:
-    """Harmonics above degree 0 from the channels one after the other, as float32 [g k 3]."""
-    per_channel = len(names) // 3
-    harmonics = np.empty((len(columns["x" if "x" in columns else names[0]]), per_channel, 3), np.float32)
+def by_coefficient(columns: Columns, rest: tuple[str, ...], constant: tuple[str, ...] = ()) -> np.ndarray:
+    """Harmonics as float32 [g k 3].
+
+    Args:
+        columns: of the Gaussians.
+        rest: names of those above degree 0, one channel after the other.
+        constant: names of the constant ones of the three channels; none to leave them out.
+    """
+    first, per_channel = len(constant) // 3, len(rest) // 3
+    places = [(0, channel, name) for channel, name in enumerate(constant)]
+    places += [(first + number % per_channel, number // per_channel, name) for number, name in enumerate(rest)]
+    harmonics = np.empty((len(columns[places[0][2]]), first + per_channel, 3), np.float32)
     with np.errstate(over="ignore"):
-        for number, name in enumerate(names):
-            harmonics[:, number % per_channel, number // per_channel] = columns[name]
+        for coefficient, channel, name in places:
+            harmonics[:, coefficient, channel] = columns[name]
     return harmonics
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
+from math import cos, radians, sqrt
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import torch
@@ -18,7 +17,7 @@ from semgs.files.errors import InputError
 from semgs.files.paths import typed_path
 from semgs.geometry.gaussians import Gaussians
 from semgs.scene.scene_file import SavedScene, load_scene
-from semgs.scene.upright import Up, UpDirection, axis_direction
+from semgs.scene.upright import Up, UpDirection, axis_direction, up_near
 from semgs.splats.endings import is_splat
 from semgs.splats.load import load_splat
 from semgs.splats.nerfstudio_frame import FILE_NAME, find_trained_frame
@@ -28,6 +27,9 @@ from semgs.splats.splat_scene import splat_scene
 
 MOST_VIEWS = 8
 """Cameras of a scene that are used, evenly chosen."""
+
+TILTED = 3.0
+"""If up is further than this from what is usual, the cameras are put about it again [degrees]."""
 
 NEAR_FAR = (0.1, 100.0)
 """Placeholder for the bounds of views that are read for their cameras; those of the scene come from the splat's depth."""
@@ -59,7 +61,7 @@ def open_reconstruction(path: str | Path, cameras: str | Path | None = None, up:
         path: a folder or scene file of `semgs reconstruct`, or a splat as for `load_splat`.
         cameras: for a splat: a scene of any layout that `open_scene` reads, in the coordinates of the splat, or in those that nerfstudio's
             dataparser_transforms.json leads to. None puts cameras around the splat, or inside if it is a room.
-        up: the direction that is up in its coordinates. For a splat without cameras, "auto" is what is usual in its format, and is uncertain.
+        up: the direction that is up in its coordinates. For a splat without cameras, "auto" finds it near to what is usual in its format; that is uncertain.
 
     Raises:
         InputError: it cannot be used, or the cameras do not see it.
@@ -78,20 +80,27 @@ def open_reconstruction(path: str | Path, cameras: str | Path | None = None, up:
 
 
 def _without_cameras(file: Path, splat: Splat, up: Up) -> OpenedScene:
-    """A splat with cameras that are chosen from it."""
-    usual: Literal["y", "-y"] = splat.up
-    reason = f"files do not say it; {usual} is usual in {splat.format}"
-    found = UpDirection(
-        axis_direction(usual if up == "auto" else up), "as given" if up != "auto" else reason, certain=up != "auto"
-    )
-    around = cameras_around(splat.gaussians, found.direction)
+    """A splat with cameras that are chosen from it: first about the direction that is usually up, then about the one that fits what they see."""
+    direction = axis_direction(splat.up if up == "auto" else up)
+    scene, pivot = _surrounded(file, splat, direction)
+    if up != "auto":
+        return OpenedScene(scene, UpDirection(direction, "as given"), pivot, splat=True)
+    found = up_near(scene, direction, f"no field of {splat.format} says it, {splat.up.upper()} is usual")
+    if float(found.direction @ direction) < cos(radians(TILTED)):
+        scene, pivot = _surrounded(file, splat, found.direction)
+    return OpenedScene(scene, found, pivot, splat=True)
+
+
+def _surrounded(file: Path, splat: Splat, up: Float64[Tensor, " 3"]) -> tuple[SavedScene, Float64[Tensor, " 3"]]:
+    """The scene with cameras on a circle about a direction, and its middle."""
+    around = cameras_around(splat.gaussians, up)
     try:
         scene = splat_scene(splat.gaussians, around.cameras, source=file.stem, model=splat.format)
     except ValueError as error:
         raise InputError(
             file, "a splat that cameras around it can see", str(error), advice="give cameras with --cameras"
         ) from error
-    return OpenedScene(scene, found, around.pivot, splat=True)
+    return scene, around.pivot
 
 
 def _with_cameras(file: Path, splat: Splat, path: Path, up: Up) -> OpenedScene:

@@ -10,12 +10,11 @@ from typing import Literal
 import numpy as np
 import torch
 from jaxtyping import Float
+from torch import Tensor
 
 from semgs.files.errors import InputError
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.summaries import describe
-
-FloatArray = Float[np.ndarray, "*shape"]
 
 MOST_GAUSSIANS = 50_000_000
 """Files that claim more are refused before anything is allocated."""
@@ -73,52 +72,50 @@ def check_count(path: Path, count: int, place: str | None = None) -> None:
 def make_gaussians(
     path: Path,
     *,
-    means: FloatArray,
-    opacities: FloatArray,
-    scales: FloatArray,
-    quaternions: FloatArray,
-    harmonics: FloatArray,
+    means: Float[np.ndarray, "g 3"],
+    opacities: Float[np.ndarray, " g"],
+    scales: Float[np.ndarray, "g 3"],
+    quaternions: Float[np.ndarray, "g 4"],
+    harmonics: Float[np.ndarray, "g k 3"],
 ) -> Gaussians:
     """Gaussians from activated numbers.
 
     Args:
         path: the file, for errors.
-        means: [g 3].
-        opacities: [g], 0..1.
-        scales: [g 3], standard deviations.
-        quaternions: [g 4], (w, x, y, z), of any length but zero.
-        harmonics: [g k 3].
+        means: positions.
+        opacities: 0..1.
+        scales: standard deviations.
+        quaternions: (w, x, y, z), of any length but zero.
+        harmonics: in the basis of 3DGS.
 
     Raises:
         InputError: a number is not finite as a float32, an opacity is not 0..1, a scale is negative or a quaternion is zero.
     """
-    for name, values, low, high in (
-        ("position", means, -np.inf, np.inf),
-        ("opacity", opacities, 0.0, 1.0),
-        ("scale", scales, 0.0, np.inf),
-        ("harmonics", harmonics, -np.inf, np.inf),
+    largest = np.finfo(np.float32).max
+    for name, values, least, most, expected in (
+        ("position", means, -largest, largest, "finite numbers"),
+        ("opacity", opacities, 0.0, 1.0, "0 to 1"),
+        ("scale", scales, 0.0, largest, "finite numbers, 0 or more"),
+        ("harmonics", harmonics, -largest, largest, "finite numbers"),
     ):
-        largest = np.finfo(np.float32).max
-        check_all(
-            path, name, values, (values >= max(low, -largest)) & (values <= min(high, largest)), _range(low, high)
-        )
+        low, high = values.min(initial=0), values.max(initial=0)
+        if not (low >= least and high <= most):  # NaN too
+            check_all(path, name, values, (values >= least) & (values <= most), expected)
     turns = quaternions.astype(np.float64)
     with np.errstate(all="ignore"):
         lengths = np.linalg.norm(turns, axis=-1)
     check_all(path, "rotation", turns, np.isfinite(lengths) & (lengths > SHORTEST), "a quaternion that is not zero")
     turns /= lengths[:, None]
-    means, opacities, scales, turns, harmonics = (
-        np.ascontiguousarray(values, np.float32) for values in (means, opacities, scales, turns, harmonics)
-    )
     return Gaussians(
-        means=torch.from_numpy(means),
-        opacities=torch.from_numpy(opacities),
-        colour=Appearance(
-            quaternions=torch.from_numpy(turns),
-            scales=torch.from_numpy(scales),
-            features=torch.from_numpy(harmonics[:, : _used(harmonics)].copy()),
-        ),
+        means=_tensor(means),
+        opacities=_tensor(opacities),
+        colour=Appearance(_tensor(turns), _tensor(scales), _tensor(harmonics[:, : _used(harmonics)])),
     )
+
+
+def _tensor(values: np.ndarray) -> Float[Tensor, " ..."]:
+    """A copy as float32."""
+    return torch.from_numpy(np.array(values, np.float32, order="C"))
 
 
 def check_all(path: Path, name: str, values: np.ndarray, good: np.ndarray, expected: str) -> None:
@@ -139,13 +136,6 @@ def check_all(path: Path, name: str, values: np.ndarray, good: np.ndarray, expec
     index = int(np.argwhere(~good)[0][0])
     found = ", ".join(f"{number:g}" for number in np.ravel(values[index])[:4])
     raise InputError(path, expected, found, f"{name} of Gaussian {index}")
-
-
-def _range(low: float, high: float) -> str:
-    """A range in words."""
-    if high == 1:
-        return "0 to 1"
-    return "finite numbers" if low else "finite numbers, 0 or more"
 
 
 def _used(harmonics: np.ndarray) -> int:

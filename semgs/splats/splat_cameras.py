@@ -38,8 +38,8 @@ SAMPLED = 200_000
 ENCLOSED = 0.9
 """Seen from its middle, a room covers at least this share of each side, up and down excepted."""
 
-EMPTY, CROWDED = 0.3, 0.15
-"""Within this share of a room's extent from its middle there is at most this share of its Gaussians."""
+FREE = 0.3
+"""Seen from its middle, half of a room is further away than this share of its extent."""
 
 PROBE = 64
 """Side of the images that look from the middle to the sides [px]."""
@@ -63,7 +63,7 @@ class Surround:
 def cameras_around(gaussians: Gaussians, up: Float64[Tensor, " 3"]) -> Surround:
     """A circle of cameras around a splat, or in its middle if that is the middle of a room.
 
-    It is a room if there are Gaussians on all four sides of its middle, and few near it. A hollow object that is closed looks the same.
+    It is a room if there are Gaussians on all four sides of its middle, and most are not near it. A hollow object that is closed looks the same.
 
     Args:
         gaussians: of one scene.
@@ -78,18 +78,22 @@ def cameras_around(gaussians: Gaussians, up: Float64[Tensor, " 3"]) -> Surround:
     centre = (low + high) / 2
     distances = (means - centre).norm(dim=-1)
     extent = max(float(_quantile(distances, weights, EXTENT)), 1e-6)
-    near = float(weights[distances < EMPTY * extent].sum() / weights.sum())
-    if near <= CROWDED and _is_enclosed(gaussians, centre, up):
+    if _is_room(gaussians, centre, up, FREE * extent):
         return Surround(_circle(centre, up, 0.0, 0.0, FIELD, SIZE, COUNT), centre, inside=True)
     extent = max(float(_quantile((means - middle).norm(dim=-1), weights, EXTENT)), 1e-6)
     away = extent / sin(radians(FIELD / 2))
     return Surround(_circle(middle, up, away, ELEVATION, FIELD, SIZE, COUNT), middle, inside=False)
 
 
-def _is_enclosed(gaussians: Gaussians, centre: Float64[Tensor, " 3"], up: Float64[Tensor, " 3"]) -> bool:
-    """Whether there is something on all four sides of a point."""
-    cameras = _circle(centre, up, 0.0, 0.0, 90.0, (PROBE, PROBE), 4)
-    return all(float(render(gaussians, cameras[view : view + 1]).alphas.mean()) >= ENCLOSED for view in range(4))
+def _is_room(gaussians: Gaussians, centre: Float64[Tensor, " 3"], up: Float64[Tensor, " 3"], free: float) -> bool:
+    """Whether there is something on all four sides of a point, half of it further away than `free`."""
+    cameras, depths = _circle(centre, up, 0.0, 0.0, 90.0, (PROBE, PROBE), 4), []
+    for view in range(4):
+        rendering = render(gaussians, cameras[view : view + 1], near=free / 10)
+        if float(rendering.alphas.mean()) < ENCLOSED:
+            return False
+        depths.append(rendering.depths)
+    return float(torch.cat(depths).median()) > free
 
 
 def _circle(

@@ -16,6 +16,7 @@ import numpy as np
 import onnx_writer
 import pycolmap_photos
 import scannet_writer
+import splat_files
 import tiny_models
 import torch
 from golden import golden_tensor
@@ -145,6 +146,10 @@ def _write_results(disk: Path) -> None:
     shutil.copytree(disk / "out" / "office", disk / "out" / "robot")
     run("export", "out/office", "--out", "office", "--as", "ply")
     run("export", "out/office", "--out", "map", "--as", "objects")
+    run("export", "out/office", "--out", "splats", "--as", "ply", "gltf", "--frame", "scene")
+    for ending in ("ply", "glb"):
+        (disk / "splats" / f"gaussians.{ending}").rename(disk / f"office.{ending}")
+    splat_files.save(disk / "office.spz", splat_files.spz(3, splat_files.spz_blocks(3)))
     run("evaluate", "small", "--data", "data/rooms", "--views", "2", "--size", small, "--out", "eval/small")
     for name in REPORTS:
         shutil.copytree(disk / "eval" / "small", disk / "eval" / name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import json
 import re
@@ -204,6 +205,26 @@ def head_tokens(end: bytes) -> Callable[[bytes, Draw], bytes]:
     return edit
 
 
+def spz_blocks(data: bytes, draw: Draw) -> bytes:
+    """An SPZ file with other numbers in its blocks or its header, packed again."""
+    if data[:2] != b"\x1f\x8b":
+        return fields(data, draw)
+    return gzip.compress(fields(gzip.decompress(data), draw), mtime=0)
+
+
+def glb_json(data: bytes, draw: Draw) -> bytes:
+    """A binary glTF with another JSON, whose lengths are right, or other numbers in its buffer."""
+    length = int.from_bytes(data[12:16], "little")
+    text, rest = data[20 : 20 + length], data[20 + length :]
+    if draw(st.integers(0, 3)) == 0:
+        rest = rest[:8] + fields(rest[8:], draw)
+    else:
+        text = json_values(text, draw)
+        text += b" " * (-len(text) % 4)
+    total = 20 + len(text) + len(rest)
+    return data[:8] + total.to_bytes(4, "little") + len(text).to_bytes(4, "little") + b"JSON" + text + rest
+
+
 def npy_header(data: bytes, draw: Draw) -> bytes:
     """An array file with another header, whose length is right."""
     if data[:6] != b"\x93NUMPY":
@@ -239,7 +260,9 @@ def _bytes(text: str) -> bytes:
 
 
 EDITS: dict[str, Callable[[bytes, Draw], bytes]] = {
-    **dict.fromkeys((".json", "metadata"), json_values),
+    **dict.fromkeys((".json", ".gltf", "metadata"), json_values),
+    ".spz": spz_blocks,
+    ".glb": glb_json,
     **dict.fromkeys((".txt", ".tsv", ".log", ".jsonl", ".yaml", ".csv"), text_tokens),
     **dict.fromkeys((".zip", ".r3d", ".npz"), zip_members),
     ".png": png_chunks,

@@ -27,6 +27,7 @@ from planted.ros import ROS
 from planted.scene import SCENE
 from planted.segmenters import SEGMENTERS
 from planted.sfm import SFM
+from planted.splats import SPLATS
 from planted.training import TRAINING
 from planted.viewer import VIEWER
 from planted.weights import WEIGHTS
@@ -54,6 +55,7 @@ MUTANTS: tuple[Mutant, ...] = (
     *SCENE,
     *SEGMENTERS,
     *SFM,
+    *SPLATS,
     *TRAINING,
     *VIEWER,
     *WEIGHTS,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-FOLDER = Path(__file__).resolve().parent / "node"
+FOLDER = Path(__file__).resolve().parents[1] / "node"
 SECONDS = 250
 
 

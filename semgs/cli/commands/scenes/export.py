@@ -77,7 +77,7 @@ class Export:
     coordinates of the scene's poses; if they are far from their origin, all is relative to the origin in scene.safetensors. A robot's map
     needs scene, and poses with +Z up."""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
-    """The direction that is up in the scene's coordinates. auto finds it from floors and walls; for a splat without --cameras it is what is usual in its format."""
+    """The direction that is up in the scene's coordinates. auto finds it from floors and walls; for a splat without --cameras, near to what is usual in its format."""
     cameras: Annotated[Path | None, tyro.conf.arg(metavar="SCENE", help_behavior_hint="")] = None
     """For a splat: the scene with its cameras, in its coordinates."""
     colour: tuple[Literal["photo", "classes"], ...] = ("photo",)

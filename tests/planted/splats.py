@@ -1,0 +1,97 @@
+"""Errors planted in `semgs/splats`."""
+
+from __future__ import annotations
+
+from planted.mutant import Mutant
+
+OF_PLY = ("tests/splats/test_ply_splats.py",)
+OF_SPZ = ("tests/splats/test_spz_splats.py",)
+OF_GLTF = ("tests/splats/test_gltf_splats.py",)
+OF_SCENES = ("tests/splats/test_splat_scene.py",)
+
+SPLATS = (
+    Mutant(
+        "splats: big endian is read as little endian", "semgs/splats/ply_tables.py",
+        '"binary_big_endian": ">"', '"binary_big_endian": "<"', OF_PLY,
+    ),
+    Mutant(
+        "splats: harmonics of a PLY are read coefficient by coefficient", "semgs/splats/plain_ply.py",
+        "(first + number % per_channel, number // per_channel, name)", "(first + number // 3, number % 3, name)", OF_PLY,
+    ),
+    Mutant(
+        "splats: scales of a PLY are not logarithms", "semgs/splats/plain_ply.py",
+        "scales, opacities = np.exp(logs)", "scales, opacities = np.abs(logs)", OF_PLY,
+    ),
+    Mutant(
+        "splats: a degree is left out if one Gaussian has zeros there", "semgs/splats/splat.py",
+        "used].any():", "used].all():", OF_PLY,
+    ),
+    Mutant(
+        "splats: a chunk of a compressed PLY has 255 Gaussians", "semgs/splats/compressed_ply.py",
+        "np.arange(count) // CHUNK_SIZE", "np.arange(count) // (CHUNK_SIZE - 1)", OF_PLY,
+    ),
+    Mutant(
+        "splats: the y of packed positions has 11 bits too", "semgs/splats/compressed_ply.py",
+        "((21, 11), (11, 10), (0, 11))", "((21, 11), (10, 11), (0, 11))", OF_PLY,
+    ),
+    Mutant(
+        "splats: packed rotations count x, y, z, w", "semgs/splats/compressed_ply.py",
+        "quaternions[rows, largest] = np.sqrt(np.maximum(0, 1 - (others**2).sum(-1)))\n    return quaternions",
+        "quaternions[rows, largest] = np.sqrt(np.maximum(0, 1 - (others**2).sum(-1)))\n    return np.roll(quaternions, 1, axis=-1)",
+        OF_PLY,
+    ),
+    Mutant(
+        "splats: SPZ stays with y up", "semgs/splats/spz.py",
+        "means=fixed / 2.0**packed.fractional_bits * FLIP,", "means=fixed / 2.0**packed.fractional_bits,", OF_SPZ,
+    ),
+    Mutant(
+        "splats: harmonics of SPZ are not turned with the positions", "semgs/splats/spz.py",
+        "    rest *= HARMONICS_FLIP[: rest.shape[1], None]\n", "", OF_SPZ,
+    ),
+    Mutant(
+        "splats: positions of SPZ have no sign", "semgs/splats/spz.py",
+        "(low | middle << 8 | high << 16) << 8 >> 8", "(low | middle << 8 | high << 16)", OF_SPZ,
+    ),
+    Mutant(
+        "splats: the colours of SPZ have the factor of the constant harmonic", "semgs/splats/spz.py",
+        "1, 3) / 255 - 0.5) / 0.15", "1, 3) / 255 - 0.5) / 0.28209479", OF_SPZ,
+    ),
+    Mutant(
+        "splats: a gzip stream is inflated to its end", "semgs/splats/spz.py",
+        "stream.decompress(stream.unconsumed_tail, most + 1)", "stream.decompress(stream.unconsumed_tail)", OF_SPZ,
+    ),
+    Mutant(
+        "splats: quaternions of glTF have w first", "semgs/splats/gltf_splat.py",
+        "quaternions=np.roll(rotations, 1, axis=-1),", "quaternions=rotations,", OF_GLTF,
+    ),
+    Mutant(
+        "splats: matrices of glTF are read row by row", "semgs/splats/gltf_splat.py",
+        "matrix.ravel()).reshape(4, 4).T", "matrix.ravel()).reshape(4, 4)", OF_GLTF,
+    ),
+    Mutant(
+        "splats: a node of glTF does not scale its Gaussians", "semgs/splats/gltf_splat.py",
+        "(shape.scales.double() * scale).float()", "shape.scales", OF_GLTF,
+    ),
+    Mutant(
+        "splats: nerfstudio's scale is undone after its transform", "semgs/splats/nerfstudio_frame.py",
+        "means = gaussians.means.double() / self.scale\n        moved = move_gaussians(inverse, Gaussians(means, gaussians.opacities, larger))\n        return Gaussians(moved.means.float(),",
+        "means = gaussians.means.double()\n        moved = move_gaussians(inverse, Gaussians(means, gaussians.opacities, larger))\n        return Gaussians((moved.means / self.scale).float(),",
+        OF_SCENES,
+    ),
+    Mutant(
+        "splats: applied_transform stays in nerfstudio's transform", "semgs/splats/nerfstudio_frame.py",
+        "saved = saved @ np.linalg.inv(applied)", "saved = saved @ applied", OF_SCENES,
+    ),
+    Mutant(
+        "splats: a hidden Gaussian counts as seen", "semgs/splats/splat_scene.py",
+        "z <= (1 + SAME) * depths[view, row, column]", "z > 0", OF_SCENES,
+    ),
+    Mutant(
+        "splats: cameras around an object look up", "semgs/splats/splat_cameras.py",
+        "* level - sin(radians(elevation)) * up", "* level + sin(radians(elevation)) * up", OF_SCENES,
+    ),
+    Mutant(
+        "splats: floaters move the cameras", "semgs/splats/splat_cameras.py",
+        "LOW, HIGH = 0.05, 0.95", "LOW, HIGH = 0.0, 1.0", OF_SCENES,
+    ),
+)  # fmt: skip

@@ -1,0 +1,296 @@
+"""Scenes made of splats: places, bounds, cameras around them, and the frame of nerfstudio."""
+
+from __future__ import annotations
+
+import json
+from math import cos, radians, sin, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from known_scenes import write_scene
+from posed import posed_cameras
+from saved_scenes import SIZE, wall
+
+from semgs.data.scenes import open_scene
+from semgs.export.ply import save_ply
+from semgs.files.errors import InputError
+from semgs.geometry.cameras import Cameras, project
+from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.geometry.rotations import covariance, matrix_from_quaternion
+from semgs.scene.scene_file import FILE_NAME, load_scene, save_scene
+from semgs.scene.upright import UpDirection, up_of
+from semgs.splats import nerfstudio_frame
+from semgs.splats.nerfstudio_frame import find_trained_frame, read_trained_frame
+from semgs.splats.reconstruction import MOST_VIEWS, open_reconstruction
+from semgs.splats.splat_cameras import cameras_around
+from semgs.splats.splat_scene import find_places, splat_scene
+
+Z_UP = torch.tensor([0.0, 0, 1], dtype=torch.float64)
+
+
+def dots(means: torch.Tensor, sigma: float = 0.05, opacity: float = 0.99) -> Gaussians:
+    """Round grey Gaussians."""
+    count = len(means)
+    colour = Appearance(torch.eye(4)[:1].repeat(count, 1), torch.full((count, 3), sigma), torch.zeros(count, 1, 3))
+    return Gaussians(means.float(), torch.full((count,), opacity), colour)
+
+
+def cameras_along_z(*positions: list[float]) -> Cameras:
+    """Cameras at these positions that look along z, 20 x 30 pixels, 20 pixels of focal length."""
+    poses = torch.eye(4, dtype=torch.float64).repeat(len(positions), 1, 1)
+    poses[:, :3, 3] = torch.tensor(positions)
+    k = torch.tensor([[20.0, 0, 15], [0, 20, 10], [0, 0, 1]], dtype=torch.float64)
+    return Cameras(poses, k.expand(len(positions), 3, 3), (20, 30))
+
+
+def test_a_gaussian_is_at_the_pixel_of_the_nearest_view_that_shows_it():
+    cameras = cameras_along_z([0, 0, 0], [0, 0, 1.0])
+    depths = torch.zeros(2, 20, 30)
+    depths[0, 10, 15], depths[1, 10, 15] = 4.0, 3.0
+    depths[0, 10, 17], depths[1, 10, 17] = 2.0, 0.5
+    means = torch.tensor([[0.02, 0.02, 4.0], [0.25, 0.02, 2.02], [0.02, 0.02, 9.0], [0, 0, -5.0], [10.0, 0.01, 4.0]])
+    places = find_places(means, cameras, depths)
+    views, rows, columns = np.unravel_index(places.numpy(), (2, 20, 30))
+    # Both see the first; only the first camera sees the second, as 2.02 is within 5 % of 2; both have something before the third.
+    assert views[:3].tolist() == [1, 0, 1]
+    assert rows[:3].tolist() == [10, 10, 10]
+    assert columns[:3].tolist() == [15, 17, 15]
+    assert (views[4], columns[4]) == (0, 29)  # to the right of both images, less far in the first
+
+
+def test_a_scene_has_rendered_depth_and_can_be_saved_and_read(tmp_path: Path):
+    known = wall(classes=False)
+    scene = splat_scene(known.gaussians, known.cameras, source="a", model="PLY")
+    inner = (slice(None), slice(3, -3), slice(3, -3))
+    torch.testing.assert_close(scene.depths[inner], known.depths[inner], rtol=0.1, atol=0)
+    assert (scene.confidences[inner] > 0.5).all()
+    assert ((scene.depth_range[:, 0] > 0) & (scene.depth_range[:, 0] < 2) & (scene.depth_range[:, 1] > 2)).all()
+    assert (scene.frames, scene.unit, scene.classes) == (("0", "1"), "unknown", None)
+    views, rows, columns = np.unravel_index(scene.places.numpy(), scene.depths.shape)
+    for view in (0, 1):
+        seen = project(scene.gaussians.means.double(), scene.cameras[view])[views == view, :2].numpy()
+        inside = ((seen > 0) & (seen < SIZE[::-1])).all(-1)
+        assert inside.mean() > 0.9
+        assert (np.floor(seen[inside]) == np.column_stack((columns, rows))[views == view][inside]).all()
+    save_scene(tmp_path / FILE_NAME, scene)
+    torch.testing.assert_close(load_scene(tmp_path).places, scene.places)
+
+
+def test_holes_have_no_depth_and_no_camera_that_sees_anything_is_an_error():
+    cameras = cameras_along_z([0, 0, 0], [0.1, 0, 0])
+    scene = splat_scene(dots(torch.tensor([[0.0, 0, 2]]), 0.2), cameras)
+    assert scene.depths[0, 10, 15] == pytest.approx(2.0)
+    assert scene.depths[0, 0, 0] == scene.confidences[0, 0, 0] == 0
+    with pytest.raises(ValueError, match="no camera sees the splat"):
+        splat_scene(dots(torch.tensor([[0.0, 0, -2]])), cameras)
+
+
+def box(count: int = 20_000) -> torch.Tensor:
+    """Points on the sides of a room of 5 x 4 x 3 whose middle is (10, 20, 30)."""
+    draw = torch.Generator().manual_seed(2)
+    points = torch.rand(count, 3, generator=draw)
+    sides = torch.randint(3, (count,), generator=draw)
+    points[torch.arange(count), sides] = torch.randint(2, (count,), generator=draw).float()
+    return (points - 0.5) * torch.tensor([5.0, 4, 3]) + torch.tensor([10.0, 20, 30])
+
+
+def ball(count: int = 4000) -> torch.Tensor:
+    """Points in a ball of radius 2 around (10, 20, 30)."""
+    draw = torch.Generator().manual_seed(2)
+    way = torch.nn.functional.normalize(torch.randn(count, 3, generator=draw), dim=-1)
+    return 2 * torch.rand(count, 1, generator=draw) ** (1 / 3) * way + torch.tensor([10.0, 20, 30])
+
+
+def test_cameras_of_a_room_are_in_its_middle_and_look_around_level():
+    around = cameras_around(dots(box()), Z_UP)
+    assert around.inside
+    assert (around.pivot - torch.tensor([10.0, 20, 30])).abs().max() < 0.1
+    torch.testing.assert_close(around.cameras.centres, around.pivot.expand(8, 3))
+    poses = around.cameras.world_from_camera
+    assert (poses[:, 2, 2].abs() < 1e-12).all()  # level
+    torch.testing.assert_close(poses[:, :3, 1], -Z_UP.expand(8, 3))  # y is down
+    turned = poses[0, :3, 2] @ poses[:, :3, 2].mT
+    torch.testing.assert_close(turned, torch.tensor([cos(radians(45 * k)) for k in range(8)], dtype=torch.float64))
+
+
+def test_cameras_of_an_object_are_around_it_above_it_and_see_it_whole():
+    points = ball()
+    floaters = torch.tensor([[500.0, 0, 0], [0, -700, 40]])
+    around = cameras_around(dots(torch.cat((points, floaters))), Z_UP)
+    assert not around.inside
+    assert (around.pivot - torch.tensor([10.0, 20, 30])).abs().max() < 0.2
+    offsets = around.cameras.centres - around.pivot
+    distance = offsets.norm(dim=-1)
+    assert 2 < float(distance[0]) < 6
+    torch.testing.assert_close(distance, distance[:1].expand(8))
+    torch.testing.assert_close(offsets[:, 2] / distance, torch.full((8,), sin(radians(20)), dtype=torch.float64))
+    for view in range(8):
+        seen = project(points.double(), around.cameras[view])
+        inside = (seen[:, :2] > 0).all(-1) & (seen[:, 0] < 640) & (seen[:, 1] < 480) & (seen[:, 2] > 0)
+        assert inside.double().mean() > 0.8
+        middle = project(around.pivot[None], around.cameras[view])[0]
+        torch.testing.assert_close(middle[:2], torch.tensor([320.0, 240.0], dtype=torch.float64))
+
+
+def test_what_is_usual_is_up_without_cameras_and_a_note_says_that_it_is_uncertain(tmp_path: Path):
+    save_ply(tmp_path / "a.ply", dots(ball()))
+    opened = open_reconstruction(tmp_path / "a.ply")
+    assert isinstance(opened.up, UpDirection)
+    assert opened.up.direction.tolist() == [0, -1, 0]
+    assert not up_of(opened.scene, opened.up).certain
+    assert "no field of PLY says it, -Y is usual" in opened.up.warning
+    given = open_reconstruction(tmp_path / "a.ply", up="z").up
+    assert isinstance(given, UpDirection)
+    assert given.certain
+    assert given.direction.tolist() == [0, 0, 1]
+
+
+def test_floor_and_walls_say_how_a_splat_without_cameras_is_tilted(tmp_path: Path):
+    """-Y is usual; this room stands 25 degrees off, and turned."""
+    turn = matrix_from_quaternion(torch.nn.functional.normalize(torch.tensor([1.0, 0.0, 0.4, 0.0]).double(), dim=0))
+    tilt = matrix_from_quaternion(
+        torch.tensor([cos(radians(12.5)), 0.6 * sin(radians(12.5)), 0.0, 0.8 * sin(radians(12.5))]).double()
+    )
+    half = matrix_from_quaternion(torch.tensor([sqrt(0.5), sqrt(0.5), 0.0, 0.0]).double())  # z up to -y up
+    turned = tilt @ turn @ half
+    points = (box(60_000).double() - torch.tensor([10.0, 20, 30])) @ turned.T
+    save_ply(tmp_path / "a.ply", dots(points, 0.04))
+    opened = open_reconstruction(tmp_path / "a.ply")
+    assert isinstance(opened.up, UpDirection)
+    assert float(opened.up.direction @ turned[:, 2]) > cos(radians(2))
+    assert float(turned[:, 2] @ torch.tensor([0.0, -1, 0]).double()) < cos(radians(20))
+    assert not opened.up.certain
+    assert "level or upright; no field of PLY says it" in opened.up.warning
+    # The cameras were put about it: they look level.
+    assert float((opened.scene.cameras.world_from_camera[:, :3, 2] @ opened.up.direction).abs().max()) < 1e-9
+
+
+TRANSFORM = [[0.0, -1, 0, 0.5], [1, 0, 0, -2], [0, 0, 1, 3]]
+
+
+def test_nerfstudios_frame_is_undone(tmp_path: Path):
+    """x' = 0.25 (R x + t), with a quarter turn about z for R: x becomes y."""
+    path = tmp_path / nerfstudio_frame.FILE_NAME
+    path.write_text(json.dumps({"transform": TRANSFORM, "scale": 0.25}))
+    original = torch.tensor([[4.0, 8, -12]])
+    trained = 0.25 * (torch.tensor([[-8.0, 4, -12]]) + torch.tensor([0.5, -2, 3]))
+    splat = dots(trained, 0.1)
+    splat = Gaussians(
+        splat.means,
+        splat.opacities,
+        Appearance(splat.colour.quaternions, torch.tensor([[0.1, 0.2, 0.3]]), splat.colour.features),
+    )
+    undone = read_trained_frame(path).undo(splat)
+    torch.testing.assert_close(undone.means, original)
+    # The long axes change places: along x of the trained frame was -y of the original one.
+    torch.testing.assert_close(
+        covariance(undone.colour.quaternions, undone.colour.scales)[0].diagonal().sqrt(), torch.tensor([0.8, 0.4, 1.2])
+    )
+
+
+def test_what_nerfstudio_multiplied_in_from_transforms_json_is_taken_out(tmp_path: Path):
+    """It saves transform x applied_transform and scale x applied_scale; the poses of the file have both already."""
+    path = tmp_path / nerfstudio_frame.FILE_NAME
+    own = np.vstack((TRANSFORM, [0, 0, 0, 1]))
+    applied = np.array([[0.0, 1, 0, 7], [0, 0, 1, 8], [1, 0, 0, 9]])
+    saved = own @ np.vstack((applied, [0, 0, 0, 1]))
+    path.write_text(json.dumps({"transform": saved[:3].tolist(), "scale": 0.25 * 3}))
+    found = find_trained_frame([tmp_path / "no", tmp_path], applied, 3.0)
+    assert found is not None
+    np.testing.assert_allclose(found.transform.numpy(), own, atol=1e-12)
+    assert found.scale == pytest.approx(0.25)
+    assert find_trained_frame([tmp_path / "no"]) is None
+
+
+@pytest.mark.parametrize(
+    ("content", "key"),
+    [
+        ({"scale": 1}, "transform"), ({"transform": TRANSFORM}, "scale"), ({"transform": TRANSFORM, "scale": 0}, "scale"),
+        ({"transform": TRANSFORM, "scale": True}, "scale"), ({"transform": TRANSFORM[:2], "scale": 1}, "transform"),
+        ({"transform": [[2.0, 0, 0, 0], [0, 2, 0, 0], [0, 0, 2, 0]], "scale": 1}, "transform"),
+        ({"transform": [[-1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], "scale": 1}, "transform"), ([], None),
+    ],
+)  # fmt: skip
+def test_a_file_that_says_no_frame_is_refused(tmp_path: Path, content: object, key: str | None):
+    path = tmp_path / nerfstudio_frame.FILE_NAME
+    path.write_text(json.dumps(content))
+    with pytest.raises(InputError) as error:
+        read_trained_frame(path)
+    assert (error.value.path, error.value.key) == (path, key)
+
+
+def surface_of(path: Path) -> Gaussians:
+    """Gaussians 2 units in front of every camera of a scene, in its coordinates."""
+    scene = open_scene(path)
+    centres = torch.from_numpy(np.stack([frame.world_from_camera for frame in scene.frames]))
+    spread = torch.randn(400, 3, generator=torch.Generator().manual_seed(3), dtype=torch.float64) * torch.tensor(
+        [1.0, 1.0, 0.01]
+    )
+    points = (spread + torch.tensor([0.0, 0, 2.0])) @ centres[:, :3, :3].mT + centres[:, None, :3, 3]
+    return dots(points.reshape(-1, 3), 0.08)
+
+
+@pytest.fixture
+def photos(tmp_path: Path) -> Path:
+    return write_scene(tmp_path / "scene", 10, (24, 32)).path
+
+
+@pytest.mark.parametrize("trained", [False, True])
+def test_a_scene_gives_its_cameras_photos_and_unit(tmp_path: Path, photos: Path, trained: bool):
+    gaussians = surface_of(photos)
+    (tmp_path / "splat").mkdir()
+    if trained:
+        frame = {"transform": TRANSFORM, "scale": 0.25}
+        (tmp_path / "splat" / nerfstudio_frame.FILE_NAME).write_text(json.dumps(frame))
+        matrix = torch.tensor(TRANSFORM, dtype=torch.float64)
+        means = 0.25 * (gaussians.means.double() @ matrix[:, :3].T + matrix[:, 3])
+        gaussians = dots(means, 0.02)
+    save_ply(tmp_path / "splat" / "a.ply", gaussians)
+    opened = open_reconstruction(tmp_path / "splat" / "a.ply", photos)
+    scene, source = opened.scene, open_scene(photos)
+    assert len(scene.frames) == MOST_VIEWS
+    assert (scene.frames[0], scene.frames[-1]) == (source.frames[0].name, source.frames[9].name)
+    assert (scene.unit, scene.source, scene.model) == (source.unit, "a", "PLY")
+    np.testing.assert_allclose(scene.cameras.world_from_camera[0], source.frames[0].world_from_camera, atol=1e-9)
+    torch.testing.assert_close(scene.gaussians.means, surface_of(photos).means, rtol=1e-4, atol=1e-4)
+    assert float(scene.gaussians.colour.scales.mean()) == pytest.approx(0.08, rel=1e-4)
+    assert scene.depths[:, 12, 16].tolist() == pytest.approx([2.0] * MOST_VIEWS, rel=0.05)
+    assert opened.photos is not None
+    assert [photo.shape for photo in opened.photos] == [(24, 32, 3)] * MOST_VIEWS
+    assert opened.pivot is None
+
+
+def test_cameras_that_do_not_see_the_splat_are_refused_and_the_frame_of_nerfstudio_is_named(
+    tmp_path: Path, photos: Path
+):
+    save_ply(tmp_path / "a.ply", dots(torch.full((5, 3), 1e4)))
+    with pytest.raises(InputError, match=r"in the coordinates of .*dataparser_transforms"):
+        open_reconstruction(tmp_path / "a.ply", photos)
+
+
+def test_cameras_are_for_splats(tmp_path: Path, photos: Path):
+    save_scene(tmp_path / FILE_NAME, wall())
+    opened = open_reconstruction(tmp_path)
+    assert (opened.up, opened.pivot, opened.splat) == ("auto", None, False)
+    with pytest.raises(ValueError, match="has its own"):
+        open_reconstruction(tmp_path, photos)
+
+
+def test_up_of_a_splat_with_cameras_is_searched_like_that_of_our_own_scenes():
+    """A room seen by level cameras that are turned with it."""
+    cameras = posed_cameras(2, (60, 80))
+    draw = torch.Generator().manual_seed(0)
+    down = cameras.world_from_camera[:, :3, 1].mean(0)
+    down = down / down.norm()
+    flat = torch.randn(20_000, 3, generator=draw, dtype=torch.float64) * 2
+    flat = (
+        flat
+        - (flat @ down)[:, None] * down
+        + cameras.centres.mean(0)
+        + 1.2 * down
+        + 2 * cameras.world_from_camera[0, :3, 2]
+    )
+    found = up_of(splat_scene(dots(flat, 0.05), cameras))
+    assert float(found.direction @ -down) > cos(radians(8))
