@@ -113,6 +113,8 @@ class LabelSplat:
                     min_confidence=self.min_confidence,
                     stages=stages,
                 )
+            except InputError:
+                raise
             except ValueError as error:
                 raise InputError(self.splat, f"a splat in the coordinates of {self.cameras}", str(error)) from error
             write_results(folder, result, origin, stages, self.html)
