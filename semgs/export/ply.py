@@ -14,11 +14,12 @@ export.json (`semgs.export.export_record`).
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import torch
-from jaxtyping import Int64
 
 from semgs.data.tables.classes import ClassTable
 from semgs.files.atomic import write_bytes
@@ -30,7 +31,12 @@ _SMALLEST_SCALE = 1e-20  # the log of 0, for a flat Gaussian, is not finite; thi
 _SMALLEST_OPACITY = 1e-7  # the same for the logits of 0 and 1
 
 
-def save_ply(path: str | Path, gaussians: Gaussians, instances: Int64[np.ndarray, " g"] | None = None) -> None:
+def save_ply(
+    path: str | Path,
+    gaussians: Gaussians,
+    extra: Mapping[str, np.ndarray] | None = None,
+    comments: Sequence[str] = (),
+) -> None:
     """Write the colour Gaussians as a plain 3DGS PLY, in their order.
 
     Opacities are clamped to 1e-7 from 0 and 1, where the logit is not finite, and scales to at least 1e-20.
@@ -38,14 +44,15 @@ def save_ply(path: str | Path, gaussians: Gaussians, instances: Int64[np.ndarray
     Args:
         path: the file.
         gaussians: of one scene, without a batch axis.
-        instances: the number of the thing that each belongs to. It is written as one more property, `instance`, after the others: viewers that
-            read 62 floats by position cannot read such a file.
+        extra: further properties by name, after the others, a number for each Gaussian: uint8 as `uchar`, all others as `float`. Viewers that read
+            62 floats by position cannot read such a file.
+        comments: lines of the header.
 
     Raises:
-        ValueError: they have a batch axis, or a number is not finite.
+        ValueError: they have a batch axis, or a number is not finite, or a further property has another count or a name that is taken.
         OSError: the file cannot be written.
     """
-    _write(path, gaussians, gaussians.colour, instances)
+    _write(path, gaussians, gaussians.colour, extra or {}, comments)
 
 
 def save_semantic_ply(path: str | Path, gaussians: Gaussians, classes: ClassTable) -> None:
@@ -87,7 +94,11 @@ _NAMES = (
 
 
 def _write(
-    path: str | Path, gaussians: Gaussians, shape: Appearance, instances: Int64[np.ndarray, " g"] | None = None
+    path: str | Path,
+    gaussians: Gaussians,
+    shape: Appearance,
+    extra: Mapping[str, np.ndarray] = MappingProxyType({}),
+    comments: Sequence[str] = (),
 ) -> None:
     """Write positions and opacities with the shapes and harmonics of one branch."""
     if gaussians.means.ndim != 2:
@@ -113,9 +124,19 @@ def _write(
     if not np.isfinite(rows).all():
         row, column = np.argwhere(~np.isfinite(rows))[0]
         raise ValueError(f"{_NAMES[column]} of Gaussian {row} is {rows[row, column]}; expected a finite number")
-    names = _NAMES
-    if instances is not None:
-        rows, names = np.column_stack((rows, instances)), (*_NAMES, "instance")
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]
-    header += [f"property float {name}" for name in names] + ["end_header"]
-    write_bytes(path, "\n".join(header).encode() + b"\n" + rows.astype("<f4").tobytes())
+    columns = {name: rows[:, place] for place, name in enumerate(_NAMES)}
+    for name, values in extra.items():
+        if name in columns or values.shape != (len(rows),):
+            raise ValueError(f"{name} is {values.shape}; expected a further property with {len(rows)} numbers")
+        columns[name] = values
+    types = {name: "uchar" if values.dtype == np.uint8 else "float" for name, values in columns.items()}
+    packed = np.empty(len(rows), [(name, {"uchar": "u1", "float": "<f4"}[kind]) for name, kind in types.items()])
+    for name, values in columns.items():
+        packed[name] = values
+    header = ["ply", "format binary_little_endian 1.0", *(f"comment {line}" for line in comments)]
+    header += [
+        f"element vertex {len(rows)}",
+        *(f"property {kind} {name}" for name, kind in types.items()),
+        "end_header",
+    ]
+    write_bytes(path, "\n".join(header).encode() + b"\n" + packed.tobytes())

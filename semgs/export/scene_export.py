@@ -19,7 +19,9 @@ from semgs.export.ply import save_ply, save_semantic_ply
 from semgs.export.points import make_points, save_bag, save_points
 from semgs.export.scene_objects import PlacedThing, file_from_scene, occupancy_of, place_things, save_objects
 from semgs.files.images.pictures import write_png
+from semgs.rendering.rendering import UNSEEN
 from semgs.robotics.objects import Objects
+from semgs.scene.confidence import class_confidences, class_labels
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.selection import part_of
 from semgs.scene.upright import Axes, FramedScene, UpDirection, in_own_frame, up_of, upright
@@ -34,12 +36,14 @@ class SceneExport:
         keep: the Gaussians to write.
         up: the direction that is up in the scene, to turn files upright; None writes them in the scene's own frame.
         things: of the scene; None if they were not searched.
+        labels: whether gaussians.ply has the class and the confidence of each Gaussian.
     """
 
     scene: SavedScene
     keep: Bool[Tensor, " g"]
     up: UpDirection | None
     things: Objects | None
+    labels: bool = False
 
     def frame(self, axes: Axes) -> FramedScene:
         """The scene in the frame of a file in which this direction is up."""
@@ -50,6 +54,21 @@ class SceneExport:
         """The number of the thing that each Gaussian belongs to."""
         return None if self.things is None else self.things.instances
 
+    def _extra(self) -> dict[str, np.ndarray]:
+        """What gaussians.ply has of each Gaussian beside the properties of 3DGS."""
+        found = {}
+        if self.labels and self.scene.classes is not None:
+            found["label"] = class_labels(self.scene).numpy()
+            found["confidence"] = class_confidences(self.scene).numpy()
+        if self._instances is not None:
+            found["instance"] = self._instances
+        return found
+
+    def _table(self) -> list[str]:
+        """The class table, for the header of a PLY."""
+        names = () if self.scene.classes is None else self.scene.classes.names
+        return [*(f"label {number} {name}" for number, name in enumerate(names)), f"label {UNSEEN} unseen"]
+
     def _boxes(self, framed: FramedScene) -> tuple[PlacedThing, ...]:
         """The things in the frame of a file."""
         return () if self.things is None else place_things(self.things, file_from_scene(framed, self.scene))
@@ -58,9 +77,8 @@ class SceneExport:
         """Write gaussians.ply for "photo", semantics.ply for "classes", or both."""
         part, names = part_of(framed.scene, self.keep), []
         if "photo" in colours:
-            instances = self._instances
-            kept = None if instances is None else instances[self.keep.numpy()]
-            save_ply(folder / "gaussians.ply", part.gaussians, kept)
+            extra = {name: values[self.keep.numpy()] for name, values in self._extra().items()}
+            save_ply(folder / "gaussians.ply", part.gaussians, extra, self._table() if "label" in extra else ())
             names.append("gaussians.ply")
         if "classes" in colours and part.classes is not None:
             save_semantic_ply(folder / "semantics.ply", part.gaussians, part.classes)

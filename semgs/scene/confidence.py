@@ -1,10 +1,12 @@
-"""How sure a scene is of each Gaussian."""
+"""The class of each Gaussian, and how sure a scene is of it."""
 
 from __future__ import annotations
 
-from jaxtyping import Float
+import torch
+from jaxtyping import Float, UInt8
 from torch import Tensor
 
+from semgs.rendering.rendering import UNSEEN
 from semgs.rendering.temperatures import highest_probability
 from semgs.scene.scene_file import SavedScene
 
@@ -15,3 +17,20 @@ def class_confidences(scene: SavedScene) -> Float[Tensor, " g"]:
     if semantic is None:
         return scene.per_gaussian(scene.confidences)
     return highest_probability(semantic.features, None if scene.temperatures is None else scene.temperatures.gaussians)
+
+
+EVEN = 1 + 1e-4
+"""A likeliest class that is no more than this much likelier than all classes on average is no class."""
+
+
+def class_labels(scene: SavedScene) -> UInt8[Tensor, " g"]:
+    """The number of each Gaussian's likeliest class; `UNSEEN` where all classes are equally likely, as in Gaussians that no photo shows.
+
+    Raises:
+        ValueError: the scene has no classes, or more than can be told from `UNSEEN`.
+    """
+    semantic = scene.gaussians.semantic
+    if semantic is None or semantic.features.shape[-1] > UNSEEN:
+        raise ValueError(f"expected a scene with 1 to {UNSEEN} classes")
+    best, labels = semantic.features.max(-1)
+    return torch.where(best * semantic.features.shape[-1] <= EVEN, UNSEEN, labels).to(torch.uint8)

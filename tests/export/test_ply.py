@@ -120,3 +120,26 @@ def test_gsply_reads_the_same_numbers(tmp_path: Path) -> None:
     assert np.array_equal(read.sh0, gaussians.colour.features[:, 0].numpy())
     assert np.array_equal(read.shN[:, :8], gaussians.colour.features[:, 1:].numpy())
     assert (read.shN[:, 8:] == 0).all()
+
+
+def test_further_columns_follow_those_of_3dgs_and_comments_come_before_them(tmp_path: Path) -> None:
+    extra = {"label": np.array([4, 255], np.uint8), "confidence": np.array([0.75, 0.05]), "instance": np.array([0, 3])}
+    gaussians = some_gaussians(2)
+    save_ply(tmp_path / "a.ply", gaussians, extra, ["label 4 chair"])
+    save_ply(tmp_path / "plain.ply", gaussians)
+    head, _, body = (tmp_path / "a.ply").read_bytes().partition(b"end_header\n")
+    lines = head.decode().splitlines()
+    assert lines[:4] == ["ply", "format binary_little_endian 1.0", "comment label 4 chair", "element vertex 2"]
+    assert lines[-3:] == ["property uchar label", "property float confidence", "property float instance"]
+    assert len(body) == 2 * (62 * 4 + 1 + 4 + 4)
+    rows = np.frombuffer(
+        body, np.dtype([("plain", "<f4", 62), ("label", "u1"), ("confidence", "<f4"), ("instance", "<f4")])
+    )
+    plain = (tmp_path / "plain.ply").read_bytes().partition(b"end_header\n")[2]
+    assert rows["plain"].tobytes() == plain
+    assert rows["label"].tolist() == [4, 255]
+    assert rows["confidence"].tolist() == [0.75, np.float32(0.05)]
+    assert rows["instance"].tolist() == [0, 3]
+    for name, values in (("opacity", np.zeros(2)), ("label", np.zeros(3)), ("label", np.zeros((2, 1)))):
+        with pytest.raises(ValueError, match=f"{name} is .*; expected a further property with 2 numbers"):
+            save_ply(tmp_path / "b.ply", gaussians, {name: values})

@@ -12,7 +12,7 @@ from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.rendering.rendering import confidence_maps, label_maps
 from semgs.rendering.temperatures import Temperatures
-from semgs.scene.confidence import class_confidences
+from semgs.scene.confidence import class_confidences, class_labels
 from semgs.scene.scene_file import SavedScene
 
 TWO = ClassTable("two", ("wall", "mug"), ((1, 2, 3), (4, 5, 6)), (0, 1))
@@ -77,3 +77,10 @@ def test_a_rendered_pixel_is_calibrated_by_the_temperature_of_pixels() -> None:
     assert (label_maps(plain, threshold) == 254).all()
     assert (label_maps(sharp, threshold) == 1).all()
     assert sharp.classes is TWO
+
+
+def test_a_gaussian_whose_classes_are_equally_likely_has_none() -> None:
+    assert class_labels(scene(None)).tolist() == [255, 1, 1, 1, 1, 1]
+    assert class_labels(scene(None)).dtype == torch.uint8
+    with pytest.raises(ValueError, match="expected a scene with 1 to 255 classes"):
+        class_labels(scene(None, classes=False))

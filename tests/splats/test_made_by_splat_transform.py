@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from node_tools import splat_transform
@@ -54,3 +55,14 @@ def test_every_format_comes_back_up_to_its_rounding(tmp_path: Path, name: str, o
     assert (covariance(read.quaternions, read.scales) - sizes).abs().max() < 0.08 * sizes.max()
     step = {"SPZ": 0.07, "compressed PLY": 0.02}.get(splat.format, 1e-5)  # 4 and 8 bits
     assert (read.features - known.colour.features).abs().max() < step
+
+
+def test_gaussians_of_one_label_can_be_filtered(tmp_path: Path):
+    labels = (np.arange(COUNT) % 7).astype(np.uint8)
+    known = some_splat()
+    save_ply(tmp_path / "ours.ply", known, {"label": labels, "confidence": np.linspace(0, 1, COUNT)}, ["label 4 chair"])
+    splat_transform(tmp_path / "ours.ply", "-V", "label,eq,4", tmp_path / "chairs.ply")
+    chairs = load_splat(tmp_path / "chairs.ply")
+    assert len(chairs) == 100
+    assert chairs.extra["label"].tolist() == [4] * 100
+    torch.testing.assert_close(chairs.gaussians.means, known.means[4::7], rtol=1e-6, atol=1e-6)

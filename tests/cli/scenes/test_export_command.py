@@ -175,3 +175,23 @@ def test_without_rosbags_the_extra_is_named_before_anything_is_written(
     assert main(["export", str(done), "--as", "mcap", "--out", str(tmp_path / "out")]) == 2
     assert "needs rosbags: pip install '.[ros]'" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_labels_and_confidence_are_columns_of_the_ply_where_asked(
+    done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record = export(done, tmp_path / "plain", "--as", "ply")
+    export(done, tmp_path / "out", "--as", "ply", "--labels")
+    plain, splat = (semgs.load_splat(tmp_path / name / "gaussians.ply") for name in ("plain", "out"))
+    assert not plain.extra
+    assert list(splat.extra) == ["label", "confidence"]
+    scene = semgs.load_scene(done)
+    assert splat.extra["label"].tolist() == scene.gaussians.semantic.features.argmax(-1).tolist()
+    assert (splat.extra["confidence"] > 0.05).all()
+    names = [entry["name"] for entry in record["classes"]]
+    assert splat.comments == (*(f"label {number} {name}" for number, name in enumerate(names)), "label 255 unseen")
+    torch.testing.assert_close(splat.gaussians.means, plain.gaussians.means, rtol=0, atol=0)
+    capsys.readouterr()
+    for options in (("--as", "points"), ("--as", "ply", "--colour", "classes")):
+        assert main(["export", str(done), "--out", str(tmp_path / "no"), *options, "--labels"]) == 2
+        assert "--labels is for gaussians.ply" in capsys.readouterr().err

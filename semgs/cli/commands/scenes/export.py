@@ -82,6 +82,9 @@ class Export:
     """For a splat: the scene with its cameras, in its coordinates."""
     colour: tuple[Literal["photo", "classes"], ...] = ("photo",)
     """Colours of --as ply; with both, two files."""
+    labels: bool = False
+    """Add the columns label (number of the class, 255 for none) and confidence to gaussians.ply, and the names of the classes to its header. Viewers
+    that read columns by position cannot read such a file; see docs/export.md."""
     min_opacity: Probability = 0.0
     """Leave out Gaussians that are more transparent than this."""
     min_confidence: Probability = 0.0
@@ -111,6 +114,8 @@ class Export:
             raise UsageError("--colour is empty; expected photo or classes")
         if "ply" not in self.formats and self.colour != ("photo",):
             raise UsageError("--colour is for --as ply; points have both colours and classes")
+        if self.labels and ("ply" not in self.formats or "photo" not in self.colour):
+            raise UsageError("--labels is for gaussians.ply, that is --as ply with --colour photo")
         if self.frame == "scene" and self.up != "auto":
             raise UsageError("--up is for --frame upright; --frame scene turns nothing")
         if self.step_height >= self.robot_height:
@@ -145,7 +150,7 @@ class Export:
             with show_stage("Finding things"):
                 things = things_of(scene, found_up)
                 things = things.only(classes=self.classes, min_confidence=self.min_confidence)
-        export = SceneExport(scene, keep, found_up if self.frame == "upright" else None, things)
+        export = SceneExport(scene, keep, found_up if self.frame == "upright" else None, things, self.labels)
         with own_folder(self.out, self.overwrite) as folder, show_stage("Writing"):
             files = []
             for name in dict.fromkeys(self.formats):
@@ -193,6 +198,8 @@ class Export:
 
         if self.classes and scene.classes is None:
             raise InputError(self.scene, "a scene with classes for --classes", "one with colour and depth only")
+        if self.labels and scene.classes is None:
+            raise InputError(self.scene, "a scene with classes for --labels", "one with colour and depth only")
         if "classes" in self.colour and scene.classes is None:
             raise InputError(self.scene, "a scene with classes for --colour classes", "one with colour and depth only")
         unknown = [name for name in self.classes if scene.classes and name not in scene.classes.names]
