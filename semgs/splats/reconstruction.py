@@ -106,7 +106,7 @@ def _surrounded(file: Path, splat: Splat, up: Float64[Tensor, " 3"]) -> tuple[Sa
 def _with_cameras(file: Path, splat: Splat, path: Path, up: Up) -> OpenedScene:
     """A splat with cameras of a scene, in the coordinates of that scene."""
     scene = open_scene(path, needs_labels=False)
-    gaussians = _in_frame_of(file, splat.gaussians, scene)
+    gaussians = in_frame_of(file, splat.gaussians, scene)
     chosen = np.unique(np.linspace(0, len(scene) - 1, MOST_VIEWS).round().astype(int)).tolist()
     views = scene.read(chosen, _size(scene), NEAR_FAR)
     x, y, z = map(float, scene.origin)
@@ -131,7 +131,7 @@ def _with_cameras(file: Path, splat: Splat, path: Path, up: Up) -> OpenedScene:
     return OpenedScene(saved, up, photos=tuple(photos), splat=True)
 
 
-def _in_frame_of(file: Path, gaussians: Gaussians, scene: Scene) -> Gaussians:
+def in_frame_of(file: Path, gaussians: Gaussians, scene: Scene) -> Gaussians:
     """A splat in the coordinates of a scene, relative to its origin."""
     folders = [file.parent, scene.path if scene.path.is_dir() else scene.path.parent]
     trained = find_trained_frame(folders, scene.applied_transform, scene.applied_scale)
