@@ -70,7 +70,7 @@ ROUNDS_AROUND = (
 )
 """The same around a direction that is usual, if the cameras say nothing."""
 
-SURFACES_AROUND = 20_000
+SURFACES_AROUND = 5_000
 """So many surfaces are enough there."""
 
 PITCH = (-15.0, 25.0)
@@ -158,7 +158,7 @@ def up_of(scene: SavedScene, up: Up | UpDirection = "auto") -> UpDirection:
 
 
 def up_near(scene: SavedScene, usual: Float64[Tensor, " 3"], reason: str) -> UpDirection:
-    """The direction within 45 degrees of a usual one that fits lines and surfaces best, or the usual one if none fits. It is always uncertain.
+    """The direction within 45 degrees of a usual one that fits surfaces best, or the usual one if none fits. It is always uncertain.
 
     Args:
         scene: with cameras that say nothing, because they were put around a splat.
@@ -167,19 +167,17 @@ def up_near(scene: SavedScene, usual: Float64[Tensor, " 3"], reason: str) -> UpD
     """
     level = torch.eye(3, dtype=torch.float64)[int(usual.abs().argmin())]
     right = _unit(level - (level @ usual) * usual)
-    cues = replace(
-        _cues(scene),
-        rights=torch.zeros(1, 3).double(),
+    normals, may_be_level, may_be_upright = _surfaces(scene)
+    kept = slice(None, None, max(1, len(normals) // SURFACES_AROUND))
+    cues = Cues(
+        lines=torch.zeros(0, 3, dtype=torch.float64),
+        surfaces=normals[kept],
+        may_be_level=may_be_level[kept],
+        may_be_upright=may_be_upright[kept],
+        rights=torch.zeros(1, 3, dtype=torch.float64),
         base=torch.stack((usual, right, torch.linalg.cross(usual, right))),
     )
-    kept = slice(None, None, max(1, len(cues.surfaces) // SURFACES_AROUND))
-    cues = replace(
-        cues,
-        surfaces=cues.surfaces[kept],
-        may_be_level=cues.may_be_level[kept],
-        may_be_upright=cues.may_be_upright[kept],
-    )
-    if len(cues.surfaces) or len(cues.lines):
+    if len(cues.surfaces):
         found, score = _search(cues, ROUNDS_AROUND)
         if score > 0:
             return UpDirection(found, f"{cues.fit(found)}; {reason}", certain=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, radians, sin, tan
 
 import torch
@@ -87,6 +87,7 @@ def cameras_around(gaussians: Gaussians, up: Float64[Tensor, " 3"]) -> Surround:
 
 def _is_room(gaussians: Gaussians, centre: Float64[Tensor, " 3"], up: Float64[Tensor, " 3"], free: float) -> bool:
     """Whether there is something on all four sides of a point, half of it further away than `free`."""
+    gaussians = replace(gaussians, colour=replace(gaussians.colour, features=gaussians.colour.features[:, :1]))
     cameras, depths = _circle(centre, up, 0.0, 0.0, 90.0, (PROBE, PROBE), 4), []
     for view in range(4):
         rendering = render(gaussians, cameras[view : view + 1], near=free / 10)
