@@ -58,17 +58,8 @@ FOLDERS = {
 """Packages whose folders have an order too: modules of one import their own folder and those before it. Modules beside folders may take part."""
 
 WITHOUT_NETWORK = (
-    "segmenters",
-    "robotics",
-    "objectives",
-    "doctor",
-    "sfm",
-    "rooms",
-    "figures",
-    "export",
-    "viewer",
-    "splats",
-)
+    "segmenters", "robotics", "objectives", "doctor", "sfm", "rooms", "figures", "export", "viewer", "splats",
+)  # fmt: skip
 """Packages that work on scenes and views, wherever these come from."""
 
 MOST_MODULES = 18

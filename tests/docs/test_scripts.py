@@ -35,11 +35,11 @@ RUNS = {
     "up_error": ((), "degrees; "),
     "walks": (("{room}", "--every", "3"), ", 8 frames | merged |"),
 }
-"""Arguments of each script, and a part of what it prints. `average_weights` has tests of its own, `shared` is for the others."""
+"""Arguments of each script, and a part of what it prints. `average_weights` and `large_splat` have tests of their own, `shared` is for the others."""
 
 
 def test_every_script_is_run_here() -> None:
-    assert {path.stem for path in SCRIPTS.glob("*.py")} == {*RUNS, "average_weights", "shared"}
+    assert {path.stem for path in SCRIPTS.glob("*.py")} == {*RUNS, "average_weights", "shared", "large_splat"}
 
 
 @pytest.fixture(scope="module")
