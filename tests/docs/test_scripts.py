@@ -33,6 +33,7 @@ RUNS = {
     "sensor_depth": (("small", "{rooms}", "--rooms", "2"), "| rooms | 40% | 2 | depth_abs_rel |"),
     "teach": (("{shared}/pretrained/mosaic_ade32.tflite", "{out}", "{rooms}"), "12 images, "),
     "up_error": ((), "degrees; "),
+    "splat_labels": (("{rooms}/scene_00000", "{reconstruction}"), "photos say the classes of"),
     "walks": (("{room}", "--every", "3"), ", 8 frames | merged |"),
 }
 """Arguments of each script, and a part of what it prints. `average_weights` and `large_splat` have tests of their own, `shared` is for the others."""
@@ -58,6 +59,13 @@ def evaluation(rooms: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
+def reconstruction(rooms: Path) -> Path:
+    out = rooms.parent / "reconstruction"
+    assert main(["reconstruct", str(rooms / "scene_00000"), "--out", str(out)]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
 def photos(rooms: Path) -> Path:
     images = {f"{k}": random_numbers(k, (96, 128)) for k in range(2)}
     return write_image_set(rooms.parent / "photos", images)
@@ -72,7 +80,7 @@ def test_it_runs_with_the_included_weights(
     if name == "teach":
         pytest.importorskip("ai_edge_litert")
     places = {"rooms": rooms, "room": demo_scene(), "out": tmp_path / "out"}
-    for fixture in ("evaluation", "photos", "shared"):
+    for fixture in ("evaluation", "photos", "reconstruction", "shared"):
         if any(f"{{{fixture}}}" in one for one in arguments):
             places[fixture] = request.getfixturevalue(fixture)
     command = [sys.executable, str(SCRIPTS / f"{name}.py"), *[one.format(**places) for one in arguments]]
