@@ -104,7 +104,8 @@ def ball(count: int = 4000) -> torch.Tensor:
 
 
 def test_cameras_of_a_room_are_in_its_middle_and_look_around_level():
-    around = cameras_around(dots(box()), Z_UP)
+    floaters = torch.tensor([[500.0, 0, 0], [0, -700, 40]])
+    around = cameras_around(dots(torch.cat((box(), floaters))), Z_UP)
     assert around.inside
     assert (around.pivot - torch.tensor([10.0, 20, 30])).abs().max() < 0.1
     torch.testing.assert_close(around.cameras.centres, around.pivot.expand(8, 3))
