@@ -17,8 +17,8 @@ from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.evaluation.frames.protocols import neighbours
-from semgs.evaluation.scoring.method_scores import evaluate
-from semgs.evaluation.scoring.summary import summary
+from semgs.evaluation.scoring.method_scores import score_method
+from semgs.evaluation.scoring.summary import summarise
 
 
 class LowIsFloor:
@@ -36,5 +36,5 @@ class LowIsFloor:
 plan = make_plan("neighbours", neighbours, open_scenes(Path(sys.argv[1])), views=[2], size=(120, 160))
 for method in (LowIsFloor(), NetworkMethod(load("small"), "cpu", "small")):
     (folder := Path(sys.argv[2]) / method.name).mkdir(parents=True, exist_ok=True)
-    for rows in evaluate(plan, method, folder):
-        print(method.name, {name: round(summary(rows.method)[name], 3) for name in ("miou", "accuracy", "psnr")})
+    for rows in score_method(plan, method, folder):
+        print(method.name, {name: round(summarise(rows.method)[name], 3) for name in ("miou", "accuracy", "psnr")})

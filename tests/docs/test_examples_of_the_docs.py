@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -18,6 +21,7 @@ from doc_examples import (
     SMALLER_LISTS,
     name,
     parse_semgs,
+    python,
     quick,
     read,
     shell,
@@ -98,6 +102,35 @@ def test_the_options_of_what_runs_only_in_make_long_are_right(disk: Path):
             words = words_of(example)
             if words[0] == "semgs" and "--help" not in words:
                 parse_semgs(words[1:])
+
+
+def imported(source: str) -> set[tuple[str, str]]:
+    """The names that a program imports from semgs, with their modules."""
+    statements = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ImportFrom) and node.module]
+    return {
+        (node.module, one.name) for node in statements for one in node.names if node.module.split(".")[0] == "semgs"
+    }
+
+
+def test_every_name_that_an_example_imports_exists():
+    programs = [example.parsed for page in PAGES for example in read(page) if example.region.evaluator is python]
+    programs += [
+        file.read_text()
+        for folder in ("examples", "docs", "scripts")
+        for file in (reader_disk.ROOT / folder).glob("*.py")
+    ]
+    names = set.union(*map(imported, programs))
+    assert len(names) > 100
+    lost = [
+        (module, name)
+        for module, name in sorted(names)
+        if not hasattr(import_module(module), name) and not find_spec(f"{module}.{name}")
+    ]
+    assert lost == []
+    assert imported("from semgs.files.text import printable, lost") == {
+        ("semgs.files.text", "printable"),
+        ("semgs.files.text", "lost"),
+    }
 
 
 def test_at_most_five_lines_are_skipped_each_for_a_reason():
