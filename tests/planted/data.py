@@ -14,6 +14,7 @@ POLYCAM = "semgs/data/layouts/phones/polycam.py"
 RECORD3D = "semgs/data/layouts/phones/record3d.py"
 ZOO = "semgs/data/layouts/zoo/zoo_scenes.py"
 OF_COLMAP = ("tests/data/layouts/colmap/test_colmap_files.py",)
+OF_FORMULAS = ("tests/data/cameras/test_formula_lens.py",)
 OF_CHOICE = ("tests/data/choosing/test_choice.py",)
 OF_COVISIBILITY = ("tests/data/choosing/test_covisibility.py",)
 
@@ -22,9 +23,6 @@ def of_layout(name: str, *tests: str) -> tuple[str, ...]:
     """Tests of a reader below `tests/data/layouts`, by its folder and name ("rgbd/tum")."""
     folder, _, reader = name.rpartition("/")
     return tuple(f"tests/data/layouts/{folder}/test_{reader}.py::test_{test}" for test in tests)
-
-
-OF_FORMULAS = ("tests/data/cameras/test_formula_lens.py",)
 
 
 def of_scannet(name: str) -> tuple[str, ...]:
