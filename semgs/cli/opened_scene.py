@@ -10,7 +10,7 @@ from semgs.splats.endings import is_splat
 
 if TYPE_CHECKING:
     from semgs.scene.upright import Up
-    from semgs.splats.reconstruction import OpenedScene
+    from semgs.splats.scene_opening import OpenedScene
 
 
 def open_given(scene: Path, cameras: Path | None, up: Up) -> OpenedScene:
@@ -19,7 +19,7 @@ def open_given(scene: Path, cameras: Path | None, up: Up) -> OpenedScene:
     Raises:
         UsageError: cameras are given for a scene that has its own.
     """
-    from semgs.splats.reconstruction import open_reconstruction
+    from semgs.splats.scene_opening import open_reconstruction
 
     if cameras is not None and not is_splat(scene):
         raise UsageError(f"--cameras is for splats of other programs; {scene} has cameras of its own")

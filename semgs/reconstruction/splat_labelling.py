@@ -120,7 +120,9 @@ def label_splat(
             places=saved.places,
         )
         rendered = render_views("context", scene, choice.context, context, encoding, min_confidence)
-        compared = target and render_views("target", scene, choice.targets, target, encoding, min_confidence)
+        compared = None
+        if target is not None:
+            compared = render_views("target", scene, choice.targets, target, encoding, min_confidence)
         direction = up_of(saved, up)
     unseen = votes.unseen
     quality = float(np.median([score.psnr for score in rendered.scores]))

@@ -22,7 +22,7 @@ from semgs.reconstruction.notes import strangers
 from semgs.reconstruction.output.report import Provenance, report_numbers
 from semgs.reconstruction.pipeline import reconstruct
 from semgs.reconstruction.recording import Walk
-from semgs.runtime.stopwatch import Stages
+from semgs.runtime.stopwatch import COMPILE, Stages
 from semgs.scene.encoding import Encoding
 from semgs.scene.scene_file import load_scene, save_scene
 
@@ -125,7 +125,7 @@ def test_refined_gaussians_show_the_photos_better_and_the_first_held_out_frame_d
     scene, oracle = wall_scene(), PaleOracle()
     choice, stages = choose_named(scene, [0, 3]), Stages()
     result = reconstruct(scene, choice, oracle, passes=4, stages=stages)
-    assert list(stages.seconds) == ["read", "encode", "expose", "sharpen", "render"]
+    assert [name for name in stages.seconds if name != COMPILE] == ["read", "encode", "expose", "sharpen", "render"]
     refinement = result.refinement
     assert refinement is not None
     assert (refinement.passes, refinement.check, len(refinement.curve)) == (4, scene.frames[1].name, 5)
@@ -176,7 +176,7 @@ def test_stages_are_announced_and_timed_in_order(wall_scene: Callable[..., Scene
     scene = wall_scene()
     stages = Stages()
     reconstruct(scene, choose_named(scene, [0, 3]), oracle, stages=stages)
-    assert list(stages.seconds) == ["read", "encode", "expose", "render"]
+    assert [name for name in stages.seconds if name != COMPILE] == ["read", "encode", "expose", "render"]
     assert all(seconds > 0 for seconds in stages.seconds.values())
 
 

@@ -58,7 +58,7 @@ def test_normals_are_kept_if_they_say_something(tmp_path: Path):
 
 def test_our_own_files_come_back(tmp_path: Path):
     gaussians = wall().gaussians
-    save_ply(tmp_path / "a.ply", gaussians, np.arange(len(gaussians)))
+    save_ply(tmp_path / "a.ply", gaussians, {"instance": np.arange(len(gaussians))})
     splat = load_splat(tmp_path / "a.ply")
     assert_same(splat.gaussians, Gaussians(gaussians.means, gaussians.opacities, gaussians.colour))
     assert splat.extra["instance"].tolist() == list(range(len(gaussians)))

@@ -23,7 +23,7 @@ from semgs.scene.scene_file import FILE_NAME, load_scene, save_scene
 from semgs.scene.upright import UpDirection, up_of
 from semgs.splats import nerfstudio_frame
 from semgs.splats.nerfstudio_frame import find_trained_frame, read_trained_frame
-from semgs.splats.reconstruction import MOST_VIEWS, open_reconstruction
+from semgs.splats.scene_opening import MOST_VIEWS, open_reconstruction
 from semgs.splats.splat_cameras import cameras_around
 from semgs.splats.splat_scene import find_places, splat_scene
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from semgs.export.scene_export import SceneExport
     from semgs.scene.scene_file import SavedScene
     from semgs.scene.upright import Axes, FramedScene, UpDirection
-    from semgs.splats.reconstruction import OpenedScene
+    from semgs.splats.scene_opening import OpenedScene
 
 Format = Literal["ply", "points", "mcap", "gltf", "usd", "colmap", "objects", "occupancy"]
 

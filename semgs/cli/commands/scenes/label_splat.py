@@ -89,7 +89,7 @@ class LabelSplat:
             from semgs.reconstruction.result import GivenSplat
             from semgs.reconstruction.splat_labelling import hold_out, label_splat
             from semgs.splats.load import load_splat
-            from semgs.splats.reconstruction import in_frame_of
+            from semgs.splats.scene_opening import in_frame_of
 
         device = chosen_device(self.device)
         stages = Stages(show_stage, say_compiling, show_progress)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from semgs.export.stills import Stills
     from semgs.geometry.cameras import Cameras
     from semgs.scene.scene_file import SavedScene
-    from semgs.splats.reconstruction import OpenedScene
+    from semgs.splats.scene_opening import OpenedScene
 
 VIDEO = ".mp4"
 CAMERAS = "transforms.json"
