@@ -170,11 +170,12 @@ def test_a_rig_has_the_poses_that_it_has_without_its_files(tmp_path, ending):
         np.testing.assert_allclose(one.world_from_camera[:3], poses[one.name], atol=1e-9)
 
 
-def test_a_lens_that_no_pinhole_shows_is_refused_with_what_to_do(tmp_path):
+@pytest.mark.parametrize("focal", [63, 50])  # 90 / 63 is 82 degrees to each side, 90 / 50 more than a right angle
+def test_a_lens_that_no_pinhole_shows_is_refused_with_what_to_do(tmp_path, focal):
     write_pictures(tmp_path / "images", "FISHEYE")
     write_text(tmp_path / "sparse" / "0", "FISHEYE")
     cameras = tmp_path / "sparse" / "0" / "cameras.txt"
-    cameras.write_text(f"7 FISHEYE {SIZE[1]} {SIZE[0]} 50 50 90 65\n")  # 90 / 50 is more than a right angle
+    cameras.write_text(f"7 FISHEYE {SIZE[1]} {SIZE[0]} {focal} {focal} 90 65\n")
     with pytest.raises(InputError, match="cannot be undone over the whole picture; undistort with `colmap image_und"):
         open_scene(tmp_path)
 
