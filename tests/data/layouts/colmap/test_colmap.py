@@ -175,7 +175,7 @@ def test_a_lens_that_no_pinhole_shows_is_refused_with_what_to_do(tmp_path, focal
     write_pictures(tmp_path / "images", "FISHEYE")
     write_text(tmp_path / "sparse" / "0", "FISHEYE")
     cameras = tmp_path / "sparse" / "0" / "cameras.txt"
-    cameras.write_text(f"7 FISHEYE {SIZE[1]} {SIZE[0]} {focal} {focal} 90 65\n")
+    cameras.write_text(f"7 FISHEYE 180 180 {focal} {focal} 90 90\n")
     with pytest.raises(InputError, match="cannot be undone over the whole picture; undistort with `colmap image_und"):
         open_scene(tmp_path)
 
