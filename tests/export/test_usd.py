@@ -179,6 +179,15 @@ def test_a_thing_has_a_label_and_a_box(tmp_path: Path) -> None:
     assert tuple(bounds.GetMax()) == pytest.approx((1.5, 3, 3.25))
 
 
+def test_the_validators_of_openusd_find_nothing(tmp_path: Path) -> None:
+    validation = pytest.importorskip("pxr.UsdValidation")
+    validators = validation.ValidationRegistry().GetOrLoadAllValidators()
+    assert len(validators) >= 20
+    stage = written(tmp_path, some_scene())
+    errors = validation.ValidationContext(validators).Validate(stage)
+    assert [error.GetMessage() for error in errors] == []
+
+
 def test_names_of_prims_are_valid_and_differ() -> None:
     names = ["shower curtain", "shower_curtain", "Shower Curtain", "3d print", "stühle", "", "chair"]
     found = prim_names(names)
