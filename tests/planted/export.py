@@ -129,4 +129,14 @@ EXPORT = (
         "OCCUPIED_ABOVE, FREE_BELOW = 0.65, 0.196", "OCCUPIED_ABOVE, FREE_BELOW = 0.65, 0.25",
         ("tests/export/test_maps_for_robots.py::test_map_server_gets_our_grid_back_cell_for_cell",),
     ),
+    Mutant(
+        "labels are floats", "semgs/export/ply.py",
+        '"uchar" if values.dtype == np.uint8 else "float"', '"float"',
+        ("tests/export/test_ply.py::test_further_columns_follow_those_of_3dgs_and_comments_come_before_them",),
+    ),
+    Mutant(
+        "labels are those of all Gaussians, not of the kept ones", "semgs/export/scene_export.py",
+        "{name: values[self.keep.numpy()] for name, values in self._extra().items()}", "{name: values[: int(self.keep.sum())] for name, values in self._extra().items()}",
+        ("tests/cli/scenes/test_export_command.py::test_labels_and_confidence_are_columns_of_the_ply_where_asked",),
+    ),
 )  # fmt: skip

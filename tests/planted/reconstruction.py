@@ -50,4 +50,14 @@ RECONSTRUCTION = (
         "deviations[:, 1] / deviations[:, 0].clamp", "deviations[:, 0] / deviations[:, 1].clamp",
         ("tests/scene/test_exposure.py::test_photos_with_known_exposures_become_equal",),
     ),
+    Mutant(
+        "photos that are held out say classes too", "semgs/reconstruction/splat_labelling.py",
+        "return [position for position in range(count) if position not in set(held)], held", "return list(range(count)), held",
+        ("tests/reconstruction/test_splat_labelling.py::test_one_of_so_many_photos_is_held_out",),
+    ),
+    Mutant(
+        "a splat that looks like no photo is not noticed", "semgs/reconstruction/splat_labelling.py",
+        "if quality < TOO_DARK", "if quality > 100",
+        ("tests/reconstruction/test_splat_labelling.py::test_cameras_that_do_not_fit_are_noticed",),
+    ),
 )  # fmt: skip

@@ -7,6 +7,9 @@ from planted.mutant import Mutant
 REFINEMENT = "semgs/scene/photo_refinement.py"
 OF_REFINEMENT = "tests/scene/test_photo_refinement.py::test_"
 
+VOTES = "semgs/scene/pixel_votes.py"
+OF_VOTES = "tests/scene/test_pixel_votes.py::test_"
+
 SCENE = (
     Mutant(
         "numbers that step together have a second moment each", REFINEMENT,
@@ -47,5 +50,26 @@ SCENE = (
         "exposure has no offset", REFINEMENT,
         "offset = photo.mean(1) - gain * image.mean(1)", "offset = torch.zeros_like(gain)",
         (f"{OF_REFINEMENT}a_darker_photo_is_fitted_with_gain_and_offset",),
+    ),
+    Mutant(
+        "photos vote with the whole weight of a Gaussian", VOTES,
+        "self.votes[seen] += logs[seen] / pixels[seen, None].sqrt()\n        self.weights[seen] += pixels[seen].sqrt()",
+        "self.votes[seen] += logs[seen]\n        self.weights[seen] += pixels[seen]",
+        (f"{OF_VOTES}pixels_of_a_photo_count_by_their_weights_and_photos_by_the_roots_of_theirs",),
+    ),
+    Mutant(
+        "probabilities are summed, not their logs", VOTES,
+        "(distributions + LEAST).log() * known", "(distributions + LEAST) * known",
+        (f"{OF_VOTES}gaussians_collect_by_their_blending_weight",),
+    ),
+    Mutant(
+        "pixels that say nothing vote", VOTES,
+        "known = (distributions.sum(0, keepdim=True) > 0).to(distributions)", "known = torch.ones_like(distributions[:1])",
+        (f"{OF_VOTES}pixels_of_zeros_say_nothing",),
+    ),
+    Mutant(
+        "a Gaussian that no photo shows has the first class", "semgs/scene/confidence.py",
+        "torch.where(best * semantic.features.shape[-1] <= EVEN, UNSEEN, labels)", "labels",
+        ("tests/scene/test_confidence.py::test_a_gaussian_whose_classes_are_equally_likely_has_none",),
     ),
 )  # fmt: skip

@@ -223,6 +223,10 @@ def test_labels_and_confidence_are_columns_of_the_ply_where_asked(
     names = [entry["name"] for entry in record["classes"]]
     assert splat.comments == (*(f"label {number} {name}" for number, name in enumerate(names)), "label 255 unseen")
     torch.testing.assert_close(splat.gaussians.means, plain.gaussians.means, rtol=0, atol=0)
+    (most,) = np.bincount(splat.extra["label"]).argsort()[-1:]
+    export(done, tmp_path / "one", "--as", "ply", "--labels", "--classes", names[most])
+    one = semgs.load_splat(tmp_path / "one" / "gaussians.ply")
+    assert one.extra["label"].tolist() == [most] * int((splat.extra["label"] == most).sum())
     capsys.readouterr()
     for options in (("--as", "points"), ("--as", "ply", "--colour", "classes")):
         assert main(["export", str(done), "--out", str(tmp_path / "no"), *options, "--labels"]) == 2
