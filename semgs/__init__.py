@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from semgs.geometry.gaussians import Gaussians
     from semgs.mapping.stream import stream
     from semgs.model.weights.load import load
+    from semgs.model.weights.pretrained import SemGS
     from semgs.rendering.render import render
     from semgs.rendering.temperatures import tempered
     from semgs.robotics.objects import Objects, objects
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from semgs.splats.load import load_splat
 
 __all__ = [
-    "Cameras", "Gaussians", "Objects", "Occupancy", "SavedScene", "Views", "load", "load_scene", "load_splat", "objects", "occupancy", "open_scene", "refine", "render",
+    "Cameras", "Gaussians", "Objects", "Occupancy", "SavedScene", "SemGS", "Views", "load", "load_scene", "load_splat", "objects", "occupancy", "open_scene", "refine", "render",
     "save_ply", "save_scene", "save_semantic_ply", "stream", "tempered",
 ]  # fmt: skip
 
@@ -36,6 +37,7 @@ _HOMES = {
     "Objects": "semgs.robotics.objects",
     "Occupancy": "semgs.robotics.occupancy",
     "SavedScene": "semgs.scene.scene_file",
+    "SemGS": "semgs.model.weights.pretrained",
     "Views": "semgs.data.views",
     "load": "semgs.model.weights.load",
     "load_scene": "semgs.scene.scene_file",

@@ -18,6 +18,8 @@ from semgs.export.map_files import IMAGE, VOXELS, save_map, save_voxels
 from semgs.export.ply import save_ply, save_semantic_ply
 from semgs.export.points import make_points, save_bag, save_points
 from semgs.export.scene_objects import PlacedThing, file_from_scene, occupancy_of, place_things, save_objects
+from semgs.export.usd import FILE as USD_FILE
+from semgs.export.usd import save_usd
 from semgs.files.images.pictures import write_png
 from semgs.rendering.rendering import UNSEEN
 from semgs.robotics.objects import Objects
@@ -89,6 +91,11 @@ class SceneExport:
         """Write gaussians.glb."""
         save_gltf(folder / "gaussians.glb", framed.scene, self.keep, self._boxes(framed), self._instances)
         return ExportedFile("gaussians.glb", framed, int(self.keep.sum()))
+
+    def write_usd(self, folder: Path, framed: FramedScene) -> ExportedFile:
+        """Write scene.usdc."""
+        save_usd(folder / USD_FILE, framed.scene, self.keep, self._boxes(framed), self._instances)
+        return ExportedFile(USD_FILE, framed, int(self.keep.sum()))
 
     def write_points(self, folder: Path, framed: FramedScene, ending: Literal["ply", "mcap"]) -> ExportedFile:
         """Write points.ply or points.mcap."""

@@ -33,12 +33,13 @@ from semgs.model.sweep.upsampling import ConvexUpsampling
 from semgs.scene.coarse_depth import SHRINK
 
 
-def build(settings: NetworkSettings, classes: ClassTable | None = SCANNET20) -> SemGS:
+def build(settings: NetworkSettings, classes: ClassTable | None = SCANNET20, network: type[SemGS] = SemGS) -> SemGS:
     """An untrained network, initialised from torch's random state.
 
     Args:
         settings: of the network; without semantic settings it is colour-only.
         classes: the class table of the semantic branch; None builds a colour-only network.
+        network: the class to make, with the constructor of `SemGS`.
     """
     if settings.semantic is None or classes is None:
         settings, classes = replace(settings, semantic=None), None
@@ -47,7 +48,7 @@ def build(settings: NetworkSettings, classes: ClassTable | None = SCANNET20) -> 
     semantic = None
     if settings.semantic is not None and classes is not None:
         semantic = _semantic_branch(settings, settings.semantic, len(classes))
-    return SemGS(settings, classes, cnn, colour, semantic)
+    return network(settings, classes, cnn, colour, semantic)
 
 
 def _colour_branch(settings: NetworkSettings) -> ColourBranch:

@@ -74,7 +74,7 @@ FORMATS = {
         Format("scenes", (saved_scene,), ("*",), read_saved_scene, ("semgs/scene/scene_file.py", "semgs/files/tensor_files.py")),
         Format(
             "weights", (weights, weights, weights, shipped_weights), ("*",), read_weights,
-            ("semgs/model/weights/weights_file.py", "semgs/model/weights/load.py", "semgs/model/weights/header_scores.py", "semgs/model/weights/header_temperatures.py"), 2_000,
+            ("semgs/model/weights/weights_file.py", "semgs/model/weights/load.py", "semgs/model/weights/header_scores.py", "semgs/model/weights/header_temperatures.py", "semgs/model/weights/pretrained.py"), 2_000,
         ),
         Format(
             "training", (training_run,), ("*.json", "*.jsonl", "*.safetensors"), read_training_run,

@@ -14,6 +14,7 @@ POLYCAM = "semgs/data/layouts/phones/polycam.py"
 RECORD3D = "semgs/data/layouts/phones/record3d.py"
 ZOO = "semgs/data/layouts/zoo/zoo_scenes.py"
 OF_COLMAP = ("tests/data/layouts/colmap/test_colmap_files.py",)
+OF_FORMULAS = ("tests/data/cameras/test_formula_lens.py",)
 OF_CHOICE = ("tests/data/choosing/test_choice.py",)
 OF_COVISIBILITY = ("tests/data/choosing/test_covisibility.py",)
 
@@ -81,6 +82,40 @@ DATA = (
     Mutant(
         "the world of ScanNet++'s transforms.json stays upside down", SCANNETPP,
         "back[:, 2] *= -1", "back[:, 2] *= 1", of_scannetpp("a_matrix_goes_to_the_meshs_world_and_axes"),
+    ),
+    Mutant(
+        "Aria's tangential distortion acts on the rays before the radial one", "semgs/data/cameras/formula_lens.py",
+        "    a, b = a * radial, b * radial\n", "    a, b = a * 1.0, b * 1.0\n", OF_FORMULAS,
+    ),
+    Mutant(
+        "FULL_OPENCV takes its coefficients one after the other", "semgs/data/cameras/formula_lens.py",
+        "k1, k2, p1, p2, k3, k4, k5, k6 = values\n    r2", "k1, k2, k3, k4, k5, k6, p1, p2 = values\n    r2", OF_FORMULAS,
+    ),
+    Mutant(
+        "a division multiplies the place in the image", "semgs/data/cameras/formula_lens.py",
+        "factor = 2 / (1 + np.sqrt(1 - 4 * k * (x * x + y * y)))", "factor = 1 + k * (x * x + y * y)", OF_FORMULAS,
+    ),
+    Mutant(
+        "a fisheye goes by the tangent of the angle", "semgs/data/cameras/formula_lens.py",
+        "np.where(r > 1e-9, np.arctan(r) / np.maximum(r, 1e-9), 1.0)", "np.ones_like(r)", OF_FORMULAS,
+    ),
+    Mutant(
+        "lenses of COLMAP's formulas are half a pixel off", "semgs/data/cameras/formula_lens.py",
+        "self.focal[0] * u + self.centre[0] - HALF", "self.focal[0] * u + self.centre[0]", OF_FORMULAS,
+    ),
+    Mutant(
+        "the pinhole of such a lens has pixels that no photo shows", "semgs/data/cameras/formula_lens.py",
+        "(left[:, 0].max(), right[:, 0].min())", "(left[:, 0].min(), right[:, 0].max())", OF_FORMULAS,
+    ),
+    Mutant(
+        "a lens of half a turn becomes a pinhole", "semgs/data/cameras/lens.py",
+        "(enlarged < 1 / _MOST_REDUCED)", "(enlarged < 0)",
+        ("tests/data/layouts/colmap/test_colmap.py::test_a_lens_that_no_pinhole_shows_is_refused_with_what_to_do",),
+    ),
+    Mutant(
+        "COLMAP's model 15 is another one", "semgs/data/layouts/colmap/colmap_files.py",
+        '"DIVISION", "SIMPLE_FISHEYE", "FISHEYE", "EUCM"', '"DIVISION", "FISHEYE", "SIMPLE_FISHEYE", "EUCM"',
+        ("tests/data/layouts/colmap/test_colmap_files.py",),
     ),
     Mutant(
         "a fisheye is handed to OpenCV with COLMAP's principal point", "semgs/data/cameras/lens.py",

@@ -37,6 +37,34 @@ EXPORT = (
         "full[:, 1:].mT.flatten(1)", "full[:, 1:].flatten(1)", ("tests/export/test_ply.py",),
     ),
     Mutant(
+        "USD has quaternions with w first", "semgs/export/usd.py",
+        "quaternions.roll(-1, dims=-1)", "quaternions", ("tests/export/test_usd.py",),
+    ),
+    Mutant(
+        "USD has the logarithm of scales", "semgs/export/usd.py",
+        '"scales": gaussians.colour.scales,', '"scales": gaussians.colour.scales.log(),', ("tests/export/test_usd.py",),
+    ),
+    Mutant(
+        "USD has the number of harmonics for their degree", "semgs/export/usd.py",
+        "round(harmonics.shape[1] ** 0.5) - 1", "harmonics.shape[1]", ("tests/export/test_usd.py",),
+    ),
+    Mutant(
+        "the label of a prim is its name", "semgs/export/usd.py",
+        "wanted = [*scene.classes.names, None]", "wanted = [*prims[:-1], None]", ("tests/export/test_usd.py",),
+    ),
+    Mutant(
+        "the bounds of Gaussians turn the wrong way", "semgs/export/usd.py",
+        "REACH * axes.norm(dim=-1)", "REACH * axes.norm(dim=-2)", ("tests/export/test_usd.py",),
+    ),
+    Mutant(
+        "a scene of unknown unit is in metres", "semgs/export/usd.py",
+        'if scene.unit == "metric":', "if True:", ("tests/export/test_usd.py",),
+    ),
+    Mutant(
+        "boxes of USD hide the Gaussians", "semgs/export/usd.py",
+        "UsdGeom.Tokens.guide", "UsdGeom.Tokens.default_", ("tests/export/test_usd.py",),
+    ),
+    Mutant(
         "glTF has quaternions with w first", "semgs/export/gltf.py",
         "quaternions.roll(-1, dims=-1)", "quaternions", ("tests/export/test_gltf.py",),
     ),

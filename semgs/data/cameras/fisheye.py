@@ -8,12 +8,12 @@ from typing import Any, final
 import cv2
 import numpy as np
 
-from semgs.data.cameras.lens import HALF, AbstractLens, matrix
+from semgs.data.cameras.lens import HALF, AbstractOpenCVLens, matrix
 
 
 @final
 @dataclass(frozen=True)
-class FisheyeLens(AbstractLens):
+class FisheyeLens(AbstractOpenCVLens):
     """A lens that images a ray at the angle a from the axis at f a (1 + k1 a^2 + k2 a^4 + k3 a^6 + k4 a^8) from the principal point.
 
     Attributes:

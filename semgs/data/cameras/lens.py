@@ -29,6 +29,9 @@ _GRID = 32
 _MOST_ENLARGED = 4.0
 """Distortions that would magnify the image more than this are refused."""
 
+_MOST_REDUCED = 4.0
+"""So are those that would make its middle smaller than this: lenses of almost 180 degrees and more, which no pinhole shows."""
+
 
 @dataclass(frozen=True)
 class AbstractLens(ABC):
@@ -92,6 +95,53 @@ class AbstractLens(ABC):
     def invents_nothing(self) -> bool:
         """Whether every undistorted pixel has to come from a pixel of the stored image."""
 
+    @abstractmethod
+    def directions(self, positions: np.ndarray) -> np.ndarray:
+        """Directions in the camera [n 3], z = 1, of positions [n 2] in the stored image [px]."""
+
+    @abstractmethod
+    def sources(self, pinhole: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        """Where the pixels of a pinhole K [3 3] of (height, width) come from in the stored image, in OpenCV's positions."""
+
+    def maps(self) -> tuple[np.ndarray, np.ndarray]:
+        """For every undistorted pixel its (x, y) in the stored image, in OpenCV's positions, float32 [h w] each."""
+        return self.sources(self.intrinsics, self.size)
+
+    def undistorted(
+        self, values: np.ndarray, maps: tuple[np.ndarray, np.ndarray], *, nearest: bool = False
+    ) -> np.ndarray:
+        """An image [h w 3] or map [h w], undistorted by `maps()`; interpolated, or from the nearest pixel."""
+        method = cv2.INTER_NEAREST if nearest else cv2.INTER_LINEAR
+        return np.asarray(cv2.remap(values, *maps, method, borderMode=cv2.BORDER_REPLICATE))
+
+    def empty(self, maps: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+        """Undistorted pixels [h w] whose source, by `maps()`, is more than a pixel outside the stored image: it has no colour for them."""
+        (x, y), (height, width) = maps, self.size
+        return (x < -1) | (x > width) | (y < -1) | (y > height)
+
+    def _can_be_undone(self) -> bool:
+        """Whether every undistorted pixel has exactly one source in the image: the model does not fold over before the edge."""
+        if not np.isfinite(self.intrinsics).all() or np.diagonal(self.intrinsics).min() <= 0:
+            return False
+        enlarged = np.diagonal(self.intrinsics)[:2] / self.focal
+        if (enlarged < 1 / _MOST_REDUCED).any():
+            return False
+        if not self.invents_nothing:
+            return True
+        if (enlarged > _MOST_ENLARGED).any():
+            return False
+        height, width = self.size
+        coarse = np.diag((_GRID / width, _GRID / height, 1.0)) @ self.intrinsics
+        x, y = self.sources(coarse, (_GRID, _GRID))
+        slack = 0.01 * max(self.size)  # OpenCV's pinhole is only as accurate as its grid of points
+        inside = min(x.min(), y.min()) > -slack and x.max() < width + slack and y.max() < height + slack
+        return bool(inside and np.diff(x, axis=1).min() > 0 and np.diff(y, axis=0).min() > 0)
+
+
+@dataclass(frozen=True)
+class AbstractOpenCVLens(AbstractLens):
+    """A camera whose distortion OpenCV removes."""
+
     @property
     @abstractmethod
     def _model(self) -> Any:
@@ -123,41 +173,10 @@ class AbstractLens(ABC):
         """K as passed to OpenCV."""
         return matrix(self.focal, (self.centre[0] - self._half, self.centre[1] - self._half))
 
-    def maps(self) -> tuple[np.ndarray, np.ndarray]:
-        """For every undistorted pixel its (x, y) in the stored image, in OpenCV's positions, float32 [h w] each."""
-        return self.sources(self.intrinsics, self.size)
-
-    def undistorted(
-        self, values: np.ndarray, maps: tuple[np.ndarray, np.ndarray], *, nearest: bool = False
-    ) -> np.ndarray:
-        """An image [h w 3] or map [h w], undistorted by `maps()`; interpolated, or from the nearest pixel."""
-        method = cv2.INTER_NEAREST if nearest else cv2.INTER_LINEAR
-        return np.asarray(cv2.remap(values, *maps, method, borderMode=cv2.BORDER_REPLICATE))
-
-    def empty(self, maps: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-        """Undistorted pixels [h w] whose source, by `maps()`, is more than a pixel outside the stored image: it has no colour for them."""
-        (x, y), (height, width) = maps, self.size
-        return (x < -1) | (x > width) | (y < -1) | (y > height)
-
-    def _can_be_undone(self) -> bool:
-        """Whether every undistorted pixel has exactly one source in the image: the model does not fold over before the edge."""
-        if not np.isfinite(self.intrinsics).all() or np.diagonal(self.intrinsics).min() <= 0:
-            return False
-        if not self.invents_nothing:
-            return True
-        if (np.diagonal(self.intrinsics)[:2] > _MOST_ENLARGED * np.array(self.focal)).any():
-            return False
-        height, width = self.size
-        coarse = np.diag((_GRID / width, _GRID / height, 1.0)) @ self.intrinsics
-        x, y = self.sources(coarse, (_GRID, _GRID))
-        slack = 0.01 * max(self.size)  # OpenCV's pinhole is only as accurate as its grid of points
-        inside = min(x.min(), y.min()) > -slack and x.max() < width + slack and y.max() < height + slack
-        return bool(inside and np.diff(x, axis=1).min() > 0 and np.diff(y, axis=0).min() > 0)
-
 
 @final
 @dataclass(frozen=True)
-class Lens(AbstractLens):
+class Lens(AbstractOpenCVLens):
     """A pinhole with the distortion of OpenCV's radial-tangential model.
 
     Attributes:

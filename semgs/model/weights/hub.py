@@ -1,7 +1,7 @@
 """Weights on the Hugging Face hub: `hf://OWNER/NAME[@REVISION][@sha256:HASH]`, downloaded on request and checked against a hash.
 
 The form is the hub's own ("hf://" URIs of `huggingface_hub`) and cannot be confused with a path. Only one safetensors file is
-downloaded, into the cache of that library. No torch.
+downloaded, into the cache of that library. `upload` puts a folder there. No torch.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from semgs.files.errors import InputError
 from semgs.files.extras import needs_extra
@@ -16,6 +17,7 @@ from semgs.files.hashes import sha256
 
 SCHEME = "hf://"
 FORM = f"{SCHEME}OWNER/NAME, optionally followed by @REVISION or @sha256:HASH"
+REPOSITORY = r"\w[\w.-]*/\w[\w.-]*"
 ADVICE = "download the file by other means and name its path"
 
 
@@ -40,8 +42,7 @@ class HubId:
         Raises:
             InputError: the text has another form.
         """
-        word = r"\w[\w.-]*"
-        match = re.fullmatch(rf"{SCHEME}({word}/{word})(?:@(?!sha256:)([\w./-]+))?(?:@sha256:([0-9a-f]{{64}}))?", text)
+        match = re.fullmatch(rf"{SCHEME}({REPOSITORY})(?:@(?!sha256:)([\w./-]+))?(?:@sha256:([0-9a-f]{{64}}))?", text)
         if match is None:
             raise InputError(text, FORM, "something else")
         return cls(match[1], match[2], match[3])
@@ -52,11 +53,44 @@ def is_hub_id(weights: str | Path) -> bool:
     return isinstance(weights, str) and weights.startswith(SCHEME)
 
 
-def fetch(text: str) -> Path:
+@dataclass(frozen=True)
+class HubOptions:
+    """How to download.
+
+    Attributes:
+        revision: a branch, a tag or a commit; None is that of the id, or the main branch.
+        cache_dir: where downloads are kept; None is the library's own cache.
+        local_files_only: use the cache alone, without a network.
+        token: for private repositories; None uses the stored one, False none.
+        force_download: download again even if the cache has the file.
+    """
+
+    revision: str | None = None
+    cache_dir: str | Path | None = None
+    local_files_only: bool = False
+    token: str | bool | None = None
+    force_download: bool = False
+
+    @property
+    def of_access(self) -> dict[str, Any]:
+        """Arguments of every call of the library."""
+        return {} if self.token is None else {"token": self.token}
+
+    @property
+    def of_download(self) -> dict[str, Any]:
+        """Arguments of a download."""
+        found: dict[str, Any] = {} if self.cache_dir is None else {"cache_dir": self.cache_dir}
+        return self.of_access | found | ({"force_download": True} if self.force_download else {})
+
+
+def fetch(text: str, options: HubOptions = HubOptions()) -> Path:
     """The weights file of a hub id, from the hub or from its library's cache, checked against the repository's hash.
+
+    From the cache alone the repository's hash is unknown; the hash in the header of our files is checked when they are read.
 
     Args:
         text: the id.
+        options: how to download.
 
     Raises:
         InputError: it is not an id; the hub cannot be reached or does not have it; the repository does not have exactly one safetensors
@@ -64,10 +98,13 @@ def fetch(text: str) -> Path:
         ImportError: huggingface_hub is not installed; the message names the extra.
     """
     requested = HubId.parsed(text)
+    revision = options.revision or requested.revision
     with needs_extra("hub", "weights on the hub need huggingface_hub", "huggingface_hub"):
         from huggingface_hub import HfApi, hf_hub_download
+    if options.local_files_only:
+        return _cached(text, requested, revision, options)
     try:
-        repository = HfApi().model_info(requested.repository, revision=requested.revision, files_metadata=True)
+        repository = HfApi(**options.of_access).model_info(requested.repository, revision=revision, files_metadata=True)
     except Exception as error:  # the library passes on errors of its HTTP client, which changes between versions
         raise InputError(text, "a repository on the hub", _reason(error), advice=ADVICE) from None
     files = [sibling for sibling in repository.siblings or [] if sibling.rfilename.endswith(".safetensors")]
@@ -84,13 +121,90 @@ def fetch(text: str) -> Path:
         raise InputError(text, f"sha256 {expected}", f"{stated}, as the repository states", file.rfilename)
     try:
         # The commit, not the branch, which may have moved since.
-        path = Path(hf_hub_download(requested.repository, file.rfilename, revision=repository.sha))
+        path = Path(
+            hf_hub_download(requested.repository, file.rfilename, revision=repository.sha, **options.of_download)
+        )
     except Exception as error:
         raise InputError(text, f"{file.rfilename} from the hub", _reason(error), advice=ADVICE) from None
     found = sha256(path)
     if found != expected:
         raise InputError(path, f"sha256 {expected}, as of {text}", found, advice="delete it and download it again")
     return path
+
+
+def _cached(text: str, requested: HubId, revision: str | None, options: HubOptions) -> Path:
+    """The weights file of a hub id, from the cache alone."""
+    from huggingface_hub import snapshot_download
+
+    try:
+        folder = snapshot_download(
+            requested.repository, revision=revision, local_files_only=True, allow_patterns="*.safetensors", **options.of_download
+        )  # fmt: skip
+    except Exception as error:
+        raise InputError(
+            text, "a repository in the cache", _reason(error), advice="download it once with a network"
+        ) from None
+    files = sorted(Path(folder).rglob("*.safetensors"))
+    if len(files) != 1:
+        names = ", ".join(file.name for file in files) or "none"
+        raise InputError(text, "one safetensors file in the cache", names, advice="download it once with a network")
+    if requested.sha256 is not None and (found := sha256(files[0])) != requested.sha256:
+        raise InputError(
+            files[0], f"sha256 {requested.sha256}, as of {text}", found, advice="delete it and download it again"
+        )
+    return files[0]
+
+
+def check_repository(repository: str) -> None:
+    """Check the name of a repository before long work starts.
+
+    Raises:
+        InputError: it is not "OWNER/NAME".
+    """
+    if not re.fullmatch(REPOSITORY, repository):
+        raise InputError(repository, "a repository OWNER/NAME", "something else")
+
+
+def upload(
+    folder: Path,
+    repository: str,
+    *,
+    commit_message: str = "Weights of SemGS",
+    private: bool | None = None,
+    token: str | None = None,
+    branch: str | None = None,
+    create_pr: bool | None = None,
+) -> str:
+    """Upload the files of a folder in one commit. A repository that does not exist is created.
+
+    Args:
+        folder: with the files.
+        repository: "OWNER/NAME".
+        commit_message: of the upload.
+        private: whether a new repository is private; None leaves that to the hub.
+        token: with the right to write; None uses the stored one.
+        branch: to upload to; None is the main branch.
+        create_pr: open a pull request instead.
+
+    Returns:
+        The address of the commit.
+
+    Raises:
+        InputError: the name has another form, or the hub cannot be reached or refuses.
+        ImportError: huggingface_hub is not installed; the message names the extra.
+    """
+    check_repository(repository)
+    with needs_extra("hub", "uploads to the hub need huggingface_hub", "huggingface_hub"):
+        from huggingface_hub import HfApi
+    api = HfApi(token=token)
+    try:
+        created = api.create_repo(repo_id=repository, private=private, exist_ok=True).repo_id
+        commit = api.upload_folder(
+            repo_id=created, repo_type="model", folder_path=folder, commit_message=commit_message, revision=branch, create_pr=create_pr
+        )  # fmt: skip
+    except Exception as error:  # as in `fetch`
+        raise InputError(repository, "a repository on the hub that takes uploads", _reason(error)) from None
+    return str(commit)
 
 
 def _reason(error: Exception) -> str:

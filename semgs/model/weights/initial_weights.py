@@ -16,7 +16,6 @@ from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 from semgs.model.switches import Switches, switched, switches_of
 from semgs.model.weights.load import (
-    as_large_as,
     find,
     from_mvsplat,
     load,
@@ -25,6 +24,7 @@ from semgs.model.weights.load import (
     shipped,
     untrained,
 )
+from semgs.model.weights.pretrained import as_large_as
 from semgs.model.weights.published_backbones import is_published, with_backbone
 from semgs.model.weights.weights_file import fill, is_ours, read_header, read_tensors
 

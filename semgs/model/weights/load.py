@@ -3,37 +3,28 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
 
 import torch
-from torch import nn
-from torch.nn.modules.module import register_module_parameter_registration_hook
 
-from semgs.data.origin.licences import Terms, TermsWarning, terms_from
+from semgs.data.origin.licences import Terms, TermsWarning
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError, input_error
 from semgs.files.paths import found_at, typed_path
 from semgs.files.strict_json import parse_json
 from semgs.model.build import build
 from semgs.model.networks import NAMES, NETWORKS
-from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 from semgs.model.weights import mvsplat
-from semgs.model.weights.header_temperatures import temperatures_in
+from semgs.model.weights.header_terms import DATA_TERMS as DATA_TERMS
+from semgs.model.weights.header_terms import terms_in
 from semgs.model.weights.hub import SCHEME, fetch, is_hub_id
 from semgs.model.weights.index import shipped_folder
-from semgs.model.weights.weights_file import count_parameters, fill, is_ours, read_header, read_tensors
+from semgs.model.weights.pretrained import SemGS, open_weights, owned_terms
+from semgs.model.weights.weights_file import fill, is_ours, read_header
 
 SCENES = "scenes"
 """Key of a header: names of the scenes that the weights were trained on."""
-
-DATA_TERMS = "data_terms"
-"""Key of a header: terms of those data."""
-
-FAR_LARGER, SMALLEST = 4, 1_000_000
-"""A network may have at most this many times the parameters of its file; a file counts as having at least this many."""
 
 MVSPLAT = Terms("MVSplat's published weights, under their own terms: https://github.com/donydchen/mvsplat", own=True)
 """Terms of MVSplat's checkpoint, which has no header."""
@@ -156,22 +147,15 @@ def data_terms(weights: str | Path) -> tuple[Terms, ...]:
     metadata = read_header(path).metadata
     if DATA_TERMS not in metadata:
         return (Terms(f"what {path.name} was trained on: terms not stated"),)
-    return _terms_in(metadata, path)
-
-
-def _terms_in(metadata: Mapping[str, str], path: Path) -> tuple[Terms, ...]:
-    """The terms that a header states; none if it states none."""
-    try:
-        return terms_from(metadata.get(DATA_TERMS, "[]"))
-    except (ValueError, TypeError, KeyError) as error:
-        raise InputError(path, "terms of data as JSON", f"{type(error).__name__}: {error}", key=DATA_TERMS) from error
+    return terms_in(metadata, path)
 
 
 def untrained(settings: NetworkSettings, seed: int, classes: ClassTable | None = SCANNET20) -> SemGS:
     """An untrained network with these settings; the caller's random state does not change."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        model = build(settings, classes)
+        model = build(settings, classes, SemGS)
+    assert isinstance(model, SemGS)
     model.origin = f"untrained: drawn at random with seed {seed}"
     return model
 
@@ -193,41 +177,10 @@ def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
         raise InputError(path, f'weights of "{name}"', f'weights of "{header.settings.name}"', key="settings.name")
     if header.classes is not None and header.classes != classes:
         raise other_table(path, classes, header.classes)
-    with as_large_as(path):
-        model = build(header.settings, header.classes)
-    fill(model, read_tensors(path), path, model.name)
-    if owned := [one.text for one in _terms_in(header.metadata, path) if one.own]:
-        warning = f"{path.name} was trained on data with terms of their own: {'; '.join(owned)}"
-        warnings.warn(warning, TermsWarning, stacklevel=3)
-    model.origin = f"{path.name}: {header.metadata.get('description', 'no description')}"
-    model.temperatures = temperatures_in(header.metadata, path)
+    model = open_weights(path, header)
+    if owned := owned_terms(path, header):
+        warnings.warn(owned, TermsWarning, stacklevel=3)
     return model
-
-
-@contextmanager
-def as_large_as(path: Path) -> Iterator[None]:
-    """Around building the network of a file: refuse one far larger than the file, before it takes all memory.
-
-    Raises:
-        InputError: the network is too large, or cannot be built from the settings.
-    """
-    most = FAR_LARGER * max(count_parameters(path), SMALLEST)
-
-    def check(module: nn.Module, name: str, parameter: nn.Parameter | None) -> None:
-        nonlocal most
-        most -= 0 if parameter is None else parameter.numel()
-        if most < 0:
-            raise ValueError("settings of a network far larger than the file")
-
-    hook = register_module_parameter_registration_hook(check)  # called before a parameter takes memory
-    try:
-        yield
-    except InputError:
-        raise
-    except (TypeError, ValueError, RuntimeError, ArithmeticError) as error:
-        raise InputError(path, "settings of its network", f"{error}", key="settings") from None
-    finally:
-        hook.remove()
 
 
 def _mvsplats(name: str, path: Path, seed: int, classes: ClassTable) -> SemGS:

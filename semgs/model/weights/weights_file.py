@@ -68,11 +68,16 @@ def save(path: str | Path, model: SemGS, metadata: dict[str, str], dtype: torch.
         "classes": json.dumps(None if model.classes is None else asdict(model.classes)),
     }
     _check_free(metadata)
-    tensors = {
+    tensors = stored(model, dtype)
+    write_bytes(Path(path), to_bytes(tensors, header | {CHECKSUM: checksum(tensors)} | metadata))
+
+
+def stored(model: SemGS, dtype: torch.dtype) -> dict[str, torch.Tensor]:
+    """The tensors of a network as `save` stores them, floating-point ones in this type."""
+    return {
         name: tensor.detach().to("cpu", dtype if tensor.is_floating_point() else tensor.dtype).contiguous()
         for name, tensor in model.state_dict().items()
     }
-    write_bytes(Path(path), to_bytes(tensors, header | {CHECKSUM: checksum(tensors)} | metadata))
 
 
 def restate(source: str | Path, target: str | Path, metadata: Mapping[str, str]) -> None:
@@ -143,6 +148,16 @@ def read_header(path: str | Path) -> Header:
     except (KeyError, ValueError) as error:
         raise InputError(path, "settings and a class table as JSON", f"{error}", key="metadata") from None
     return Header(settings, table, fields)
+
+
+def read_checksum(path: str | Path) -> str | None:
+    """The hash of all tensors (`checksum`) in the header of a weights file; None if it states none.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    with open_tensors(path, WEIGHTS) as file:
+        return (file.metadata() or {}).get(CHECKSUM)
 
 
 MEASURED = ("running_mean", "running_var", "num_batches_tracked")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +70,37 @@ def test_every_format_has_its_own_up_and_leads_back_to_the_scene(
     assert np.allclose(np.diff(-means[:, 1]), np.diff(cloud[:, 2]), atol=1e-5)
     assert record["classes"][5] == {"number": 5, "name": "sofa", "colour": list(scene.classes.colours[5])}
     assert record["up"] == {"direction": [0, -1, 0], "reason": "as given", "certain": True}
+
+
+def test_a_usd_file_has_z_up_and_leads_back_to_the_scene(
+    done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("pxr")
+    from pxr import Usd, UsdGeom, UsdSemantics, UsdVol
+
+    capsys.readouterr()
+    record = export(done, tmp_path / "out", "--as", "usd", "--up=-y")
+    assert f"{len(semgs.load_scene(done).gaussians):,} Gaussians, up is Z" in capsys.readouterr().out
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {".semgs", "export.json", "scene.usdc"}
+    stage = Usd.Stage.Open(str(tmp_path / "out" / "scene.usdc"))
+    assert (UsdGeom.GetStageUpAxis(stage), record["files"][0]["up"]) == ("Z", "z")
+    scene = semgs.load_scene(done)
+    labels = scene.gaussians.semantic.features.argmax(-1).numpy()
+    for prim in stage.GetPrimAtPath("/World/Gaussians").GetChildren():
+        (label,) = UsdSemantics.LabelsAPI(prim, "class").GetLabelsAttr().Get()
+        positions = np.array(UsdVol.ParticleField3DGaussianSplat(prim).GetPositionsAttr().Get())
+        means = scene.gaussians.means[labels == scene.classes.index(label)].numpy()
+        assert np.abs(in_scene(record, "scene.usdc", positions) - means).max() < 1e-5
+
+
+def test_without_the_library_of_usd_the_extra_is_named_and_nothing_is_written(
+    done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pxr", None)
+    capsys.readouterr()
+    assert main(["export", str(done), "--out", str(tmp_path / "out"), "--as", "ply", "usd"]) == 2
+    assert "USD files need usd-core 26.3 or newer: pip install '.[usd]'" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_photos_of_a_model_are_those_of_its_cameras(done: Path, tmp_path: Path) -> None:

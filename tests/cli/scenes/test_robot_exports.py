@@ -66,6 +66,27 @@ def test_things_have_boxes_in_json_and_gltf_and_numbers_in_every_file(scene_file
     np.testing.assert_array_equal(np.asarray(numbers).reshape(-1), glb.attribute("_INSTANCE")[:, 0])
 
 
+def test_things_are_prims_of_usd_with_their_boxes_where_the_list_has_them(scene_file: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pxr")
+    from pxr import Usd, UsdGeom, UsdSemantics
+
+    out = tmp_path / "out"
+    assert main(["export", str(scene_file), "--out", str(out), "--as", "objects", "usd", "--up", "z"]) == 0
+    listed = json.loads((out / "objects.json").read_text())["objects"]
+    stage = Usd.Stage.Open(str(out / "scene.usdc"))
+    things = stage.GetPrimAtPath("/World/Objects").GetChildren()
+    assert [thing.GetName() for thing in things] == ["chair_1", "chair_2"]
+    guides = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["guide"])
+    for one, thing in zip(listed, things, strict=True):
+        assert list(UsdSemantics.LabelsAPI(thing, "class").GetLabelsAttr().Get()) == ["chair"]
+        # Both files have z up.
+        bounds = guides.ComputeWorldBound(thing)
+        np.testing.assert_allclose(bounds.ComputeCentroid(), one["centre"], atol=1e-4)
+        assert bounds.ComputeAlignedRange().GetSize()[2] == pytest.approx(one["size"][2], abs=2e-4)
+    chairs = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath("/World/Gaussians/chair")).GetPrimvar("instance")
+    assert set(chairs.Get()) >= {1, 2}
+
+
 def test_a_robots_map_is_in_the_coordinates_of_its_poses(scene_file: Path, tmp_path: Path) -> None:
     out = tmp_path / "map"
     assert main(["export", str(scene_file), "--out", str(out), "--as", "occupancy", "--frame", "scene"]) == 0

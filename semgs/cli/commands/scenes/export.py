@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from semgs.scene.upright import Axes, FramedScene, UpDirection
     from semgs.splats.scene_opening import OpenedScene
 
-Format = Literal["ply", "points", "mcap", "gltf", "colmap", "objects", "occupancy"]
+Format = Literal["ply", "points", "mcap", "gltf", "usd", "colmap", "objects", "occupancy"]
 
 UP_OF: dict[Format, Axes] = {
-    "ply": "-y", "points": "z", "mcap": "z", "gltf": "y", "colmap": "-y", "objects": "z", "occupancy": "z",
+    "ply": "-y", "points": "z", "mcap": "z", "gltf": "y", "usd": "z", "colmap": "-y", "objects": "z", "occupancy": "z",
 }  # fmt: skip
 """The direction that is up in the files of each format, as their programs have it."""
 
@@ -49,9 +49,10 @@ class Export:
     - points.ply (--as points): points with colour, class and confidence, for CloudCompare, Open3D and trimesh
     - points.mcap (--as mcap): the same as a PointCloud2, for RViz and Foxglove; needs pip install '.[ros]'
     - gaussians.glb (--as gltf): 3D Gaussians with classes and confidence, for programs that know KHR_gaussian_splatting; others show points
+    - scene.usdc (--as usd): 3D Gaussians by class with semantic labels, for Isaac Sim and usdview; needs pip install '.[usd]'
     - colmap/ (--as colmap): sparse/0 and images, to train 3D Gaussians with gsplat, nerfstudio or the first 3DGS code
     - objects.json (--as objects): things with class, upright box and distance; the other files then have the number of the thing that each
-    Gaussian belongs to, and gltf has the boxes; needs pip install '.[objects]'
+    Gaussian belongs to, and gltf and usd have the boxes; needs pip install '.[objects]'
     - map.pgm, map.yaml and voxels.npz (--as occupancy): free floor and obstacles for ROS's map_server, and voxels with classes
     - export.json: for each file, the matrix from its coordinates to those of the scene's poses; and the class table
 
@@ -109,7 +110,7 @@ class Export:
             ImportError: a format needs a library that is not installed.
         """
         if not self.formats:
-            raise UsageError("--as is empty; expected ply, points, mcap, gltf, colmap, objects or occupancy")
+            raise UsageError("--as is empty; expected ply, points, mcap, gltf, usd, colmap, objects or occupancy")
         if not self.colour:
             raise UsageError("--colour is empty; expected photo or classes")
         if "ply" not in self.formats and self.colour != ("photo",):
@@ -127,12 +128,15 @@ class Export:
             from semgs.export.export_record import write_record
             from semgs.export.scene_export import SceneExport
             from semgs.export.scene_objects import things_of
+            from semgs.export.usd import check_usd_library
             from semgs.files.bags import check_bag_library
             from semgs.robotics.object_libraries import check_object_libraries
             from semgs.scene.upright import up_of
 
             if "mcap" in self.formats:
                 check_bag_library()
+            if "usd" in self.formats:
+                check_usd_library()
             if "objects" in self.formats:
                 check_object_libraries()
             opened = open_given(self.scene, self.cameras, self.up)
@@ -167,6 +171,8 @@ class Export:
             return export.write_ply(folder, framed, self.colour)
         if name == "gltf":
             return [export.write_gltf(folder, framed)]
+        if name == "usd":
+            return [export.write_usd(folder, framed)]
         if name == "colmap":
             file, missing = export.write_colmap(
                 folder, framed, self.scene if self.scene.is_dir() else self.scene.parent, opened.photos

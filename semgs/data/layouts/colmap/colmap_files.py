@@ -2,7 +2,7 @@
 
 Poses are world to camera with OpenCV axes, and are inverted here. Intrinsics are in pixels with the centre of the first pixel at
 (0.5, 0.5), like ours. Counts are compared with the size of the file before anything is allocated, and numbers and ids are checked. `rigs` and
-`frames` of newer versions are not needed, because `images` has every pose.
+`frames` of COLMAP 3.12 and newer are not needed: `images` still has the pose of every image in the world, also those of a rig.
 https://colmap.github.io/format.html
 """
 
@@ -18,7 +18,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from semgs.data.cameras.lens import Lens
+from semgs.data.cameras.fisheye import FisheyeLens
+from semgs.data.cameras.formula_lens import FORMULAS, FormulaLens
+from semgs.data.cameras.lens import AbstractLens, Lens
 from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError, input_error, readable
 from semgs.geometry.rotations import matrix_from_quaternion
@@ -30,8 +32,24 @@ PARAMETERS = {
     "RADIAL": ("f", "cx", "cy", "k1", "k2"),
     "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
     "OPENCV_FISHEYE": ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4"),
-}
-"""The supported camera models and their parameters."""
+    "FULL_OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+    "FOV": ("fx", "fy", "cx", "cy", "omega"),
+    "SIMPLE_RADIAL_FISHEYE": ("f", "cx", "cy", "k1"),
+    "RADIAL_FISHEYE": ("f", "cx", "cy", "k1", "k2"),
+    "THIN_PRISM_FISHEYE": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "sx1", "sy1"),
+    "RAD_TAN_THIN_PRISM_FISHEYE": (
+        "fx", "fy", "cx", "cy", "k0", "k1", "k2", "k3", "k4", "k5", "p0", "p1", "s0", "s1", "s2", "s3",
+    ),
+    "SIMPLE_DIVISION": ("f", "cx", "cy", "k"),
+    "DIVISION": ("fx", "fy", "cx", "cy", "k"),
+    "SIMPLE_FISHEYE": ("f", "cx", "cy"),
+    "FISHEYE": ("fx", "fy", "cx", "cy"),
+    "EUCM": ("fx", "fy", "cx", "cy", "alpha", "beta"),
+}  # fmt: skip
+"""The supported camera models and their parameters: all of COLMAP 4.2 but EQUIRECTANGULAR."""
+
+EQUIDISTANT = ("SIMPLE_FISHEYE", "FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "OPENCV_FISHEYE")
+"""Models of fisheye lenses with up to four radial coefficients, which are 0 in those that lack them."""
 
 NAMES = (
     "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV",
@@ -39,6 +57,14 @@ NAMES = (
     "DIVISION", "SIMPLE_FISHEYE", "FISHEYE", "EUCM", "EQUIRECTANGULAR",
 )  # fmt: skip
 """COLMAP's camera models, in the order of their ids."""
+
+UNDISTORT = "undistort with `colmap image_undistorter` first"
+"""What to do about a lens that is not supported."""
+
+ADVICE = {
+    "EQUIRECTANGULAR": "a panorama has no pinhole: cut it into perspective images first, as pycolmap's example panorama_sfm.py does"
+}
+"""What to do about some models."""
 
 _COUNT = struct.Struct("<Q")
 _CAMERA = struct.Struct("<IiQQ")
@@ -77,19 +103,35 @@ class ColmapCamera:
         """(cx, cy) [px]."""
         return self.values["cx"], self.values["cy"]
 
-    def lens(self, path: Path, key: str) -> Lens:
-        """The lens, for any model but fisheye.
+    def lens(self, path: Path, key: str) -> AbstractLens:
+        """The lens.
 
         Args:
             path: the file, for errors.
             key: the place in it.
 
         Raises:
-            InputError: the parameters are impossible.
+            InputError: the parameters are impossible, or the image is wider than a pinhole can be.
         """
-        k1, k2, p1, p2 = (self.values.get(name, 0.0) for name in ("k1", "k2", "p1", "p2"))
-        with input_error(path, "a possible camera", key):
+        name = self.model.removeprefix("SIMPLE_")
+        with input_error(path, "a possible camera", key, None if self._like_a_pinhole else UNDISTORT):
+            if self.model in EQUIDISTANT:
+                k1, k2, k3, k4 = (self.values.get(name, 0.0) for name in ("k1", "k2", "k3", "k4"))
+                return FisheyeLens(self.size, self.focal, self.centre, (k1, k2, k3, k4))
+            if name in FORMULAS:
+                return FormulaLens(self.size, self.focal, self.centre, name, self._coefficients)
+            k1, k2, p1, p2 = (self.values.get(name, 0.0) for name in ("k1", "k2", "p1", "p2"))
             return Lens(self.size, self.focal, self.centre, (k1, k2, p1, p2, 0.0))
+
+    @property
+    def _coefficients(self) -> tuple[float, ...]:
+        """The parameters of distortion, in COLMAP's order."""
+        return tuple(value for name, value in self.values.items() if name not in ("f", "fx", "fy", "cx", "cy"))
+
+    @property
+    def _like_a_pinhole(self) -> bool:
+        """Whether there is nothing to undistort."""
+        return self.model in ("SIMPLE_PINHOLE", "PINHOLE")
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,8 +279,7 @@ def _text_cameras(path: Path, models: Collection[str]) -> Iterator[tuple[int, Co
 def _parameters(path: Path, place: str, model: str, models: Collection[str]) -> tuple[str, ...]:
     """The parameters of a camera model."""
     if model not in models:
-        advice = "undistort with `colmap image_undistorter` first"
-        raise InputError(path, "a camera model of " + ", ".join(models), model, place, advice)
+        raise InputError(path, "a camera model of " + ", ".join(models), model, place, ADVICE.get(model, UNDISTORT))
     return PARAMETERS[model]
 
 

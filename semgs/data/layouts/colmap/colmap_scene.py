@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.frames import Frame
-from semgs.data.layouts.colmap.colmap_files import ColmapPoints, read_cameras, read_images, read_points
+from semgs.data.layouts.colmap.colmap_files import PARAMETERS, ColmapPoints, read_cameras, read_images, read_points
 from semgs.data.layouts.parts.pose_files import checked_poses
 from semgs.data.layouts.parts.sentences import note_lacking, note_transparent
 from semgs.data.scene import Scene
@@ -23,9 +23,6 @@ PLACES = ("sparse/0", "sparse", "colmap/sparse/0", "")
 LOOKED_FOR = "a COLMAP model (cameras, images and points3D, .bin or .txt) in " + ", ".join(
     f"{p or '.'}/" for p in PLACES
 )
-
-MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")
-"""The supported camera models."""
 
 POINTS_FOR_DEPTH = 50_000
 """In larger models, only every n-th point is matched with the frames that see it: enough for near and far."""
@@ -43,13 +40,13 @@ def open_colmap(path: Path) -> Scene:
         path: the folder that contains `sparse` and `images`, or the folder of the model.
 
     Raises:
-        InputError: the model is damaged, a camera is not one of `MODELS`, fewer than two images are there, or one has another
+        InputError: the model is damaged, a camera model is not supported, fewer than two images are there, or one has another
             size than its camera.
     """
     model = _model(path) or path
     ending = _ending(model) or ".bin"
     file = model / f"cameras{ending}"
-    cameras = read_cameras(file, MODELS)
+    cameras = read_cameras(file, PARAMETERS)
     lenses = {number: camera.lens(file, f"camera {number}") for number, camera in cameras.items()}
     listed = model / f"images{ending}"
     images = sorted(read_images(listed, cameras), key=lambda image: image.name)

@@ -27,7 +27,21 @@ MODELS = {
     "SIMPLE_RADIAL": (2, (150.0, 93.1, 61.7, -0.08)),
     "RADIAL": (3, (150.0, 93.1, 61.7, -0.1, 0.05)),
     "OPENCV": (4, (150.0, 144.0, 93.1, 61.7, 0.1, -0.05, 0.003, -0.004)),
-}
+    "OPENCV_FISHEYE": (5, (150.0, 144.0, 93.1, 61.7, -0.1, 0.05, 0.01, 0.02)),
+    "FULL_OPENCV": (6, (150.0, 144.0, 93.1, 61.7, 0.1, -0.05, 0.003, -0.004, 0.02, 0.03, -0.01, 0.005)),
+    "FOV": (7, (150.0, 144.0, 93.1, 61.7, 0.7)),
+    "SIMPLE_RADIAL_FISHEYE": (8, (150.0, 93.1, 61.7, -0.08)),
+    "RADIAL_FISHEYE": (9, (150.0, 93.1, 61.7, -0.06, 0.03)),
+    "THIN_PRISM_FISHEYE": (10, (150.0, 144.0, 93.1, 61.7, 0.02, -0.01, 0.002, -0.003, 0.004, 0.001, 0.02, -0.01)),
+    "RAD_TAN_THIN_PRISM_FISHEYE": (
+        11, (150.0, 144.0, 93.1, 61.7, 0.02, -0.01, 0.004, 0.003, -0.002, 0.001, 0.002, -0.001, 0.03, 0.01, -0.02, 0.015),
+    ),
+    "SIMPLE_DIVISION": (12, (150.0, 93.1, 61.7, -0.1)),
+    "DIVISION": (13, (150.0, 144.0, 93.1, 61.7, -0.1)),
+    "SIMPLE_FISHEYE": (14, (150.0, 93.1, 61.7)),
+    "FISHEYE": (15, (150.0, 144.0, 93.1, 61.7)),
+    "EUCM": (16, (150.0, 144.0, 93.1, 61.7, 0.6, 1.1)),
+}  # fmt: skip
 
 
 def pose(eye: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -37,9 +51,12 @@ def pose(eye: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pixels(eye: tuple[float, float, float], model: str) -> np.ndarray:
-    """Where the landmarks are seen, by the formulas of COLMAP's camera models."""
+    """Where the landmarks are seen: by the formulas of COLMAP's camera models, those with more than OPENCV by pycolmap."""
     rotation, translation = pose(eye)
     inside = POINTS @ rotation.T + translation
+    if MODELS[model][0] > 4:
+        pycolmap = pytest.importorskip("pycolmap")
+        return pycolmap.Camera(model=model, width=SIZE[1], height=SIZE[0], params=MODELS[model][1]).img_from_cam(inside)
     x, y = inside[:, 0] / inside[:, 2], inside[:, 1] / inside[:, 2]
     values = MODELS[model][1]
     k1, k2, p1, p2 = 0.0, 0.0, 0.0, 0.0
@@ -125,6 +142,44 @@ def test_a_point_is_seen_on_its_feature(tmp_path, form, model):
         assert np.abs(found(image, expected[inside], (8, 8)) - expected[inside]).max() < 0.1
 
 
+@pytest.mark.parametrize("ending", [".bin", ".txt"])
+def test_a_rig_has_the_poses_that_it_has_without_its_files(tmp_path, ending):
+    pycolmap = pytest.importorskip("pycolmap")
+    pycolmap.set_random_seed(3)
+    options = pycolmap.SyntheticDatasetOptions(
+        num_rigs=1, num_cameras_per_rig=3, num_frames_per_rig=2, num_points3D=20, track_length=3, camera_width=64,
+        camera_height=48, camera_params=[60.0, 32.0, 24.0, 0.0],
+    )  # fmt: skip
+    theirs = pycolmap.synthesize_dataset(options)
+    assert {len(frame.data_ids) for frame in theirs.frames.values()} == {3}
+    model = tmp_path / "sparse" / "0"
+    model.mkdir(parents=True)
+    (theirs.write_binary if ending == ".bin" else theirs.write_text)(str(model))
+    for image in theirs.images.values():
+        path = tmp_path / "images" / image.name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Image.new("RGB", (64, 48)).save(path)
+    with_rig = open_scene(tmp_path)
+    (model / f"rigs{ending}").unlink()
+    (model / f"frames{ending}").unlink()
+    without = open_scene(tmp_path)
+    poses = {image.name: image.cam_from_world().inverse().matrix() for image in theirs.images.values()}
+    assert len(with_rig) == len(without) == 6
+    for one, same in zip(with_rig.frames, without.frames, strict=True):
+        np.testing.assert_array_equal(one.world_from_camera, same.world_from_camera)
+        np.testing.assert_allclose(one.world_from_camera[:3], poses[one.name], atol=1e-9)
+
+
+@pytest.mark.parametrize("focal", [63, 50])  # 90 / 63 is 82 degrees to each side, 90 / 50 more than a right angle
+def test_a_lens_that_no_pinhole_shows_is_refused_with_what_to_do(tmp_path, focal):
+    write_pictures(tmp_path / "images", "FISHEYE")
+    write_text(tmp_path / "sparse" / "0", "FISHEYE")
+    cameras = tmp_path / "sparse" / "0" / "cameras.txt"
+    cameras.write_text(f"7 FISHEYE 180 180 {focal} {focal} 90 90\n")
+    with pytest.raises(InputError, match="cannot be undone over the whole picture; undistort with `colmap image_und"):
+        open_scene(tmp_path)
+
+
 @pytest.mark.parametrize("place", ["sparse/0", "sparse", "colmap/sparse/0", ""])
 def test_the_model_is_found_where_programs_put_it(tmp_path, place):
     write_pictures(tmp_path / "scene" / "images", "PINHOLE")
@@ -165,10 +220,10 @@ def test_other_camera_models_are_refused_by_name(tmp_path, form, place):
     write_pictures(tmp_path / "images", "PINHOLE")
     WRITERS[form](tmp_path / "sparse", "OPENCV")
     for file in (tmp_path / "sparse").glob("cameras.*"):
-        numbers = struct.pack("<Ii", 7, 4), struct.pack("<Ii", 7, 5)
-        file.write_bytes(file.read_bytes().replace(*(numbers if form == "binary" else (b"OPENCV", b"OPENCV_FISHEYE"))))
+        numbers = struct.pack("<Ii", 7, 4), struct.pack("<Ii", 7, 17)
+        file.write_bytes(file.read_bytes().replace(*(numbers if form == "binary" else (b"OPENCV", b"EQUIRECTANGULAR"))))
     with pytest.raises(
-        InputError, match=place + r": expected a camera model of SIMPLE_PINHOLE, .* found OPENCV_FISHEYE"
+        InputError, match=place + r": expected a camera model of SIMPLE_PINHOLE, .* found EQUIRECTANGULAR; a panorama"
     ):
         open_scene(tmp_path)
 

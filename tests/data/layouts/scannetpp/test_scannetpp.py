@@ -436,7 +436,7 @@ def replaced(path: Path, old: str, new: str) -> None:
 @pytest.mark.parametrize(
     ("name", "old", "new", "message"),
     [
-        ("dslr/colmap/cameras.txt", "OPENCV_FISHEYE", "FOV", r"cameras\.txt: line 3: expected a camera model of .*, found FOV"),
+        ("dslr/colmap/cameras.txt", "OPENCV_FISHEYE", "EQUIRECTANGULAR", r"cameras\.txt: line 3: expected a camera model of .*, found EQUIRECTANGULAR"),
         ("dslr/colmap/cameras.txt", " -0.0003", "", r"line 3: expected 8 parameters of OPENCV_FISHEYE, found 7"),
         ("dslr/colmap/cameras.txt", "78.3", "wide", r"line 3: expected numbers"),
         ("dslr/colmap/cameras.txt", "1 OPENCV_FISHEYE 174", "1 OPENCV_FISHEYE 175", r"DSC00002\.JPG: expected 175x116 pixels .*, found 174x116"),
