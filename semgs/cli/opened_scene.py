@@ -9,8 +9,8 @@ from semgs.cli.usage_errors import UsageError
 from semgs.splats.endings import is_splat
 
 if TYPE_CHECKING:
+    from semgs.scene.opened import OpenedScene
     from semgs.scene.upright import Up
-    from semgs.splats.scene_opening import OpenedScene
 
 
 def open_given(scene: Path, cameras: Path | None, up: Up) -> OpenedScene:
@@ -19,8 +19,15 @@ def open_given(scene: Path, cameras: Path | None, up: Up) -> OpenedScene:
     Raises:
         UsageError: cameras are given for a scene that has its own.
     """
-    from semgs.splats.scene_opening import open_reconstruction
+    if is_splat(scene):
+        from semgs.splats.scene_opening import open_reconstruction
 
-    if cameras is not None and not is_splat(scene):
+        return open_reconstruction(scene, cameras, up)
+    if cameras is not None:
         raise UsageError(f"--cameras is for splats of other programs; {scene} has cameras of its own")
-    return open_reconstruction(scene, cameras, up)
+    # A reconstruction of ours needs none of the readers of photos, which take a second to import.
+    from semgs.files.paths import typed_path
+    from semgs.scene.opened import OpenedScene
+    from semgs.scene.scene_file import load_scene
+
+    return OpenedScene(load_scene(typed_path(scene)), up)

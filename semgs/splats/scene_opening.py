@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import cos, radians, sqrt
 from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float64, UInt8
+from jaxtyping import Float64
 from torch import Tensor
 
 from semgs.data.scene import Scene
@@ -16,6 +15,7 @@ from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.files.paths import typed_path
 from semgs.geometry.gaussians import Gaussians
+from semgs.scene.opened import OpenedScene
 from semgs.scene.scene_file import SavedScene, load_scene
 from semgs.scene.upright import Up, UpDirection, axis_direction, up_near
 from semgs.splats.endings import is_splat
@@ -33,25 +33,6 @@ TILTED = 3.0
 
 NEAR_FAR = (0.1, 100.0)
 """Placeholder for the bounds of views that are read for their cameras; those of the scene come from the splat's depth."""
-
-
-@dataclass(frozen=True)
-class OpenedScene:
-    """A reconstruction, of ours or of another program.
-
-    Attributes:
-        scene: the scene.
-        up: the direction that is up: "auto" to find it in the scene.
-        pivot: the middle of a splat without cameras, which a video circles; None for other scenes.
-        photos: of the views of a splat whose cameras came from a scene; None for other scenes.
-        splat: whether it is a splat of another program.
-    """
-
-    scene: SavedScene
-    up: Up | UpDirection = "auto"
-    pivot: Float64[Tensor, " 3"] | None = None
-    photos: tuple[UInt8[np.ndarray, "h w 3"], ...] | None = None
-    splat: bool = False
 
 
 def open_reconstruction(path: str | Path, cameras: str | Path | None = None, up: Up = "auto") -> OpenedScene:

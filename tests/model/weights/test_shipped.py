@@ -44,6 +44,7 @@ def test_context_views_are_drawn_as_they_were_photographed(shared, small, name):
     assert torch.allclose(rendering.semantics.sum(1), torch.ones(1), atol=1e-4)
 
 
+@pytest.mark.long
 def test_more_views_draw_held_out_views_no_worse(small):
     """The demo: three and four views, the two among them, against two, in the mean over the same targets."""
     scene, size = open_scene(demo_scene()), (240, 320)

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
     from semgs.export.export_record import ExportedFile
     from semgs.export.scene_export import SceneExport
+    from semgs.scene.opened import OpenedScene
     from semgs.scene.scene_file import SavedScene
     from semgs.scene.upright import Axes, FramedScene, UpDirection
-    from semgs.splats.scene_opening import OpenedScene
 
 Format = Literal["ply", "points", "mcap", "gltf", "usd", "colmap", "objects", "occupancy"]
 

@@ -19,8 +19,8 @@ from semgs.files.folders import check_folder, own_folder
 if TYPE_CHECKING:
     from semgs.export.stills import Stills
     from semgs.geometry.cameras import Cameras
+    from semgs.scene.opened import OpenedScene
     from semgs.scene.scene_file import SavedScene
-    from semgs.splats.scene_opening import OpenedScene
 
 VIDEO = ".mp4"
 CAMERAS = "transforms.json"

@@ -29,7 +29,7 @@ from semgs.viewer.server import LOOPBACK, check_viewer_library
 
 if TYPE_CHECKING:
     from semgs.robotics.objects import Objects
-    from semgs.splats.scene_opening import OpenedScene
+    from semgs.scene.opened import OpenedScene
 
 SCENE_FILE = "scene.safetensors"
 
