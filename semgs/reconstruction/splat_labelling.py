@@ -11,6 +11,7 @@ import torch
 from semgs.data.choosing.choice import Choice
 from semgs.data.resampling import default_size
 from semgs.data.scene import Scene
+from semgs.data.spread import spread
 from semgs.geometry.gaussians import Gaussians
 from semgs.reconstruction.notes import note_on_hidden
 from semgs.reconstruction.pipeline import render_views
@@ -48,7 +49,6 @@ def label_splat(
     up: Up = "auto",
     min_confidence: float = 0.0,
     stages: Stages | None = None,
-    notes: Sequence[str] = (),
 ) -> Reconstruction:
     """Give the Gaussians of a splat classes, and render them from the cameras of its photos. Geometry and colours stay as they are.
 
@@ -65,7 +65,6 @@ def label_splat(
         up: the direction that is up; "auto" finds it.
         min_confidence: seen pixels with less are unknown in label maps.
         stages: shows and times the stages segment and render.
-        notes: further notes for the user, a sentence each.
 
     Raises:
         InputError: a photo or its class map cannot be read.
@@ -75,7 +74,7 @@ def label_splat(
     if not positions:
         raise ValueError("there is no photo to say classes")
     height, width = default_size(scene.frames[positions[0]].lens.size) if size is None else size
-    bounds = scene.depth_range(_few(positions))
+    bounds = scene.depth_range(spread(positions, SHOWN))
     votes = PixelVotes(gaussians, len(source.classes))
     title = f"Classes of {len(positions)} photos from {source.title}"
     with stages.steps("segment", title, len(positions)) as done:
@@ -87,8 +86,8 @@ def label_splat(
             votes.add(view.cameras, distributions)
             done(count + 1)
     choice = Choice(
-        tuple(_few(positions)),
-        tuple(_few(held_out)),
+        tuple(spread(positions, SHOWN)),
+        tuple(spread(held_out, SHOWN)),
         f"evenly chosen of the {len(positions)} photos that say classes"
         + (f" and the {len(held_out)} that are held out" if held_out else ""),
         bounds,
@@ -147,17 +146,8 @@ def label_splat(
         target=compared,
         saved=saved,
         up=direction,
-        notes=tuple(note for note in (*notes, *own_notes) if note),
+        notes=tuple(note for note in own_notes if note),
         labelling=labelling,
         min_confidence=min_confidence,
         splat=given,
     )
-
-
-def _few(positions: Sequence[int]) -> list[int]:
-    """At most `SHOWN` of some photos, evenly chosen."""
-    if not positions:
-        return []
-    return [
-        positions[place] for place in np.unique(np.linspace(0, len(positions) - 1, SHOWN).round().astype(int)).tolist()
-    ]

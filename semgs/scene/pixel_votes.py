@@ -35,15 +35,14 @@ class PixelVotes:
     Args:
         gaussians: of one scene, without a batch axis.
         classes: number of classes.
-        near: Gaussians closer to a camera than this are not rendered; as for `semgs.render`.
 
     Attributes:
         votes: sums over photos of the mean log probabilities, times the photo's weight.
         weights: sums of the weights of photos.
     """
 
-    def __init__(self, gaussians: Gaussians, classes: int, near: float | None = None) -> None:
-        self._gaussians, self._near = gaussians, near
+    def __init__(self, gaussians: Gaussians, classes: int) -> None:
+        self._gaussians = gaussians
         self.votes: Float[Tensor, "g class"] = gaussians.means.new_zeros(len(gaussians), classes)
         self.weights: Float[Tensor, " g"] = gaussians.means.new_zeros(len(gaussians))
 
@@ -83,7 +82,7 @@ class PixelVotes:
                 return torch.autograd.grad(picture, features, maps.to(picture))[0]
 
         plain = replace(self._gaussians, semantic=None)
-        return render_each_view(plain, camera, self._near, "auto", collect)[0]
+        return render_each_view(plain, camera, None, "auto", collect)[0]
 
     @property
     def unseen(self) -> Bool[Tensor, " g"]:

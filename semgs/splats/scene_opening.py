@@ -5,13 +5,13 @@ from __future__ import annotations
 from math import cos, radians, sqrt
 from pathlib import Path
 
-import numpy as np
 import torch
 from jaxtyping import Float64
 from torch import Tensor
 
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
+from semgs.data.spread import spread
 from semgs.files.errors import InputError
 from semgs.files.paths import typed_path
 from semgs.geometry.gaussians import Gaussians
@@ -88,7 +88,7 @@ def _with_cameras(file: Path, splat: Splat, path: Path, up: Up) -> OpenedScene:
     """A splat with cameras of a scene, in the coordinates of that scene."""
     scene = open_scene(path, needs_labels=False)
     gaussians = in_frame_of(file, splat.gaussians, scene)
-    chosen = np.unique(np.linspace(0, len(scene) - 1, MOST_VIEWS).round().astype(int)).tolist()
+    chosen = spread(range(len(scene)), MOST_VIEWS)
     views = scene.read(chosen, _size(scene), NEAR_FAR)
     x, y, z = map(float, scene.origin)
     try:

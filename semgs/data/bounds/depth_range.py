@@ -15,6 +15,7 @@ import numpy as np
 
 from semgs.data.bounds.parallax import FrameFeatures, find_features, inverse_depths
 from semgs.data.frames import Frame
+from semgs.data.spread import spread
 from semgs.data.views import INDOOR_DEPTH_RANGE
 
 ROOM_RATIO = INDOOR_DEPTH_RANGE[1] / INDOOR_DEPTH_RANGE[0]
@@ -104,7 +105,7 @@ def _inverse_depths_of_points(frame: Frame, points: np.ndarray) -> np.ndarray:
 
 def _pairs_among(positions: Sequence[int]) -> list[list[tuple[int, int]]]:
     """All pairs of the frames, or of four spread evenly over them; each pair is a trial of its own."""
-    few = [positions[round(step)] for step in np.linspace(0, len(positions) - 1, min(len(positions), 4))]
+    few = spread(positions, 4)
     return [[pair] for pair in itertools.combinations(dict.fromkeys(few), 2)]
 
 
@@ -117,9 +118,7 @@ def _pairs_beside(frames: Sequence[Frame], positions: Sequence[int]) -> list[lis
     centres = np.stack([frame.world_from_camera[:3, 3] for frame in frames])
     axes = np.stack([frame.world_from_camera[:3, 2] for frame in frames])
     trials = []
-    for index in dict.fromkeys(
-        positions[round(step)] for step in np.linspace(0, len(positions) - 1, min(len(positions), 4))
-    ):
+    for index in dict.fromkeys(spread(positions, 4)):
         distances = np.linalg.norm(centres - centres[index], axis=1)
         alike = (axes @ axes[index] > np.cos(np.radians(30))) & (np.arange(len(frames)) != index)
         order = [int(other) for other in np.argsort(distances, kind="stable") if alike[other]]

@@ -17,6 +17,7 @@ from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.bounds.parallax import FrameFeatures
 from semgs.data.choosing.covisibility import WIDEST_ANGLE, Covisibility, DepthGrids, flat_grid
 from semgs.data.scene import Scene
+from semgs.data.spread import spread
 from semgs.files.errors import InputError
 
 IDEAL_BASELINE = (0.05, 0.15)
@@ -86,7 +87,7 @@ def choose(scene: Scene, count: int) -> Choice:
     features: dict[int, FrameFeatures] = {}
     typical = scene.depth_range(features=features).typical
     grids = DepthGrids(scene)
-    few = _spread(range(len(scene)), max(_most(grids), count))
+    few = spread(range(len(scene)), max(_most(grids), count))
     together = Covisibility.of(scene, few, grids.of(few, typical))
     overlaps, baselines = together.overlaps(), together.baselines
     depths = np.sqrt(together.medians[:, None] * together.medians)
@@ -264,11 +265,6 @@ def _most(grids: DepthGrids) -> int:
     return CANDIDATES_TO_READ if grids.measured else CANDIDATES
 
 
-def _spread(frames: Sequence[int], most: int) -> list[int]:
-    """All frames, or `most` of them, evenly spread."""
-    return [frames[round(step)] for step in np.linspace(0, len(frames) - 1, min(len(frames), most))]
-
-
 def _with_targets(
     scene: Scene,
     grids: DepthGrids,
@@ -287,9 +283,9 @@ def _with_targets(
     centres = np.stack([frame.world_from_camera[:3, 3] for frame in scene.frames])
     distance = np.linalg.norm(centres[:, None] - centres[list(context)], axis=-1).min(axis=1)
     nearest = sorted(others, key=lambda index: (distance[index], index))[: 4 * TARGETS]
-    seen = _covered(scene, grids, context, [*_spread(between, _most(grids)), *nearest], bounds.typical)
+    seen = _covered(scene, grids, context, [*spread(between, _most(grids)), *nearest], bounds.typical)
     well = [index for index in seen if seen[index] >= WELL_SEEN]
-    targets = _spread([index for index in well if index in between], TARGETS) or well[:TARGETS]
+    targets = spread([index for index in well if index in between], TARGETS) or well[:TARGETS]
     if not targets:
         enough = [index for index in seen if seen[index] >= LEAST_SEEN]
         targets = sorted(enough, key=lambda index: -seen[index])[:TARGETS]

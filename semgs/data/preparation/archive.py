@@ -34,6 +34,7 @@ from semgs.data.origin.licences import labeller_of, terms_of_photos
 from semgs.data.origin.prepared_record import RECORD
 from semgs.data.resampling import reframed
 from semgs.data.scene import Scene
+from semgs.data.spread import spread
 from semgs.data.tables.class_files import class_file
 from semgs.data.tables.classes import IGNORE, TABLES
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
@@ -107,7 +108,7 @@ def estimate_bytes(scene: Scene, settings: Preparation, sample: int = 3) -> int:
         InputError: a file of the scene cannot be used, or fewer than two frames are kept.
     """
     frames = _kept(scene, settings)
-    few = [frames[round(step)] for step in np.linspace(0, len(frames) - 1, min(len(frames), sample))]
+    few = spread(frames, sample)
     trial = io.BytesIO()
     _fill(trial, scene, few, settings)
     return round(trial.tell() / len(few) * len(frames))
