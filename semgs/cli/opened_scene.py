@@ -14,18 +14,18 @@ if TYPE_CHECKING:
 
 
 def open_given(scene: Path, cameras: Path | None, up: Up) -> OpenedScene:
-    """Open it; arguments and errors as for `open_reconstruction`.
+    """Open it, without the readers of photos if it is ours: they take a second to import.
 
     Raises:
+        InputError, ImportError: it cannot be used, as `open_splat` says.
         UsageError: cameras are given for a scene that has its own.
     """
     if is_splat(scene):
-        from semgs.splats.scene_opening import open_reconstruction
+        from semgs.splats.scene_opening import open_splat
 
-        return open_reconstruction(scene, cameras, up)
+        return open_splat(scene, cameras, up)
     if cameras is not None:
         raise UsageError(f"--cameras is for splats of other programs; {scene} has cameras of its own")
-    # A reconstruction of ours needs none of the readers of photos, which take a second to import.
     from semgs.files.paths import typed_path
     from semgs.scene.opened import OpenedScene
     from semgs.scene.scene_file import load_scene

@@ -28,6 +28,9 @@ GRID = 24
 NO_PARALLAX = 0.01
 """Context cameras that are closer together than this share of the near bound have no parallax."""
 
+TOO_DARK = 15.0
+"""Photos that a splat renders with a lower PSNR are probably not of this splat, or not in its coordinates [dB]."""
+
 NAMED = 3
 """Notes on a walk name at most this many frames."""
 
@@ -40,12 +43,13 @@ def collect_notes(
     classes: ClassTable | None,
     up: UpDirection,
     *,
-    placement: Placement | None,
-    plan: MemoryPlan | None,
-    exposures: Exposures | None,
-    labelling: Labelling | None,
-    features: SceneFeatures | None,
-    refinement: PhotoRefinement | None,
+    geometry: Sequence[str],
+    placement: Placement | None = None,
+    plan: MemoryPlan | None = None,
+    exposures: Exposures | None = None,
+    labelling: Labelling | None = None,
+    features: SceneFeatures | None = None,
+    refinement: PhotoRefinement | None = None,
 ) -> tuple[str, ...]:
     """All notes on a reconstruction, in the order of the report.
 
@@ -53,6 +57,7 @@ def collect_notes(
         scene, choice, context, target: the source, the chosen frames, the input views and the held-out ones.
         classes: the class table of the Gaussians; None for a colour-only model.
         up: which way is up.
+        geometry: what to know about where the Gaussians are, such as `notes_on_guesses`.
         exposures: of the input photos; None if they are as taken.
         placement, plan, labelling, features, refinement: as for `Reconstruction`.
     """
@@ -62,16 +67,8 @@ def collect_notes(
         note_on_aspect([scene.frames[position] for position in (*choice.context, *choice.targets)], context.size),
         *choice.notes,
         note_on_hidden(context, target),
+        *geometry,
     ]
-    if not has_parallax(context):
-        notes.append(
-            "No parallax: the input cameras are all at the same place, so depth is a guess of the model, not a measurement."
-        )
-    if alone := [names[view] for view in strangers(context)]:
-        notes.append(
-            f"No overlap: {', '.join(alone)} shows nothing that another input view can show between near and far, so its depth is "
-            "a guess of the model, not a measurement."
-        )
     if scene.origin.any():
         notes.append(
             "The scene is far from the origin of its coordinates, so positions in scene.safetensors are relative to "
@@ -101,6 +98,33 @@ def collect_notes(
     if not up.certain:
         notes.append(f"Which way is up is uncertain ({up.reason}): if the PLY files are tilted, use semgs export --up.")
     return tuple(note for note in notes if note)
+
+
+def notes_on_guesses(names: Sequence[str], context: Views) -> list[str]:
+    """Where the depth of the input views is no measurement; `names` are theirs."""
+    notes = []
+    if not has_parallax(context):
+        notes.append(
+            "No parallax: the input cameras are all at the same place, so depth is a guess of the model, not a measurement."
+        )
+    if alone := [names[view] for view in strangers(context)]:
+        notes.append(
+            f"No overlap: {', '.join(alone)} shows nothing that another input view can show between near and far, so its depth is "
+            "a guess of the model, not a measurement."
+        )
+    return notes
+
+
+def notes_on_splat(unseen: int, count: int, psnr: float) -> list[str]:
+    """What a labelled splat lacks: `unseen` of its `count` Gaussians have no class; it renders its photos with this PSNR [dB]."""
+    notes = []
+    if unseen:
+        notes.append(f"{unseen:,} of {count:,} Gaussians are outside all photos or hidden in them: they have no class.")
+    if psnr < TOO_DARK:
+        notes.append(
+            f"The splat does not look like the photos from their cameras (PSNR {psnr:.1f} dB): are these cameras in its coordinates?"
+        )
+    return notes
 
 
 def note_on_refinement(refinement: PhotoRefinement) -> str:

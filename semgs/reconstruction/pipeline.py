@@ -14,7 +14,7 @@ from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.model.encode import Network, encode
 from semgs.model.memory.memory_plan import MemoryPlan
-from semgs.reconstruction.notes import collect_notes
+from semgs.reconstruction.notes import collect_notes, notes_on_guesses
 from semgs.reconstruction.recording import Walk, map_walk
 from semgs.reconstruction.result import OnePassViews, PhotoRefinement, Reconstruction, RenderedViews, Role
 from semgs.reconstruction.scores import scores
@@ -225,6 +225,7 @@ def reconstruct(
         target,
         classes,
         up,
+        geometry=notes_on_guesses(rendered_context.names, context),
         placement=placement,
         plan=plan,
         exposures=exposures,

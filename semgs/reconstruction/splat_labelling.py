@@ -13,7 +13,7 @@ from semgs.data.resampling import default_size
 from semgs.data.scene import Scene
 from semgs.data.spread import spread
 from semgs.geometry.gaussians import Gaussians
-from semgs.reconstruction.notes import note_on_hidden
+from semgs.reconstruction.notes import collect_notes, notes_on_splat
 from semgs.reconstruction.pipeline import render_views
 from semgs.reconstruction.result import GivenSplat, Reconstruction
 from semgs.runtime.stopwatch import Stages
@@ -25,9 +25,6 @@ from semgs.splats.splat_scene import splat_scene
 
 SHOWN = 8
 """Photos of each role that are rendered and shown, evenly chosen."""
-
-TOO_DARK = 15.0
-"""Photos that a splat renders with a lower PSNR are probably not of this splat, or not in its coordinates [dB]."""
 
 
 def hold_out(count: int, each: int) -> tuple[list[int], list[int]]:
@@ -123,20 +120,17 @@ def label_splat(
         if target is not None:
             compared = render_views("target", scene, choice.targets, target, encoding, min_confidence)
         direction = up_of(saved, up)
-    unseen = votes.unseen
     quality = float(np.median([score.psnr for score in rendered.scores]))
-    own_notes = [
-        *scene.notes,
-        note_on_hidden(context, target),
-        f"{int(unseen.sum()):,} of {len(unseen):,} Gaussians are outside all photos or hidden in them: they have no class."
-        if unseen.any()
-        else "",
-        f"The splat does not look like the photos from their cameras (PSNR {quality:.1f} dB): are these cameras in its coordinates?"
-        if quality < TOO_DARK
-        else "",
-        *labelling.notes,
-        "" if direction.certain else f"Which way is up is uncertain ({direction.reason}): set it with --up.",
-    ]
+    notes = collect_notes(
+        scene,
+        choice,
+        context,
+        target,
+        source.classes,
+        direction,
+        geometry=notes_on_splat(int(votes.unseen.sum()), len(gaussians), quality),
+        labelling=labelling,
+    )
     return Reconstruction(
         scene=scene,
         choice=choice,
@@ -146,7 +140,7 @@ def label_splat(
         target=compared,
         saved=saved,
         up=direction,
-        notes=tuple(note for note in own_notes if note),
+        notes=notes,
         labelling=labelling,
         min_confidence=min_confidence,
         splat=given,

@@ -1,4 +1,4 @@
-"""What commands open: a scene of `semgs reconstruct`, or a splat of another program with cameras of its own or of a scene."""
+"""Opens a splat of another program as a scene: with the cameras of its photos, or with cameras that are chosen from it."""
 
 from __future__ import annotations
 
@@ -16,9 +16,8 @@ from semgs.files.errors import InputError
 from semgs.files.paths import typed_path
 from semgs.geometry.gaussians import Gaussians
 from semgs.scene.opened import OpenedScene
-from semgs.scene.scene_file import SavedScene, load_scene
+from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import Up, UpDirection, axis_direction, up_near
-from semgs.splats.endings import is_splat
 from semgs.splats.load import load_splat
 from semgs.splats.nerfstudio_frame import FILE_NAME, find_trained_frame
 from semgs.splats.splat import Splat
@@ -35,25 +34,20 @@ NEAR_FAR = (0.1, 100.0)
 """Placeholder for the bounds of views that are read for their cameras; those of the scene come from the splat's depth."""
 
 
-def open_reconstruction(path: str | Path, cameras: str | Path | None = None, up: Up = "auto") -> OpenedScene:
-    """Open a scene of `semgs reconstruct`, or a splat of another program.
+def open_splat(path: str | Path, cameras: str | Path | None = None, up: Up = "auto") -> OpenedScene:
+    """Open a splat of another program.
 
     Args:
-        path: a folder or scene file of `semgs reconstruct`, or a splat as for `load_splat`.
-        cameras: for a splat: a scene of any layout that `open_scene` reads, in the coordinates of the splat, or in those that nerfstudio's
+        path: as for `load_splat`.
+        cameras: a scene of any layout that `open_scene` reads, in the coordinates of the splat, or in those that nerfstudio's
             dataparser_transforms.json leads to. None puts cameras around the splat, or inside if it is a room.
-        up: the direction that is up in its coordinates. For a splat without cameras, "auto" finds it near to what is usual in its format; that is uncertain.
+        up: the direction that is up in its coordinates. Without cameras, "auto" finds it near to what is usual in the format; that is uncertain.
 
     Raises:
         InputError: it cannot be used, or the cameras do not see it.
-        ValueError: cameras are given for a scene of `semgs reconstruct`.
         ImportError: it is SPZ of version 4, and zstandard is not installed.
     """
     file = typed_path(path)
-    if not is_splat(file):
-        if cameras is not None:
-            raise ValueError(f"cameras are for splats of other programs; {path} has its own")
-        return OpenedScene(load_scene(file), up)
     splat = load_splat(file)
     if cameras is None:
         return _without_cameras(file, splat, up)

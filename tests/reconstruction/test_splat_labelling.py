@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -93,6 +93,16 @@ def test_gaussians_that_no_photo_sees_stay_unseen_and_the_notes_say_how_many(sce
     unseen = int((shares.amax(1) < 0.051).sum())
     assert 7 <= unseen < 0.1 * len(more)
     assert any(note.startswith(f"{unseen} of {len(more):,} Gaussians are outside all photos") for note in result.notes)
+
+
+def test_the_notes_are_those_of_every_reconstruction_but_for_guessed_depth(scene: Scene, splat: Gaussians) -> None:
+    """One photo has no parallax and no overlap, but nobody guessed the depth of a splat."""
+    unknown = replace(scene, unit="unknown")
+    result = label_splat(unknown, splat, Labelling(TrueMaps(scene, [])), GIVEN, [0], up="-y")
+    assert [note[:40] for note in result.notes if "Gaussians are outside" not in note] == [
+        "The scale of this scene is unknown, so l",
+        "No frame is held out, so the scores do n",
+    ]
 
 
 def test_cameras_that_do_not_fit_are_noticed(scene: Scene, splat: Gaussians) -> None:

@@ -23,7 +23,7 @@ from semgs.scene.scene_file import FILE_NAME, load_scene, save_scene
 from semgs.scene.upright import UpDirection, up_of
 from semgs.splats import nerfstudio_frame
 from semgs.splats.nerfstudio_frame import find_trained_frame, read_trained_frame
-from semgs.splats.scene_opening import MOST_VIEWS, open_reconstruction
+from semgs.splats.scene_opening import MOST_VIEWS, open_splat
 from semgs.splats.splat_cameras import cameras_around
 from semgs.splats.splat_scene import find_places, splat_scene
 
@@ -137,12 +137,12 @@ def test_cameras_of_an_object_are_around_it_above_it_and_see_it_whole():
 
 def test_what_is_usual_is_up_without_cameras_and_a_note_says_that_it_is_uncertain(tmp_path: Path):
     save_ply(tmp_path / "a.ply", dots(ball()))
-    opened = open_reconstruction(tmp_path / "a.ply")
+    opened = open_splat(tmp_path / "a.ply")
     assert isinstance(opened.up, UpDirection)
     assert opened.up.direction.tolist() == [0, -1, 0]
     assert not up_of(opened.scene, opened.up).certain
     assert "no field of PLY says it, -Y is usual" in opened.up.warning
-    given = open_reconstruction(tmp_path / "a.ply", up="z").up
+    given = open_splat(tmp_path / "a.ply", up="z").up
     assert isinstance(given, UpDirection)
     assert given.certain
     assert given.direction.tolist() == [0, 0, 1]
@@ -158,7 +158,7 @@ def test_floor_and_walls_say_how_a_splat_without_cameras_is_tilted(tmp_path: Pat
     turned = tilt @ turn @ half
     points = (box(60_000).double() - torch.tensor([10.0, 20, 30])) @ turned.T
     save_ply(tmp_path / "a.ply", dots(points, 0.04))
-    opened = open_reconstruction(tmp_path / "a.ply")
+    opened = open_splat(tmp_path / "a.ply")
     assert isinstance(opened.up, UpDirection)
     assert float(opened.up.direction @ turned[:, 2]) > cos(radians(2))
     assert float(turned[:, 2] @ torch.tensor([0.0, -1, 0]).double()) < cos(radians(20))
@@ -249,7 +249,7 @@ def test_a_scene_gives_its_cameras_photos_and_unit(tmp_path: Path, photos: Path,
         means = 0.25 * (gaussians.means.double() @ matrix[:, :3].T + matrix[:, 3])
         gaussians = dots(means, 0.02)
     save_ply(tmp_path / "splat" / "a.ply", gaussians)
-    opened = open_reconstruction(tmp_path / "splat" / "a.ply", photos)
+    opened = open_splat(tmp_path / "splat" / "a.ply", photos)
     scene, source = opened.scene, open_scene(photos)
     assert len(scene.frames) == MOST_VIEWS
     assert (scene.frames[0], scene.frames[-1]) == (source.frames[0].name, source.frames[9].name)
@@ -268,15 +268,7 @@ def test_cameras_that_do_not_see_the_splat_are_refused_and_the_frame_of_nerfstud
 ):
     save_ply(tmp_path / "a.ply", dots(torch.full((5, 3), 1e4)))
     with pytest.raises(InputError, match=r"in the coordinates of .*dataparser_transforms"):
-        open_reconstruction(tmp_path / "a.ply", photos)
-
-
-def test_cameras_are_for_splats(tmp_path: Path, photos: Path):
-    save_scene(tmp_path / FILE_NAME, wall())
-    opened = open_reconstruction(tmp_path)
-    assert (opened.up, opened.pivot, opened.splat) == ("auto", None, False)
-    with pytest.raises(ValueError, match="has its own"):
-        open_reconstruction(tmp_path, photos)
+        open_splat(tmp_path / "a.ply", photos)
 
 
 def test_up_of_a_splat_with_cameras_is_searched_like_that_of_our_own_scenes():
