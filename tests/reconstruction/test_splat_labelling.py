@@ -100,6 +100,7 @@ def test_the_notes_are_those_of_every_reconstruction_but_for_guessed_depth(scene
     unknown = replace(scene, unit="unknown")
     result = label_splat(unknown, splat, Labelling(TrueMaps(scene, [])), GIVEN, [0], up="-y")
     assert [note[:40] for note in result.notes if "Gaussians are outside" not in note] == [
+        "1 of 1 images have another aspect ratio ",
         "The scale of this scene is unknown, so l",
         "No frame is held out, so the scores do n",
     ]
