@@ -16,6 +16,7 @@ from semgs.data.bounds.parallax import FrameFeatures
 from semgs.data.frames import Frame
 from semgs.data.origin.labeller import Labeller
 from semgs.data.resampling import Fit, default_size
+from semgs.data.spread import spread
 from semgs.data.tables.classes import ClassTable
 from semgs.data.views import FAR_OUT, INDOOR_DEPTH_RANGE, Views, joined
 from semgs.files.errors import InputError
@@ -94,7 +95,7 @@ class Scene:
     def _repr_html_(self) -> str:
         """A few of the images for a notebook, or why they cannot be read."""
         images, captions = [], []
-        for index in np.unique(np.linspace(0, len(self) - 1, MOST).round().astype(int)).tolist():
+        for index in spread(range(len(self)), MOST):
             frame = self.frames[index]
             try:
                 images.append(subsample(frame.read_image()))

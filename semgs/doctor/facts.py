@@ -6,6 +6,7 @@ import numpy as np
 
 from semgs.data.choosing.covisibility import Covisibility, DepthGrids
 from semgs.data.scene import Scene
+from semgs.data.spread import spread
 from semgs.figures.number_texts import length, percent
 
 MOST_FRAMES = 40
@@ -62,7 +63,7 @@ def coverage(scene: Scene) -> list[tuple[str, float]]:
 
 def _few(scene: Scene) -> np.ndarray:
     """Positions of at most `MOST_FRAMES` frames, evenly spread."""
-    return np.unique(np.linspace(0, len(scene) - 1, MOST_FRAMES).round().astype(int))
+    return np.array(spread(range(len(scene)), MOST_FRAMES))
 
 
 def _range(numbers: np.ndarray) -> str:

@@ -112,12 +112,12 @@ def imported(source: str) -> set[tuple[str, str]]:
     }
 
 
-def test_every_name_that_an_example_imports_exists():
+def test_every_name_that_an_example_a_script_or_a_test_imports_exists():
     programs = [example.parsed for page in PAGES for example in read(page) if example.region.evaluator is python]
     programs += [
         file.read_text()
-        for folder in ("examples", "docs", "scripts")
-        for file in (reader_disk.ROOT / folder).glob("*.py")
+        for folder in ("examples", "docs", "scripts", "tests", "tools")
+        for file in (reader_disk.ROOT / folder).rglob("*.py")
     ]
     names = set.union(*map(imported, programs))
     assert len(names) > 100

@@ -135,11 +135,11 @@ def read_training_run(path: Path, out: Path, changed: Sequence[str]) -> None:
     from semgs.training.data.data_check.scene_record import data_terms_of, scenes_of
     from semgs.training.run.checkpoints import best_checkpoint, newest_checkpoint
     from semgs.training.run.log import RunLog
-    from semgs.training.run.run_folder import run_folder as run
+    from semgs.training.run.run_folder import is_finished, read_settings, run_network
     from semgs.training.state import TrainingState
     from semgs.training.supervision.supervision import make_supervision
 
-    settings = run.read_settings(path)
+    settings = read_settings(path)
     scenes_of(path / run_record())
     data_terms_of(path / run_record())
     if "run/log.jsonl" in changed and (path / "log.jsonl").exists():
@@ -148,12 +148,12 @@ def read_training_run(path: Path, out: Path, changed: Sequence[str]) -> None:
             log.say("on")
     newest = newest_checkpoint(path / "checkpoints")
     best_checkpoint(path / "checkpoints")
-    run.finished(path)
+    is_finished(path)
     if newest is not None:
         state = TrainingState.begin(nn.Linear(3, 2), make_supervision(settings), 1e-3, 0.9)  # type: ignore[arg-type]
         state.restore(newest.tensors, newest.numbers)
     if "run/network.json" in changed:
-        run.network(path, settings)
+        run_network(path, settings)
 
 
 def run_record() -> str:

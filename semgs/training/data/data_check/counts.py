@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from semgs.data.scene import Scene
+from semgs.data.spread import spread
 from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.data.views import Views
 from semgs.files.errors import InputError
@@ -60,9 +61,9 @@ def _read_some(scene: Scene) -> list[Views]:
     """A few frames spread over a scene; unreadable ones are skipped here, since training reports them."""
     views = []
     count = FRAMES_COUNTED if scene.posed else len(scene)
-    for index in np.unique(np.linspace(0, len(scene) - 1, count).round().astype(int)):
+    for index in spread(range(len(scene)), count):
         with contextlib.suppress(InputError):
-            views.append(scene.read([int(index)], "native"))
+            views.append(scene.read([index], "native"))
     return views
 
 
