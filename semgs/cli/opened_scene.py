@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def open_given(scene: Path, cameras: Path | None, up: Up) -> OpenedScene:
-    """Open it, without the readers of photos if it is ours: they take a second to import.
+    """Open it, without the readers of photos if it is ours: they take a second to import. Prints what is probably wrong with a splat.
 
     Raises:
         InputError, ImportError: it cannot be used, as `open_splat` says.
@@ -23,7 +23,10 @@ def open_given(scene: Path, cameras: Path | None, up: Up) -> OpenedScene:
     if is_splat(scene):
         from semgs.splats.scene_opening import open_splat
 
-        return open_splat(scene, cameras, up)
+        opened = open_splat(scene, cameras, up)
+        if opened.note:
+            print(f"note: {opened.note}")
+        return opened
     if cameras is not None:
         raise UsageError(f"--cameras is for splats of other programs; {scene} has cameras of its own")
     from semgs.files.paths import typed_path

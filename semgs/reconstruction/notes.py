@@ -21,15 +21,13 @@ from semgs.scene.exposure import Exposures
 from semgs.scene.upright import UpDirection
 from semgs.segmenters.features.scene_features import SceneFeatures
 from semgs.segmenters.labelling import Labelling
+from semgs.splats.splat_scene import note_on_look
 
 GRID = 24
 """Grid points along each side of an image for the test whether views can overlap."""
 
 NO_PARALLAX = 0.01
 """Context cameras that are closer together than this share of the near bound have no parallax."""
-
-TOO_DARK = 15.0
-"""Photos that a splat renders with a lower PSNR are probably not of this splat, or not in its coordinates [dB]."""
 
 NAMED = 3
 """Notes on a walk name at most this many frames."""
@@ -115,16 +113,10 @@ def notes_on_guesses(names: Sequence[str], context: Views) -> list[str]:
     return notes
 
 
-def notes_on_splat(unseen: int, count: int, psnr: float) -> list[str]:
+def notes_on_splat(unseen: int, count: int, decibels: float) -> list[str]:
     """What a labelled splat lacks: `unseen` of its `count` Gaussians have no class; it renders its photos with this PSNR [dB]."""
-    notes = []
-    if unseen:
-        notes.append(f"{unseen:,} of {count:,} Gaussians are outside all photos or hidden in them: they have no class.")
-    if psnr < TOO_DARK:
-        notes.append(
-            f"The splat does not look like the photos from their cameras (PSNR {psnr:.1f} dB): are these cameras in its coordinates?"
-        )
-    return notes
+    classless = f"{unseen:,} of {count:,} Gaussians are outside all photos or hidden in them: they have no class."
+    return [classless if unseen else "", note_on_look(decibels)]
 
 
 def note_on_refinement(refinement: PhotoRefinement) -> str:

@@ -22,6 +22,7 @@ class OpenedScene:
         pivot: the middle of a splat without cameras, which a video circles; None for other scenes.
         photos: of the views of a splat whose cameras came from a scene; None for other scenes.
         splat: whether it is a splat of another program.
+        note: what is probably wrong with it, in a sentence; empty if nothing is.
     """
 
     scene: SavedScene
@@ -29,3 +30,4 @@ class OpenedScene:
     pivot: Float64[Tensor, " 3"] | None = None
     photos: tuple[UInt8[np.ndarray, "h w 3"], ...] | None = None
     splat: bool = False
+    note: str = ""

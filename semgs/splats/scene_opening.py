@@ -15,6 +15,7 @@ from semgs.data.spread import spread
 from semgs.files.errors import InputError
 from semgs.files.paths import typed_path
 from semgs.geometry.gaussians import Gaussians
+from semgs.objectives.metrics import psnr
 from semgs.scene.opened import OpenedScene
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import Up, UpDirection, axis_direction, up_near
@@ -22,7 +23,7 @@ from semgs.splats.load import load_splat
 from semgs.splats.nerfstudio_frame import FILE_NAME, find_trained_frame
 from semgs.splats.splat import Splat
 from semgs.splats.splat_cameras import SIZE, cameras_around
-from semgs.splats.splat_scene import splat_scene
+from semgs.splats.splat_scene import note_on_look, render_plain, splat_scene
 
 MOST_VIEWS = 8
 """Cameras of a scene that are used, evenly chosen."""
@@ -85,10 +86,12 @@ def _with_cameras(file: Path, splat: Splat, path: Path, up: Up) -> OpenedScene:
     chosen = spread(range(len(scene)), MOST_VIEWS)
     views = scene.read(chosen, _size(scene), NEAR_FAR)
     x, y, z = map(float, scene.origin)
+    rendered = render_plain(gaussians, views.cameras)
     try:
         saved = splat_scene(
             gaussians,
             views.cameras,
+            rendered=rendered,
             frames=[scene.frames[index].name for index in chosen],
             source=file.stem,
             model=splat.format,
@@ -102,8 +105,9 @@ def _with_cameras(file: Path, splat: Splat, path: Path, up: Up) -> OpenedScene:
             str(error),
             advice=f"if nerfstudio trained it, put its {FILE_NAME} into the folder of the splat",
         ) from error
+    decibels = psnr(torch.cat([view.images for view in rendered]), views.images, views.hidden)
     photos = (255 * views.images).round().to(torch.uint8).movedim(1, -1).numpy()
-    return OpenedScene(saved, up, photos=tuple(photos), splat=True)
+    return OpenedScene(saved, up, photos=tuple(photos), splat=True, note=note_on_look(float(decibels.median())))
 
 
 def in_frame_of(file: Path, gaussians: Gaussians, scene: Scene) -> Gaussians:

@@ -13,8 +13,11 @@ from torch import Tensor
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.gaussians import Gaussians
 from semgs.rendering.render import render
-from semgs.rendering.rendering import SEEN_ALPHA
+from semgs.rendering.rendering import SEEN_ALPHA, Rendering
 from semgs.scene.scene_file import SavedScene
+
+TOO_DARK = 15.0
+"""Photos that a splat renders with a lower PSNR are probably not of this splat, or not in its coordinates [dB]."""
 
 SAME = 0.05
 """A Gaussian is seen by a view if it is at most this share behind the depth there."""
@@ -30,6 +33,7 @@ def splat_scene(
     gaussians: Gaussians,
     cameras: Cameras,
     *,
+    rendered: Sequence[Rendering] | None = None,
     frames: Sequence[str] = (),
     source: str = "",
     model: str = "",
@@ -44,6 +48,7 @@ def splat_scene(
     Args:
         gaussians: of colour, relative to `origin`.
         cameras: [v], relative to `origin`.
+        rendered: of these cameras, as from `render_plain`; None renders them.
         frames: names of the views; by default their positions.
         source, model: names of the file and of its format.
         unit: "metric" if lengths are in metres.
@@ -52,8 +57,7 @@ def splat_scene(
     Raises:
         ValueError: no camera sees anything.
     """
-    plain = without_harmonics(gaussians)
-    views = [render(plain, cameras[view : view + 1]) for view in range(cameras.batch[0])]
+    views = render_plain(gaussians, cameras) if rendered is None else rendered
     alphas = torch.cat([view.alphas for view in views]).clamp(0, 1)
     depths = torch.where(alphas >= SEEN_ALPHA, torch.cat([view.depths for view in views]).clamp(min=0), 0)
     if not depths.any():
@@ -73,6 +77,19 @@ def splat_scene(
         stride=1,
         places=find_places(gaussians.means, cameras, depths),
     )
+
+
+def render_plain(gaussians: Gaussians, cameras: Cameras) -> list[Rendering]:
+    """Each view, without the colours that depend on the direction."""
+    plain = without_harmonics(gaussians)
+    return [render(plain, cameras[view : view + 1]) for view in range(cameras.batch[0])]
+
+
+def note_on_look(decibels: float) -> str:
+    """What to say of a splat that renders photos with this PSNR [dB] from their cameras; empty if it looks like them."""
+    if decibels >= TOO_DARK:
+        return ""
+    return f"The splat does not look like the photos from their cameras (PSNR {decibels:.1f} dB): are these cameras in its coordinates?"
 
 
 def without_harmonics(gaussians: Gaussians) -> Gaussians:

@@ -56,8 +56,8 @@ RECONSTRUCTION = (
         ("tests/reconstruction/test_splat_labelling.py::test_one_of_so_many_photos_is_held_out",),
     ),
     Mutant(
-        "a splat that looks like no photo is not noticed", "semgs/reconstruction/notes.py",
-        "if psnr < TOO_DARK", "if psnr > 100",
+        "a splat that looks like no photo is not noticed", "semgs/splats/splat_scene.py",
+        "if decibels >= TOO_DARK", "if decibels >= 0",
         ("tests/reconstruction/test_splat_labelling.py::test_cameras_that_do_not_fit_are_noticed",),
     ),
 )  # fmt: skip

@@ -16,9 +16,11 @@ from saved_scenes import SIZE, wall
 from semgs.data.scenes import open_scene
 from semgs.export.ply import save_ply
 from semgs.files.errors import InputError
+from semgs.files.images.pictures import write_png
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.rotations import covariance, matrix_from_quaternion
+from semgs.rendering.render import render
 from semgs.scene.scene_file import FILE_NAME, load_scene, save_scene
 from semgs.scene.upright import UpDirection, up_of
 from semgs.splats import nerfstudio_frame
@@ -261,6 +263,20 @@ def test_a_scene_gives_its_cameras_photos_and_unit(tmp_path: Path, photos: Path,
     assert opened.photos is not None
     assert [photo.shape for photo in opened.photos] == [(24, 32, 3)] * MOST_VIEWS
     assert opened.pivot is None
+
+
+def test_a_splat_that_looks_unlike_the_photos_has_a_note(tmp_path: Path, photos: Path):
+    gaussians = surface_of(photos)
+    save_ply(tmp_path / "a.ply", gaussians)
+    for off, noted in ((0.17, False), (0.19, True)):  # 15 dB is a difference of 0.178
+        for frame in open_scene(photos).frames:
+            view = open_scene(photos).read([frame.name], (24, 32), (0.1, 100.0))
+            image = render(gaussians, view.cameras).images[0].movedim(0, -1).numpy()
+            image = image + np.where(image < 0.5, off, -off)
+            write_png(photos.parent / frame.name, (255 * image).round().astype(np.uint8))
+        assert (
+            open_splat(tmp_path / "a.ply", photos).note.startswith("The splat does not look like the photos") == noted
+        )
 
 
 def test_cameras_that_do_not_see_the_splat_are_refused_and_the_frame_of_nerfstudio_is_named(
