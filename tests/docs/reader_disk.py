@@ -145,6 +145,7 @@ def _write_results(disk: Path) -> None:
     shutil.move(disk / "done", disk / "out" / "office")
     shutil.copytree(disk / "out" / "office", disk / "out" / "robot")
     run("export", "out/office", "--out", "office", "--as", "ply")
+    run("export", "out/office", "--out", "labelled", "--as", "ply", "--labels")
     run("export", "out/office", "--out", "map", "--as", "objects")
     run("export", "out/office", "--out", "splats", "--as", "ply", "gltf", "--frame", "scene")
     for ending in ("ply", "glb"):
