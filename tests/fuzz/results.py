@@ -124,7 +124,7 @@ def training_run(folder: Path) -> Path:
 
 
 RUN_DATA: dict = {
-    "scenes": [{"name": f"scene000{n}_00", "frames": 3, "pixels": [5] * 21, "drawn": False} for n in range(2)],
+    "scenes": [{"name": f"scene000{n}_00", "frames": 3, "pixels": [5.0] * 21, "drawn": False} for n in range(2)],
     "rooms": {"pixels": None}, "before": ["scene0002_00"], "terms": '[{"text": "CC0", "own": false}]',
 }  # fmt: skip
 
