@@ -17,8 +17,8 @@ FLOORS = (
     ("rendering",),
     ("data",),
     ("scene", "rooms", "sfm", "figures"),
-    ("segmenters", "objectives", "robotics", "doctor", "splats"),
-    ("model",),
+    ("segmenters", "objectives", "robotics", "doctor"),
+    ("model", "splats"),
     ("training", "export", "mapping"),
     ("evaluation", "viewer", "ros", "bench"),
     ("reconstruction",),
@@ -228,6 +228,10 @@ def test_the_package_knows_nothing_of_the_repositorys_tools():
     assert users == []
     for path in (ROOT / "tools" / "release").glob("*.py"):
         assert not any(one.startswith("semgs.cli") for one in imported(f"tools.release.{path.stem}", path)), path
+
+
+def test_imports_point_down_only():
+    assert wrong_arrows(ROOT) == []
 
 
 def test_layouts_share_parts_and_know_nothing_of_one_another():
