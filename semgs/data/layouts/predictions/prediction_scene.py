@@ -159,7 +159,5 @@ def _notes(predicted: Predicted, photos: OriginalPhotos | None) -> list[str]:
     if photos is None:
         notes.append(f"The frames are the images in the file, {width}x{height}, as no photos are beside it.")
     else:
-        notes.append(
-            f"The frames are the photos in {photos.folder}; the crop and resize to {width}x{height} is undone."
-        )
+        notes.append(f"The frames are the photos in {photos.folder}; crop and resize to {width}x{height} are undone.")
     return notes
