@@ -21,6 +21,7 @@ from semgs.data.layouts.predictions.preprocessing import Placement
 from semgs.data.layouts.predictions.stored_maps import PredictedDepth, StoredImage
 from semgs.data.layouts.predictions.tools import read_predicted, tool_of
 from semgs.data.scene import Scene
+from semgs.files.archives import MOST_BYTES
 from semgs.files.errors import InputError, input_error
 
 LOOKED_FOR = "predictions.npz, or results.npz of Depth Anything 3 (cameras and depth that a network predicted)"
@@ -63,8 +64,9 @@ def open_predictions(path: Path, photos: Path | None = None) -> Scene:
     found = find_photos(predicted, photos)
     if found is None and predicted.images is None:
         raise InputError(
-            file, f"images in the file, or its {len(predicted)} photos in the folder images beside it", "neither"
-        )
+            file, f"images in the file, or its {len(predicted)} photos in the folder images beside it", "neither",
+            advice=f"images of more than {MOST_BYTES >> 20} MiB in all are not read from the file",
+        )  # fmt: skip
     points = _points(predicted)
     frames = [_frame(predicted, index, found, points) for index in range(len(predicted))]
     base = base_of(file)

@@ -8,7 +8,7 @@
 | MapAnything (`infer`, stacked) | `camera_poses` [n 4 4], camera to world | `intrinsics` | `depth_z` [m] | `mask` | `img_no_norm` |
 | DUSt3R's results, as the names of its functions | camera to world | `intrinsics` or `focals` | `depthmaps` | `im_conf`, from 1 | `imgs` |
 
-Both `extrinsic` are told apart by the fields beside them. All have OpenCV axes. Depth Anything 3, VGGT and DUSt3R put the principal point at half the width
+The fields beside `extrinsic` say which of the two it is. All have OpenCV axes. Depth Anything 3, VGGT and DUSt3R put the principal point at half the width
 and height, which is the middle of the image, as their COLMAP exports do. MapAnything fits its intrinsics to the rays of pixels whose first one is at (0, 0), so
 half a pixel is added. Confidences that start at 1 are 1 + exp(x).
 

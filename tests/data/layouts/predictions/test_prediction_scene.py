@@ -251,7 +251,8 @@ def with_value(array: np.ndarray, place: tuple, value: float) -> np.ndarray:
          "if they are the intrinsics of the full-size photos, save those of the processed images"),
         (changed(intrinsic=lambda old: with_value(old, (1, 0, 0), 2.0)), "intrinsic[1]: expected a camera of images of 42x28 (width x height), "
          "found focal lengths of 2 and 36 pixels; if they are the intrinsics of the full-size photos, save those of the processed images"),
-        (without("images"), "expected images in the file, or its 3 photos in the folder images beside it, found neither"),
+        (without("images"), "expected images in the file, or its 3 photos in the folder images beside it, found neither; "
+         "images of more than 256 MiB in all are not read from the file"),
     ],
 )  # fmt: skip
 def test_a_file_that_cannot_be_right_is_refused_in_one_line(tmp_path: Path, change: Callable, message: str):
