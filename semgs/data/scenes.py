@@ -10,6 +10,7 @@ from semgs.data.layouts import labelled_images, transforms_json
 from semgs.data.layouts.colmap import colmap_scene as colmap
 from semgs.data.layouts.parts.usable_frames import PICTURES
 from semgs.data.layouts.phones import polycam, record3d
+from semgs.data.layouts.predictions import prediction_scene as predictions
 from semgs.data.layouts.replica import sequence as replica
 from semgs.data.layouts.rgbd import frame_files, tum
 from semgs.data.layouts.rgbd import frame_folders as rgbd
@@ -70,6 +71,7 @@ LAYOUTS = (
     Layout(
         frame_files.recognises, frame_files.open_frame_files, frame_files.LOOKED_FOR, details_used=frame_files.DETAILS
     ),
+    Layout(predictions.recognises, predictions.open_predictions, predictions.LOOKED_FOR),
     Layout(labelled_images.recognises, labelled_images.open_labelled_images, labelled_images.LOOKED_FOR),
 )
 """The known layouts. If a folder has several, the first one counts."""
@@ -113,6 +115,25 @@ def open_scene(
     """
     details = SceneDetails(camera, world, body, intrinsics, depth_unit, scenezoo)
     return open_with_details(path, as_peers, details, needs_labels, needs_cameras)
+
+
+def open_predictions(path: str | Path, photos: str | Path) -> Scene:
+    """The scene of a file of predicted cameras and depth, with its photos in a folder that need not be beside it.
+
+    Args:
+        path: the file, such as `predictions.npz`, or a folder with one.
+        photos: the folder with the photos that it was made from.
+
+    Raises:
+        InputError: as `open_scene`, or the photos do not fit the file.
+    """
+    path, photos = typed_path(path), typed_path(photos)
+    existing_folder(path)
+    existing_folder(photos)
+    with readable(path):
+        if not predictions.recognises(path):
+            raise InputError(path, predictions.LOOKED_FOR, "nothing like that")
+        return predictions.open_predictions(path, photos)
 
 
 def open_with_details(

@@ -16,8 +16,12 @@ KINDS = "fiu"
 """Floating-point and whole numbers; nothing that would be unpickled."""
 
 
-def read_array(path: Stored) -> np.ndarray:
+def read_array(path: Stored, kinds: str = KINDS) -> np.ndarray:
     """The array of numbers in a `.npy` file.
+
+    Args:
+        path: the file.
+        kinds: NumPy's letters of the types that may be in it: "b" for truth values, "U" for texts, never "O".
 
     Raises:
         InputError: it is missing or damaged, does not hold numbers, or has another length than its header says. The length is
@@ -33,7 +37,7 @@ def read_array(path: Stored) -> np.ndarray:
         except (tokenize.TokenError, SyntaxError, TypeError, RecursionError, MemoryError) as error:
             raise ValueError(f"a header that cannot be parsed: {error}") from error
     length = math.prod(shape) * dtype.itemsize
-    if dtype.kind not in KINDS or min(shape, default=0) < 0 or length != len(data) - file.tell():
+    if dtype.kind not in kinds or dtype.hasobject or min(shape, default=0) < 0 or length != len(data) - file.tell():
         found = f"a header of {shape} of {dtype} and {len(data) - file.tell()} bytes"
         raise InputError(path, "an array of numbers, as long as its header says", found)
     return np.frombuffer(data, dtype, offset=file.tell()).reshape(shape, order="F" if in_columns else "C")

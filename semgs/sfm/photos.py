@@ -137,7 +137,7 @@ def copy_photos(path: Path, folder: Path) -> PhotoSet:
             again.append(file.name)
         else:
             as_it_is = header.orientation == 1 and file.suffix.lower() != ".heic"
-            name = file.name if as_it_is else _jpeg_name(file, files)
+            name = file.name if as_it_is else jpeg_name(file, files)
             write_bytes(folder / name, read_bytes(file) if as_it_is else jpeg_bytes(pixels, QUALITY))
             photos.append(UprightPhoto(name, (height, width), optics.focal_px))
             sharpness.append(sharpness_of(grey))
@@ -196,7 +196,7 @@ def _natural(name: str) -> list[tuple[int, str]]:
     return [(int(part), "") if index % 2 else (0, part) for index, part in enumerate(parts)]
 
 
-def _jpeg_name(file: Path, files: Sequence[Path]) -> str:
+def jpeg_name(file: Path, files: Sequence[Path]) -> str:
     """The name of the JPEG made of a photo. If another photo has it, the old ending becomes part of the name."""
     name = f"{file.stem}.jpg"
     taken = {other.name.lower() for other in files if other != file} | {

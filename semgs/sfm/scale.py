@@ -44,7 +44,8 @@ def in_metres(solution: Solution, known: KnownDistance) -> Solution:
     if not distance > 0:
         raise ValueError(f"--scale-from: {first.name} and {second.name} were taken from one place; name two others")
     scale = known.metres / distance
-    solution.model.transform(pycolmap().Sim3d(np.column_stack((scale * np.eye(3), np.zeros(3)))))
+    if solution.model is not None:
+        solution.model.transform(pycolmap().Sim3d(np.column_stack((scale * np.eye(3), np.zeros(3)))))
     photos = tuple(
         replace(photo, world_from_camera=scaled(photo.world_from_camera, scale)) for photo in solution.photos
     )

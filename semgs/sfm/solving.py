@@ -89,7 +89,7 @@ class Solution:
         photos: those that could be registered, in the order of the set.
         points: sparse points [n 3] in the world.
         colours: of the points, uint8 [n 3].
-        model: the same as a `pycolmap.Reconstruction`, to write it in COLMAP's format.
+        model: the same as a `pycolmap.Reconstruction`, to write it in COLMAP's format; None if the cameras are not COLMAP's.
         unit: "metric" or "unknown".
         notes: what the user should know, one sentence each.
     """

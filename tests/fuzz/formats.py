@@ -24,6 +24,7 @@ from fuzz.scenes import (
     bag,
     colmap,
     phone,
+    predictions,
     prepared,
     read_prepared,
     scannet,
@@ -63,6 +64,10 @@ FORMATS = {
         Format(
             "phones", (phone("polycam"), phone("record3d"), phone("polycam zip"), phone("record3d zip")), ("*.json", "*metadata", "*.zip", "*.r3d", "*.conf"),
             read_scene, (f"{LAYOUTS}/phones/*.py",),
+        ),
+        Format(
+            "predictions", (predictions("vggt"), predictions("map_anything"), predictions("map_anything_app"), predictions("dust3r")), ("*.npz",),
+            read_scene, (f"{LAYOUTS}/predictions/*.py", "semgs/files/arrays.py"),
         ),
         Format(
             "archives", (transforms_in_a_zip, prepared), ("*.zip",), read_prepared, ("semgs/files/archives.py", "semgs/data/origin/prepared_record.py"), sealed=True

@@ -97,6 +97,16 @@ def scannetpp(folder: Path) -> Path:
     return scannetpp_writer.write_scan(folder)
 
 
+def predictions(tool: str) -> Seed:
+    def write(folder: Path) -> Path:
+        import predicted_files
+
+        predicted_files.save(folder / "scene/predictions.npz", getattr(predicted_files, tool)(predicted_files.SMALL))
+        return folder / "scene"
+
+    return write
+
+
 def replica(folder: Path) -> Path:
     from miniatures import miniature
     from replicas import write_replica

@@ -35,7 +35,60 @@ def of_scannetpp(name: str) -> tuple[str, ...]:
     return (f"tests/data/layouts/scannetpp/test_scannetpp.py::test_{name}",)
 
 
+PREDICTIONS = "semgs/data/layouts/predictions"
+
+
+def of_predictions(*tests: str) -> tuple[str, ...]:
+    """Tests of the reader of predicted cameras and depth."""
+    return tuple(f"tests/data/layouts/predictions/test_prediction_scene.py::test_{test}" for test in tests)
+
+
 DATA = (
+    Mutant(
+        "predicted poses that are world to camera stay so", f"{PREDICTIONS}/predicted.py",
+        "return checked if to_world else np.linalg.inv(checked)", "return checked",
+        of_predictions("poses_intrinsics_depth_and_images_are_read_as_each_tool_writes_them"),
+    ),
+    Mutant(
+        "the centre of MapAnything's first pixel stays at 0", f"{PREDICTIONS}/tools.py",
+        "HALF = 0.5", "HALF = 0.0",
+        of_predictions("poses_intrinsics_depth_and_images_are_read_as_each_tool_writes_them"),
+    ),
+    Mutant(
+        "the crop of predicted cameras is undone before their resize", f"{PREDICTIONS}/preprocessing.py",
+        "(centre - self.shift) / np.array(self.scale)", "centre / np.array(self.scale) - self.shift",
+        ("tests/data/layouts/predictions/test_preprocessing.py::test_the_camera_of_a_photo_undoes_scale_and_shift",),
+    ),
+    Mutant(
+        "VGGT's padding is taken for a crop", f"{PREDICTIONS}/original_photos.py",
+        "return bool((images[:, :, [0, -1]] == 255).all())", "return False",
+        of_predictions("photos_that_were_padded_are_told_by_the_white_beside_them"),
+    ),
+    Mutant(
+        "predicted depth of low confidence counts", f"{PREDICTIONS}/tools.py",
+        "LEAST_CONFIDENCE = 1.5", "LEAST_CONFIDENCE = 1.0",
+        of_predictions("poses_intrinsics_depth_and_images_are_read_as_each_tool_writes_them"),
+    ),
+    Mutant(
+        "predicted depth is stretched to the photo without its crop", f"{PREDICTIONS}/stored_maps.py",
+        "carry_over(self.values, self.lens, pixels.lens)", "carry_over(self.values, pixels.lens, pixels.lens)",
+        of_predictions("photos_beside_the_file_are_the_frames_and_crop_and_resize_are_undone"),
+    ),
+    Mutant(
+        "predicted poses of the other direction are read", f"{PREDICTIONS}/agreement.py",
+        "inverse = np.linalg.inv(world_from_camera)", "inverse = world_from_camera",
+        of_predictions("poses_and_depth_that_contradict_each_other_are_refused_with_the_reason"),
+    ),
+    Mutant(
+        "an array of predictions is inflated whatever its size", f"{PREDICTIONS}/npz_file.py",
+        "if not self.fits(name):", "if False:",
+        of_predictions("an_array_that_inflates_to_more_than_the_limit_is_refused_before_it_is_read"),
+    ),
+    Mutant(
+        "photos of predictions are any photos of the right size", f"{PREDICTIONS}/original_photos.py",
+        "likeness < ALIKE", "likeness < -1",
+        of_predictions("photos_of_another_number_size_or_content_are_refused"),
+    ),
     Mutant(
         "what is none of ScanNet's 20 classes becomes a wall", "semgs/data/tables/class_files.py",
         "labels[number] = IGNORE if name is None", "labels[number] = 0 if name is None",

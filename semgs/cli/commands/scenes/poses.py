@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from semgs.cli.options.posing_options import PosingOptions
 from semgs.cli.progress import show_stage
-from semgs.cli.usage_errors import what_the_user_gave
+from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
+
+if TYPE_CHECKING:
+    from semgs.sfm.solving import Solution
 
 
 @dataclass(frozen=True)
@@ -21,7 +24,7 @@ class Poses:
     """Estimate the cameras of photos, or of a clip, and write them as a scene.
 
     PHOTOS is a folder of JPEG, PNG or HEIC images, or a video. Photos have to overlap, and the camera has to move sideways between them.
-    Cameras are estimated by COLMAP's structure from motion (extra sfm). OUT gets upright copies of the photos in images/, and the cameras;
+    Cameras are estimated by COLMAP's structure from motion (extra sfm), or taken from a file that a network predicted (--predictions). OUT gets upright copies of the photos in images/, and the cameras;
     every semgs command reads it as a scene, for example semgs doctor OUT. Bad input ends with a one-line error and exit code 2.
 
     Examples
@@ -29,6 +32,7 @@ class Poses:
     - semgs poses clip.mp4 scans/kitchen --clip-frames 40
     - semgs poses photos scans/kitchen --scale-from IMG_1.jpg IMG_4.jpg 1.25
     - semgs poses photos scans/kitchen --as colmap
+    - semgs poses photos scans/kitchen --predictions predictions.npz
     """
 
     photos: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PHOTOS")]
@@ -37,6 +41,8 @@ class Poses:
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
     form: Annotated[Literal["transforms", "colmap"], tyro.conf.arg(name="as")] = "transforms"
     """transforms.json with sparse_pc.ply, as nerfstudio has them, or a COLMAP model in sparse/0. A COLMAP model does not say that its unit is metres."""
+    predictions: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    """Take the cameras from this file of Depth Anything 3, VGGT, MapAnything or DUSt3R instead of COLMAP. PHOTOS are those that it was made from."""
     overwrite: bool = False
     """Replace an OUT from an earlier run, once the new one is complete."""
     posing: Annotated[PosingOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=PosingOptions)
@@ -46,10 +52,19 @@ class Poses:
 
         Raises:
             InputError: the photos or the output folder cannot be used, or the cameras cannot be estimated.
-            UsageError: an option is invalid.
+            UsageError: an option is invalid, or needs COLMAP.
         """
         existing_folder(self.photos)
         check_folder(self.out, self.overwrite)
+        solution = self._estimated() if self.predictions is None else self._predicted(self.predictions)
+        for note in solution.notes:
+            print(note)
+        print(
+            f"{self.out}: a scene of {len(solution.photos)} frames, {len(solution.points):,} points, unit: {solution.unit}"
+        )
+
+    def _estimated(self) -> Solution:
+        """Write the scene with cameras by COLMAP."""
         with show_stage("Starting"):
             from semgs.sfm.photos import has_only_photos
             from semgs.sfm.scene_folder import write_photo_scene
@@ -58,9 +73,15 @@ class Poses:
             raise InputError(self.photos, "a folder of photos without cameras, or a video", "something else")
         known = self.posing.known()
         with own_folder(self.out, self.overwrite) as folder, what_the_user_gave():
-            solution = write_photo_scene(self.photos, folder, known, colmap=self.form == "colmap")
-        for note in solution.notes:
-            print(note)
-        print(
-            f"{self.out}: a scene of {len(solution.photos)} frames, {len(solution.points):,} points, unit: {solution.unit}"
-        )
+            return write_photo_scene(self.photos, folder, known, colmap=self.form == "colmap")
+
+    def _predicted(self, predictions: Path) -> Solution:
+        """Write the scene with the cameras of a file."""
+        known = self.posing.known()
+        if self.form == "colmap" or self.posing != replace(PosingOptions(), scale_from=self.posing.scale_from):
+            raise UsageError("--as colmap, --focal and --clip-frames are for COLMAP; leave them out with --predictions")
+        with show_stage("Starting"):
+            from semgs.sfm.predicted_cameras import write_predicted_scene
+
+        with own_folder(self.out, self.overwrite) as folder, what_the_user_gave():
+            return write_predicted_scene(self.photos, predictions, folder, known.distance)

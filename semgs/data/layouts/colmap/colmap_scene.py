@@ -20,6 +20,9 @@ from semgs.files.images.pictures import is_turned, read_header
 PLACES = ("sparse/0", "sparse", "colmap/sparse/0", "")
 """Places of a model below the folder of a scene; the last one is the folder itself."""
 
+PICTURE_FOLDERS = ("images", "input_images")
+"""Names of folders with the images; the second has the frames that Depth Anything 3 takes from a video."""
+
 LOOKED_FOR = "a COLMAP model (cameras, images and points3D, .bin or .txt) in " + ", ".join(
     f"{p or '.'}/" for p in PLACES
 )
@@ -67,7 +70,7 @@ def open_colmap(path: Path) -> Scene:
         frames.append(Frame(image.name, picture, lens, pose, points=seen))
     return Scene(
         path=model,
-        name=pictures.parent.absolute().name if pictures.name == "images" else pictures.absolute().name,
+        name=pictures.parent.absolute().name if pictures.name in PICTURE_FOLDERS else pictures.absolute().name,
         layout="COLMAP",
         unit="unknown",
         frames=tuple(frames),
@@ -104,10 +107,11 @@ def _picture(folder: Path, name: str) -> Path | None:
 def _pictures_folder(model: Path, names: Sequence[str]) -> Path:
     """The folder that image names are relative to: `images` next to the model or above it, or the folder of the model."""
     around = [model, *model.absolute().parents[:3]]
-    for folder in [*(one / "images" for one in around), *around]:
+    inside = [one / folder for one in around for folder in PICTURE_FOLDERS]
+    for folder in [*inside, *around]:
         if any(_picture(folder, name) for name in names):
             return folder
-    return next((one / "images" for one in around if (one / "images").is_dir()), model)
+    return next((one for one in inside if one.is_dir()), model)
 
 
 def _notes(model: Path, pictures: Path, absent: Sequence[str], count: int, transparent: int) -> list[str]:

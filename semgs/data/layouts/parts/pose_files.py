@@ -19,31 +19,37 @@ FURTHEST = 1e12
 EXPECTED = "a 4x4 camera-to-world matrix [R t; 0 0 0 1] of finite numbers, R a rotation"
 
 
-def checked_poses(path: Stored, matrices: Sequence[object], keys: Sequence[str]) -> np.ndarray:
+def checked_poses(
+    path: Stored, matrices: Sequence[object], keys: Sequence[str], expected: str = EXPECTED
+) -> np.ndarray:
     """Matrices as rigid motions, float64 [n 4 4]; near-rotations are orthonormalised.
 
     Args:
         path: the file that they are from.
         matrices: nested lists or arrays, one per frame, as found in the file.
         keys: the place of each in the file.
+        expected: what they should be, for the error.
 
     Raises:
         InputError: one is not a 4x4 matrix of finite numbers, is far from a rigid motion, or further away than `FURTHEST`; the error
             names its key.
     """
-    poses = _array(path, matrices, keys)
+    poses = _array(path, matrices, keys, expected)
     finite = np.isfinite(poses).all(axis=(1, 2))
     if not finite.all():
-        raise _refused(path, keys[int(np.argmin(finite))], "a number that is not finite")
+        raise _refused(path, keys[int(np.argmin(finite))], "a number that is not finite", expected)
     last = np.abs(poses[:, 3] - (0, 0, 0, 1)).max(axis=1)
     if (last > 1e-6).any():
         index = int(np.argmax(last > 1e-6))
-        raise _refused(path, keys[index], f"a last row of {poses[index, 3].tolist()}")
+        raise _refused(path, keys[index], f"a last row of {poses[index, 3].tolist()}", expected)
     away = np.abs(poses[:, :3, 3]).max(axis=1)
     if (away > FURTHEST).any():
         index = int(np.argmax(away))
         raise _refused(
-            path, keys[index], f"a position {away[index]:.3g} from the origin; at most {FURTHEST:g} is allowed"
+            path,
+            keys[index],
+            f"a position {away[index]:.3g} from the origin; at most {FURTHEST:g} is allowed",
+            expected,
         )
     rotations = nearest_rotation(torch.from_numpy(poses[:, :3, :3])).numpy()
     off = np.abs(rotations - poses[:, :3, :3]).max(axis=(1, 2))
@@ -54,7 +60,10 @@ def checked_poses(path: Stored, matrices: Sequence[object], keys: Sequence[str])
             "it mirrors" if determinant < 0 else "it is singular" if abs(determinant) < 1e-6 else "it scales or shears"
         )
         raise _refused(
-            path, keys[index], f"a 3x3 part with determinant {determinant:.4g} that is not a rotation ({kind})"
+            path,
+            keys[index],
+            f"a 3x3 part with determinant {determinant:.4g} that is not a rotation ({kind})",
+            expected,
         )
     poses[:, :3, :3] = rotations
     return poses
@@ -71,22 +80,22 @@ def listed_poses(frames: Sequence[Fields]) -> np.ndarray:
     return checked_poses(frames[0].path, [frame.values.get(key) for frame in frames], places)
 
 
-def _array(path: Stored, matrices: Sequence[object], keys: Sequence[str]) -> np.ndarray:
+def _array(path: Stored, matrices: Sequence[object], keys: Sequence[str], expected: str) -> np.ndarray:
     """The matrices as float64 [n 4 4]."""
     poses = np.empty((len(matrices), 4, 4))
     for index, matrix in enumerate(matrices):
         if matrix is None:
-            raise _refused(path, keys[index], "nothing")
+            raise _refused(path, keys[index], "nothing", expected)
         try:
             numbers = np.array(matrix, dtype=np.float64)
         except (TypeError, ValueError, OverflowError):
-            raise _refused(path, keys[index], "something that is not a matrix of numbers") from None
+            raise _refused(path, keys[index], "something that is not a matrix of numbers", expected) from None
         if numbers.shape != (4, 4):
-            raise _refused(path, keys[index], f"an array of shape {numbers.shape}")
+            raise _refused(path, keys[index], f"an array of shape {numbers.shape}", expected)
         poses[index] = numbers
     return poses
 
 
-def _refused(path: Stored, key: str, found: str) -> InputError:
+def _refused(path: Stored, key: str, found: str, expected: str) -> InputError:
     """The error for one pose."""
-    return InputError(path, EXPECTED, found, key)
+    return InputError(path, expected, found, key)
