@@ -18,7 +18,7 @@ FLOORS = (
     ("data",),
     ("scene", "rooms", "sfm", "figures"),
     ("segmenters", "objectives", "robotics", "doctor"),
-    ("model", "splats"),
+    ("model", "splats", "depth_maps"),
     ("training", "export", "mapping"),
     ("evaluation", "viewer", "ros", "bench"),
     ("reconstruction",),
@@ -59,6 +59,7 @@ FOLDERS = {
 
 WITHOUT_NETWORK = (
     "segmenters", "robotics", "objectives", "doctor", "sfm", "rooms", "figures", "export", "viewer", "splats",
+    "depth_maps",
 )  # fmt: skip
 """Packages that work on scenes and views, wherever these come from."""
 
@@ -71,7 +72,7 @@ VERSION = "semgs._version"
 OPTIONAL = (
     "pycolmap", "embreex", "gsplat", "viser", "lightning_fabric", "sklearn", "tensorboard",
     "huggingface_hub", "lpips", "rosbags", "onnxruntime", "ai_edge_litert", "transformers", "yaml", "av", "lzfse", "pillow_heif", "matplotlib",
-    "scenezoo", "open3d", "rerun", "zstandard", "pxr",
+    "scenezoo", "open3d", "rerun", "zstandard", "pxr", "OpenEXR",
 )  # fmt: skip
 """Libraries that an extra brings: each is imported in one module, inside the function that needs it."""
 

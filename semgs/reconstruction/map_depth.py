@@ -1,0 +1,195 @@
+"""Depth maps from elsewhere as one more measurement: aligned to the scene, and weighed with the plane sweep by what each probably errs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import log
+from statistics import median
+from typing import ClassVar, Literal, final
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from semgs.data.scene import Scene
+from semgs.data.views import Views
+from semgs.depth_maps.alignment import MapFit, Reference, align
+from semgs.depth_maps.depth_source import DepthMaps, Meaning
+from semgs.figures.number_texts import percent
+from semgs.files.errors import InputError
+from semgs.geometry.cameras import project
+from semgs.reconstruction.depth_fit import ALIKE, POOR
+from semgs.reconstruction.sensor_depth import FEWEST_MEASURED, sensor_spread
+from semgs.scene.encoding import Encoding
+
+FEWEST_POINTS = 100
+"""Sparse points are the reference if each view sees at least so many."""
+
+POINT_SPREAD = 0.02
+"""Standard deviation of log depth of sparse points."""
+
+CLEARLY_BETTER = 0.5
+"""Maps mean something else than said if their residual is then less than this share of what it is now."""
+
+
+@final
+@dataclass(frozen=True)
+class MapPlacement:
+    """How Gaussians were placed with the help of depth maps.
+
+    Attributes:
+        title: where the maps are from.
+        meaning: what their numbers are.
+        reference: what they were aligned to, in words.
+        fits: of the maps, one for each view.
+    """
+
+    source: ClassVar[Literal["maps"]] = "maps"
+    title: str
+    meaning: Meaning
+    reference: str
+    fits: tuple[MapFit, ...]
+
+    @property
+    def description(self) -> str:
+        """Where the depth is from, in words."""
+        return f"the model and the maps of {self.title}, aligned to {self.reference}"
+
+    def lines(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Each fit as text; names are those of the frames."""
+        x = "map" if self.meaning == "inverse" else "/ map"
+        return tuple(
+            f"{name}: {percent(fit.known)} known; 1 / depth = {fit.scale:.4g} {x} {fit.shift:+.3g}, typical difference "
+            f"{percent(fit.residual)}, counted as {percent(fit.spread)} uncertain"
+            for name, fit in zip(names, self.fits, strict=True)
+        )
+
+    def notes(self, names: Sequence[str]) -> tuple[str, ...]:
+        """What the user should know, a sentence each."""
+        poor = [
+            f"{name} ({percent(fit.residual)})" for name, fit in zip(names, self.fits, strict=True) if not fits(fit)
+        ]
+        if not poor:
+            return ()
+        return (
+            f"The depth maps of these frames do not fit {self.reference}, so their depth is the model's alone (typical difference): {', '.join(poor)}.",
+        )
+
+
+def fits(fit: MapFit) -> bool:
+    """Whether a map shows the same scene."""
+    return fit.scale > 0 and not fit.residual > POOR
+
+
+def read_maps(maps: DepthMaps, scene: Scene, positions: Sequence[int], size: tuple[int, int]) -> Float[Tensor, "v h w"]:
+    """The maps of frames of a scene, NaN where unknown.
+
+    Raises:
+        InputError: as `DepthMaps.of`, or a map knows nothing.
+    """
+    read = []
+    for position in positions:
+        frame = scene.frames[position]
+        read.append(maps.of(frame, size))
+        if not read[-1].isfinite().any():
+            raise InputError(maps.title, f"a depth somewhere in the map of {frame.name}", "none")
+    return torch.stack(read)
+
+
+def find_reference(encoding: Encoding, scene: Scene, positions: Sequence[int], views: Views) -> Reference:
+    """What maps of frames are aligned to: the depth that a sensor measured, else sparse points, else the network's depth.
+
+    Args:
+        encoding: of the views.
+        scene: contains the frames.
+        positions: of the frames in the scene.
+        views: the frames as read.
+    """
+    if views.depths is not None and ((views.depths > 0).double().mean((-2, -1)) >= FEWEST_MEASURED).all():
+        return Reference("the sensor's depth", views.depths, sensor_spread(views.depths))
+    points = _depths_of_points(scene, positions, views)
+    if points is not None and ((points > 0).sum((-2, -1)) >= FEWEST_POINTS).all():
+        return Reference("the scene's sparse points", points, torch.full_like(points, POINT_SPREAD))
+    return Reference("the model's depth", encoding.placed_depths(views.cameras), encoding.depth_spread)
+
+
+def place_at_maps(
+    encoding: Encoding, views: Views, maps: Float[Tensor, "v h w"], source: DepthMaps, reference: Reference
+) -> tuple[Encoding, MapPlacement]:
+    """Place Gaussians at the mean log depth of the network, the aligned maps and, if it is the reference, the sensor, weighted by inverse variances.
+
+    The variance of a map is that of its fit, the same everywhere in a view. Opacities and confidences stay. Views whose map does not fit keep the
+    network's depth.
+
+    Args:
+        encoding: of the views.
+        views: of one scene.
+        maps: of the views, as from `read_maps`.
+        source: of the maps.
+        reference: as from `find_reference`.
+
+    Raises:
+        InputError: no map fits, or metres are not metres; the error says what fits better.
+    """
+    depths, aligned = align(maps, source.meaning, reference, views.cameras)
+    if not any(fits(fit) for fit in aligned):
+        raise _misfit(maps, source, reference, views, aligned)
+    if source.meaning == "metric":
+        _check_metres(source, reference, aligned)
+    network = encoding.placed_depths(views.cameras)
+    spreads = torch.tensor([fit.spread for fit in aligned]).to(network)[:, None, None].expand_as(network)
+    good = torch.tensor([fits(fit) for fit in aligned], device=network.device)[:, None, None]
+    measurements = [(network, encoding.depth_spread), (torch.where(good, depths, 0).to(network), spreads)]
+    if views.depths is not None and reference.depths is views.depths:
+        measurements.append((reference.depths.to(network), reference.spread.to(network)))
+    weights = [(depth > 0) / spread.square().clamp(min=1e-12) for depth, spread in measurements]
+    total = torch.stack(weights).sum(0)
+    logs = [weight * depth.clamp(min=1e-6).log() for weight, (depth, _) in zip(weights, measurements, strict=True)]
+    moved = encoding.with_depths((torch.stack(logs).sum(0) / total).exp(), views.cameras, depth_spread=total.rsqrt())
+    return moved.hide(views.hidden), MapPlacement(source.title, source.meaning, reference.title, aligned)
+
+
+def _misfit(
+    maps: Float[Tensor, "v h w"], source: DepthMaps, reference: Reference, views: Views, aligned: tuple[MapFit, ...]
+) -> InputError:
+    """Why no map fits: they mean something else, or show something else."""
+    expected = f"depth maps that fit {reference.title}, as {source.meaning}"
+    found = f"a typical difference of {percent(median(fit.residual for fit in aligned))}"
+    for other in ("scaled", "inverse"):
+        again = align(maps, other, reference, views.cameras)[1]
+        if other != source.meaning and all(
+            fits(fit) and (fit.residual < CLEARLY_BETTER * before.residual or before.scale <= 0)
+            for fit, before in zip(again, aligned, strict=True)
+        ):
+            return InputError(source.title, expected, found, advice=f"they fit as {other}: --depth-meaning {other}")
+    return InputError(source.title, expected, found, advice="they may be of other photos")
+
+
+def _check_metres(source: DepthMaps, reference: Reference, aligned: tuple[MapFit, ...]) -> None:
+    """Refuse maps in metres that are in another unit.
+
+    Raises:
+        InputError: as above.
+    """
+    factor = median(fit.scale for fit in aligned if fits(fit))
+    if abs(log(factor)) > log(ALIKE):
+        raise InputError(
+            source.title, "depth in metres", f"{factor:.3g} times the depth of {reference.title}",
+            advice="state the unit of the maps, or give --depth-meaning scaled; or the poses are not in metres",
+        )  # fmt: skip
+
+
+def _depths_of_points(scene: Scene, positions: Sequence[int], views: Views) -> Float[Tensor, "v h w"] | None:
+    """Depth maps with the sparse points that each frame sees, 0 elsewhere; None if the scene does not say which."""
+    frames = [scene.frames[position] for position in positions]
+    if scene.points is None or any(frame.points is None for frame in frames):
+        return None
+    maps = torch.zeros(len(views), *views.size)
+    height, width = views.size
+    for view, frame in enumerate(frames):
+        points = torch.from_numpy(scene.points[frame.points] - scene.origin).double()
+        column, row, depth = project(points, views.cameras[view]).unbind(-1)
+        inside = (depth > 0) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        maps[view, row[inside].long(), column[inside].long()] = depth[inside].float()
+    return maps

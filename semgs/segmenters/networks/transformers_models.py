@@ -1,0 +1,272 @@
+"""Models in the format of Hugging Face's transformers: from a local folder, or from the hub as hf:OWNER/NAME[@REVISION].
+
+A model of the hub is downloaded to the cache of transformers and then opened as a local folder. Weights are read from safetensors files only, and
+code that comes with a model is never run.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import UInt8
+
+from semgs.files.errors import InputError
+from semgs.files.extras import needs_extra
+from semgs.files.hashes import sha256
+from semgs.files.paths import typed_path
+from semgs.files.strict_json import read_json
+from semgs.files.text import listed
+from semgs.segmenters.class_map_files import MadeBy
+
+SCHEME = "hf:"
+CONFIG = "config.json"
+WEIGHTS = "model.safetensors"
+INDEX = "model.safetensors.index.json"
+
+PROCESSORS = ("preprocessor_config.json", "processor_config.json")
+"""Files that say how images are prepared."""
+
+OTHER_FILES = (
+    *PROCESSORS, "tokenizer.json", "tokenizer_config.json", "special_tokens_map.json",
+    "vocab.json", "merges.txt", "README.md",
+)  # fmt: skip
+"""What else is downloaded of a model, as far as it has it."""
+
+CONVERT = (
+    'convert its pickled weights, if you trust them: python -c "from transformers import {model} as M; '
+    "M.from_pretrained('{folder}', use_safetensors=False).save_pretrained('{folder}')\""
+)
+"""The command that turns weights in `.bin` files into safetensors, in the same folder."""
+
+
+def is_model(name: str) -> bool:
+    """Whether a name is that of a model: of the hub, or of a folder with one."""
+    return name.startswith(SCHEME) or (typed_path(name) / CONFIG).is_file()
+
+
+def licence_of(folder: Path) -> str:
+    """The licence in the front matter of a model's README; "unknown" if it does not say."""
+    import yaml
+
+    readme = folder / "README.md"
+    text = readme.read_text(encoding="utf-8", errors="replace") if readme.is_file() else ""
+    head = re.match(r"\ufeff?---[ \t]*\r?\n(.*?)\r?\n---", text, re.DOTALL)
+    try:
+        found = yaml.safe_load(head[1]) if head else None
+    except yaml.YAMLError:
+        found = None
+    stated = found.get("license") if isinstance(found, dict) else None
+    names = [str(one) for one in (stated if isinstance(stated, list) else [stated]) if one]
+    if isinstance(found, dict) and names == ["other"] and found.get("license_name"):
+        names = [str(found["license_name"])]
+    return ", ".join(names) or "unknown"
+
+
+def download_model(name: str, transformers: Any) -> Path:
+    """The folder of a model of the hub, in the cache of transformers.
+
+    Raises:
+        InputError: the name has another form, or the model can neither be downloaded nor found in the cache.
+    """
+    word = r"\w[\w.-]*"
+    match = re.fullmatch(rf"{SCHEME}(?://)?({word}/{word})(?:@([\w./-]+))?", name)
+    if match is None:
+        raise InputError(name, f"{SCHEME}OWNER/NAME, optionally followed by @REVISION", "something else")
+    repository, fetch = match[1], transformers.utils.cached_file
+    try:
+        folder = Path(fetch(repository, CONFIG, revision=match[2])).parent
+        commit = folder.name  # the branch may move meanwhile
+        for file in OTHER_FILES:
+            with suppress(OSError):
+                fetch(repository, file, revision=commit)
+        with suppress(OSError):
+            fetch(repository, WEIGHTS, revision=commit)
+            return folder
+        with suppress(OSError):
+            fetch(repository, INDEX, revision=commit)
+            for path in _shards(folder):
+                fetch(repository, path.name, revision=commit)
+    except InputError:
+        raise
+    except Exception as error:  # the library passes on errors of its HTTP client, which changes between versions
+        advice = f"download https://huggingface.co/{repository} by other means and name its folder"
+        raise InputError(name, "a model that can be downloaded", _first_line(error), advice=advice) from None
+    return folder
+
+
+def model_type(folder: Path, known: Mapping[str, str], what: str) -> tuple[str, dict[str, Any]]:
+    """The type of the model in a folder, and its configuration.
+
+    Args:
+        folder: of the model.
+        known: architectures by type.
+        what: they are, for the error.
+
+    Raises:
+        InputError: it is not one of those known here, or brings its own code.
+    """
+    path = folder / CONFIG
+    config: Any = read_json(path, "the configuration of a model")
+    if not isinstance(config, dict):
+        raise InputError(path, "an object", f"{config!r:.60}")
+    if "auto_map" in config:
+        raise InputError(path, "a model that needs no code of its own, which is never run", "some", key="auto_map")
+    kind, built = config.get("model_type"), config.get("architectures")
+    if not isinstance(kind, str) or kind not in known:
+        raise InputError(path, f"{what}: {', '.join(known)}", f"{kind!r:.60}", key="model_type")
+    if not isinstance(built, list) or known[kind] not in built:
+        raise InputError(path, f"{what}: {known[kind]}", f"{built!r:.60}", key="architectures")
+    return kind, config
+
+
+def import_transformers(name: str) -> Any:
+    """The library.
+
+    Args:
+        name: of the model that needs it.
+
+    Raises:
+        ImportError: it is not installed; the message names the extra.
+    """
+    with needs_extra("segment", f"{name} is a model of transformers", "transformers"):
+        import transformers
+    return transformers
+
+
+def load_network(folder: Path, architecture: str, transformers: Any) -> Any:
+    """A model with all its weights, in evaluation mode, in float32 on the CPU, without gradients. Code that comes with it is not run.
+
+    Raises:
+        InputError: it has no safetensors weights, or they are not those of the architecture.
+    """
+    find_weights(folder, architecture)
+    with loads(folder, architecture):
+        model, report = getattr(transformers, architecture).from_pretrained(
+            folder,
+            use_safetensors=True,
+            trust_remote_code=False,
+            local_files_only=True,
+            output_loading_info=True,
+            ignore_mismatched_sizes=True,  # they are refused by name below
+            dtype=torch.float32,
+        )
+    if report["missing_keys"]:
+        raise InputError(
+            folder, f"all weights of {architecture}", f"none for {listed(sorted(report['missing_keys']), 3)}"
+        )
+    if report["mismatched_keys"]:
+        name, found, expected = min(report["mismatched_keys"])
+        shapes = [" x ".join(map(str, shape)) for shape in (expected, found)]
+        raise InputError(folder, f"{name} of {shapes[0]}, as {CONFIG} says", shapes[1])
+    return model.eval().requires_grad_(False)
+
+
+def identify(name: str, folder: Path, architecture: str) -> MadeBy:
+    """Which model is in a folder.
+
+    Args:
+        name: as the user gave it.
+        folder: of the model.
+        architecture: of its weights.
+    """
+    shown = name if name.startswith(SCHEME) else folder.absolute().name
+    settings = (folder / file for file in (CONFIG, *PROCESSORS))
+    digest = " ".join(sha256(path) for path in (*find_weights(folder, architecture), *settings) if path.is_file())
+    return MadeBy(shown, digest, licence_of(folder))
+
+
+def find_weights(folder: Path, model: str) -> list[Path]:
+    """The files with a model's weights.
+
+    Raises:
+        InputError: there are none in safetensors, or the list of them is damaged.
+    """
+    if (folder / WEIGHTS).is_file():
+        return [folder / WEIGHTS]
+    if (folder / INDEX).is_file():
+        return _shards(folder)
+    pickled = sorted(folder.glob("*.bin"))
+    if pickled:
+        advice = CONVERT.format(model=model, folder=folder)
+        raise InputError(folder, f"weights in {WEIGHTS}", pickled[0].name, advice=advice)
+    advice = f"download them, or a {model} that has them"
+    raise InputError(folder, f"weights in {WEIGHTS}", "none", advice=advice)
+
+
+def _shards(folder: Path) -> list[Path]:
+    """The files that the list of weights in a folder names.
+
+    Raises:
+        InputError: it is damaged.
+    """
+    found: Any = read_json(folder / INDEX, "a list of weights")
+    named = found.get("weight_map") if isinstance(found, dict) else None
+    files = set(named.values()) if isinstance(named, dict) else set()
+    if not files or not all(isinstance(file, str) and re.fullmatch(r"[\w.-]+\.safetensors", file) for file in files):
+        raise InputError(folder / INDEX, "the names of safetensors files", f"{named!r:.60}", key="weight_map")
+    return [folder / file for file in sorted(files)]
+
+
+def prepare_image(processor: Any, image: UInt8[np.ndarray, "h w 3"], options: Mapping[str, Any]) -> Any:
+    """An image as a model takes it."""
+    return processor(images=image, return_tensors="pt", input_data_format="channels_last", **options)
+
+
+@contextmanager
+def runs(folder: Path, image: np.ndarray) -> Iterator[None]:
+    """Run a model on an image without gradients; turn its errors into one line.
+
+    Raises:
+        InputError: in place of an error of the model.
+    """
+    height, width = image.shape[:2]
+    try:
+        with torch.inference_mode():
+            yield
+    except (ValueError, RuntimeError, IndexError, TypeError, AttributeError) as error:
+        expected = f"a model that can take an image of {height}x{width} (height x width)"
+        raise InputError(folder, expected, _first_line(error)) from error
+
+
+@contextmanager
+def loads(folder: Path, expected: str) -> Iterator[None]:
+    """Turn errors while a model is loaded into one line.
+
+    Raises:
+        InputError: in place of any error but a lack of memory.
+    """
+    try:
+        yield
+    except MemoryError:
+        raise
+    except Exception as error:  # whatever the configuration makes the library do
+        raise InputError(folder, expected, _first_line(error)) from error
+
+
+@contextmanager
+def quiet(transformers: Any) -> Iterator[None]:
+    """Without progress bars and warnings of transformers, or of the hub's library, which reports each of its retries."""
+    log, hub = transformers.utils.logging, logging.getLogger("huggingface_hub")
+    level, bars, of_hub = log.get_verbosity(), log.is_progress_bar_enabled(), hub.level
+    log.set_verbosity_error()
+    log.disable_progress_bar()
+    hub.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        hub.setLevel(of_hub)
+        log.set_verbosity(level)
+        if bars:
+            log.enable_progress_bar()
+
+
+def _first_line(error: Exception) -> str:
+    """The first line of an error."""
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
