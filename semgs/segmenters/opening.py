@@ -20,8 +20,9 @@ from semgs.segmenters.class_map_files import RECORD, TABLE, MapFiles, save_table
 from semgs.segmenters.class_source import ClassSource, Translated
 from semgs.segmenters.fitting import Fit, read_fit
 from semgs.segmenters.names import Correspondence, scannet20_of
-from semgs.segmenters.networks.exported import ENDINGS, open_exported
+from semgs.segmenters.networks.exported import open_exported
 from semgs.segmenters.networks.huggingface import open_transformers_model
+from semgs.segmenters.networks.network_files import ENDINGS
 from semgs.segmenters.networks.network_source import Photos, Segmenter
 from semgs.segmenters.networks.transformers_models import is_model
 from semgs.segmenters.photo_maps import resized_map

@@ -31,7 +31,7 @@ from semgs.cli.main import COMMANDS, main
 from semgs.data.scenes import open_scenes
 from semgs.data.tables.class_files import read_class_file
 from semgs.evaluation.frames.frame_plan import read_plan
-from semgs.segmenters.networks.exported import read_description
+from semgs.segmenters.networks.exported import read_segmenter
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = (ROOT / "README.md", *sorted(path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts))
@@ -329,7 +329,7 @@ def described(example: Example) -> None:
     if content.get("format") == "semgs.frames":
         assert read_plan(file, open_scenes(Path("data/rooms"))).tasks
     elif "scaling" in content:
-        read_description(file)
+        read_segmenter(file)
     elif "classes" in content:
         read_class_file(file)
     elif "instance" in content:

@@ -262,11 +262,11 @@ def read_segmenter(path: Path, out: Path, changed: Sequence[str]) -> None:
     from semgs.segmenters.class_map_files import MadeBy, MapFiles, save_class_map, save_table
     from semgs.segmenters.features.feature_files import FeatureFiles
     from semgs.segmenters.fitting import read_fit, save_fit
-    from semgs.segmenters.networks.exported import read_description
+    from semgs.segmenters.networks.exported import read_segmenter
 
     for name in changed:
         if name == "network.json":
-            described = read_description(path / name)
+            described = read_segmenter(path / name)
             height, width = described.size or (24, 32)
             if height * width < 1 << 16:
                 assert np.isfinite(described.input_of(np.full((height, width, 3), 90, np.uint8))).all()

@@ -37,7 +37,7 @@ SEGMENTERS = (
         of_segmenters("fitting", "the_class_frequency_is_divided_out_by_its_root"),
     ),
     Mutant(
-        "an exported network's mean is of pixels up to 1", "semgs/segmenters/networks/exported.py",
+        "an exported network's mean is of pixels up to 1", "semgs/segmenters/networks/network_files.py",
         "return (255 * offset, 255 * scale)", "return (offset, 255 * scale)",
         ("tests/segmenters/networks/test_exported.py::test_logits_become_probabilities_by_softmax",),
     ),
@@ -47,7 +47,7 @@ SEGMENTERS = (
         ("tests/segmenters/networks/test_exported.py::test_logits_become_probabilities_by_softmax",),
     ),
     Mutant(
-        "an exported network's photo is sampled where it shrinks", "semgs/segmenters/networks/exported.py",
+        "an exported network's photo is sampled where it shrinks", "semgs/segmenters/networks/network_files.py",
         "interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR", "interpolation=cv2.INTER_NEAREST",
         ("tests/segmenters/networks/test_exported.py::test_a_larger_photo_is_averaged_by_area",),
     ),

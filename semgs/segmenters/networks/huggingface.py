@@ -21,6 +21,7 @@ from semgs.segmenters.networks.transformers_models import (
     CONFIG,
     SCHEME,
     download_model,
+    find_fault,
     identify,
     import_transformers,
     load_network,
@@ -159,7 +160,7 @@ def open_transformers_model(name: str, words: tuple[str, ...] = ()) -> Segmenter
         model = load_network(folder, KNOWN[kind], transformers)
         with loads(folder, "a processor of images"):
             processor = _processor(folder, kind, model.config, transformers)
-    if fault := _fault(processor):
+    if fault := find_fault(processor):
         raise InputError(folder, "a processor of images that keeps the whole image", fault)
     made_by = identify(name, folder, KNOWN[kind])
     if kind in PROMPTED:
@@ -205,13 +206,3 @@ def _shares(scores: Float[Tensor, "class rows columns"]) -> Float32[Tensor, "cla
     """Scores divided by their sum over the classes, however small that is; even where it is 0."""
     total = scores.double().sum(0)
     return torch.where(total > 0, scores / total.where(total > 0, 1.0), 1 / len(scores)).float()
-
-
-def _fault(processor: Any) -> str | None:
-    """Why what a model says would not cover the whole image; None if it would."""
-    images = getattr(processor, "image_processor", processor)
-    if getattr(images, "do_center_crop", False):
-        return "do_center_crop"
-    if getattr(images, "pad_size", None) is not None:
-        return "pad_size"
-    return "do_pad" if getattr(images, "do_pad", False) and "DPT" in type(images).__name__ else None

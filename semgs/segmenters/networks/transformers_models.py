@@ -270,3 +270,13 @@ def quiet(transformers: Any) -> Iterator[None]:
 def _first_line(error: Exception) -> str:
     """The first line of an error."""
     return (str(error).strip().splitlines() or [type(error).__name__])[0]
+
+
+def find_fault(processor: Any) -> str | None:
+    """Why what a model says would not cover the whole image; None if it would."""
+    images = getattr(processor, "image_processor", processor)
+    if getattr(images, "do_center_crop", False):
+        return "do_center_crop"
+    if getattr(images, "pad_size", None) is not None:
+        return "pad_size"
+    return "do_pad" if getattr(images, "do_pad", False) and "DPT" in type(images).__name__ else None

@@ -16,7 +16,7 @@ import pytest
 import torch
 
 from semgs.files.errors import InputError
-from semgs.segmenters.networks.exported import Exported, open_exported, read_description
+from semgs.segmenters.networks.exported import Exported, open_exported, read_segmenter
 from semgs.segmenters.opening import open_network
 
 WEIGHT = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, -1, 0.25]])
@@ -101,7 +101,9 @@ def test_a_larger_photo_is_averaged_by_area(tmp_path):
 def test_offset_and_scale_are_of_pixels_and_integers_are_rounded_and_clipped(tmp_path):
     """(pixel - 10) / 2 as uint8: 5 becomes 0, 15 becomes 2 (2.5 to even), 255 becomes 122; the last logit is then -2 + 30.5 + 0.1."""
     path = onnx(tmp_path, dtype="uint8", scaling={"offset": 10, "scale": 2}, output="logits")
-    values = open_exported(path).description.input_of(np.array([[[5, 15, 255]]], np.uint8).repeat(4, 0).repeat(6, 1))
+    values = open_exported(path).description.input.input_of(
+        np.array([[[5, 15, 255]]], np.uint8).repeat(4, 0).repeat(6, 1)
+    )
     assert values.dtype == np.uint8
     assert values[0, :, 1, 2].tolist() == [0, 2, 122]
     found = open_exported(path)(np.full((*SIZE, 3), (5, 15, 255), np.uint8))
@@ -130,7 +132,7 @@ def test_quantised_logits_are_converted_with_the_scale_and_zero_point_of_the_fil
     segmenter = open_exported(described(path, layout="NHWC"))
     values = (photo() / 255 - np.array([0.2, 0.2, 0.6])) / np.array([0.4, 0.4, 0.2]) @ WEIGHT.T + BIAS
     rounded = np.round(values * 4) / 4
-    np.testing.assert_allclose(segmenter.network(segmenter.description.input_of(photo()))[0], rounded, atol=1e-6)
+    np.testing.assert_allclose(segmenter.network(segmenter.description.input.input_of(photo()))[0], rounded, atol=1e-6)
     expected = torch.from_numpy(rounded).softmax(-1).permute(2, 0, 1)
     np.testing.assert_allclose(segmenter(photo()), expected, atol=1e-6)
 
@@ -153,7 +155,7 @@ def test_the_descriptions_in_the_docs_are_valid(tmp_path):
     counts = []
     for number, text in enumerate(found):
         (path := tmp_path / f"{number}.json").write_text(text)
-        counts.append(len(read_description(path).classes))
+        counts.append(len(read_segmenter(path).classes))
     assert counts == [3, 32]
 
 

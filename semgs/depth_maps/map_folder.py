@@ -1,0 +1,186 @@
+"""Depth maps in files, from any tool.
+
+    DIR/depth.json              optional: what the numbers mean, such as {"meaning": "metric", "unit": 0.001, "licence": "MIT"}
+    DIR/color/0.npy             the map of the photo color/0.jpg: numbers [height width], or
+    DIR/color/0.npz             one array, or
+    DIR/color/0.exr             a channel named Z, Y or R, or the only one, or
+    DIR/color/0.png             16 bits, 0 and 65535 unknown
+    DIR/0.npy, ...              the same, if no other frame of the scene has that file name without its ending
+
+A map covers the whole photo as it is stored, distortion included, and may have another size with the same aspect. NaN, infinity and, in depths,
+numbers that are not positive mean unknown.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any, Literal, final
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float32
+from torch import Tensor
+
+from semgs.data.frames import Frame, undistortion
+from semgs.data.maps import SATURATED, fit_to_image
+from semgs.data.resampling import kept_window, nearest
+from semgs.data.scene import Scene
+from semgs.depth_maps.depth_source import Meaning
+from semgs.files.errors import InputError
+from semgs.files.extras import needs_extra
+from semgs.files.images.pictures import read_uint16
+from semgs.files.records import make_record
+from semgs.files.stored import stored
+from semgs.files.strict_json import read_json
+from semgs.segmenters.class_map_files import MadeBy, file_of, only_array, stems_of
+
+RECORD = "depth.json"
+ENDINGS = (".npy", ".npz", ".exr", ".png")
+CHANNELS = ("Z", "Y", "R")
+MILLIMETRE = 0.001
+
+
+@dataclass(frozen=True)
+class MapRecord:
+    """What `depth.json` says.
+
+    Attributes:
+        meaning: of the numbers.
+        unit: metres per number, if they are metric; None for metres, and millimetres in PNG files.
+        licence: of the maps, or of the network that predicted them.
+    """
+
+    meaning: Literal["metric", "scaled", "inverse"]
+    unit: float | None = None
+    licence: str = "unknown"
+
+    def __post_init__(self) -> None:
+        if self.unit is not None and not (self.meaning == "metric" and self.unit > 0):
+            raise ValueError(f"unit is {self.unit}; expected a positive number, with metric maps only")
+
+
+@final
+@dataclass(frozen=True)
+class MapFolder:
+    """A folder of depth maps for the frames of a scene; `DepthMaps`.
+
+    Attributes:
+        folder: contains them.
+        record: what they mean.
+        stems: how many frames of the scene have each file name, without folders and ending.
+    """
+
+    folder: Path
+    record: MapRecord
+    stems: Counter[str]
+
+    @property
+    def title(self) -> str:
+        """The folder, and its licence if that is known."""
+        known = "" if self.record.licence == "unknown" else f" (licence {self.record.licence})"
+        return f"{self.folder}{known}"
+
+    @property
+    def made_by(self) -> MadeBy | None:
+        """Unknown."""
+        return None
+
+    @property
+    def meaning(self) -> Meaning:
+        """What the numbers are."""
+        return self.record.meaning
+
+    def of(self, frame: Frame, size: tuple[int, int]) -> Float[Tensor, "h w"]:
+        """As `DepthMaps.of`; values are never interpolated.
+
+        Raises:
+            InputError: as `DepthMaps.of`, or the map has another aspect than the photo.
+        """
+        path = file_of(self.folder, frame, self.stems, ENDINGS)
+        if path is None:
+            name = PurePosixPath(frame.name).with_suffix("")
+            wanted = f"a depth map of frame {frame.name}: {name} with one of {', '.join(ENDINGS)}"
+            raise InputError(self.folder, wanted, "none")
+        values = fit_to_image(stored(path), self._values(path), frame.lens.size)
+        lens_maps = undistortion(frame.lens)
+        if lens_maps is not None:
+            values = frame.lens.undistorted(values, lens_maps, nearest=True)
+        top, left, height, width = kept_window(frame.lens.size, size)
+        return nearest(torch.from_numpy(values)[top : top + height, left : left + width], size)
+
+    def _values(self, path: Path) -> Float32[np.ndarray, "rows columns"]:
+        """The numbers in a file, in metres if they are metric; NaN where unknown."""
+        if path.suffix == ".png":
+            counts = read_uint16(path)
+            values = np.where((counts > 0) & (counts < SATURATED), counts, np.nan)
+        else:
+            expected = "one array of numbers [height width]"
+            values = _read_exr(path) if path.suffix == ".exr" else only_array(path, expected)
+            values = values[..., 0] if values.ndim == 3 and values.shape[-1] == 1 else values
+            values = values[0] if values.ndim == 3 and values.shape[0] == 1 else values
+            if values.ndim != 2 or min(values.shape) < 1:
+                raise InputError(path, expected, f"{values.shape}")
+        unit = self.record.unit
+        if unit is None:
+            unit = MILLIMETRE if path.suffix == ".png" else 1.0
+        factor = unit if self.meaning == "metric" else 1.0
+        numbers = values.astype(np.float32) * np.float32(factor)
+        unknown = ~np.isfinite(numbers) | ((numbers <= 0) if self.meaning != "inverse" else False)
+        return np.where(unknown, np.float32(np.nan), numbers)
+
+
+def open_map_folder(folder: Path, scene: Scene, meaning: Meaning | None) -> MapFolder:
+    """The maps in a folder, for the frames of a scene.
+
+    Args:
+        folder: contains them, or a folder for each scene by its name.
+        scene: contains the frames.
+        meaning: what the numbers are; None for what `depth.json` says.
+
+    Raises:
+        InputError: `depth.json` is damaged, or neither it nor `meaning` says what the numbers are.
+    """
+    own = folder / scene.name if (folder / scene.name).is_dir() else folder
+    path = next((place / RECORD for place in (own, folder) if (place / RECORD).is_file()), None)
+    record = None if path is None else _read_record(path)
+    if meaning is not None:
+        same = record is not None and record.meaning == meaning
+        record = record if same else MapRecord(meaning, licence=record.licence if record else "unknown")
+    if record is None:
+        advice = f'give --depth-meaning metric, scaled or inverse, or write {{"meaning": "scaled"}} to {RECORD}'
+        raise InputError(folder, f"{RECORD}, which says what the numbers mean", "none", advice=advice)
+    return MapFolder(own, record, stems_of(scene))
+
+
+def _read_record(path: Path) -> MapRecord:
+    """What a `depth.json` says.
+
+    Raises:
+        InputError: it is damaged.
+    """
+    content: Any = read_json(path, "what depth maps mean")
+    try:
+        return make_record(MapRecord, content)
+    except ValueError as error:
+        raise InputError(path, "what depth maps mean", str(error), advice="see docs/geometry.md") from error
+
+
+def _read_exr(path: Path) -> Float32[np.ndarray, "rows columns"]:
+    """The depth channel of an OpenEXR file.
+
+    Raises:
+        InputError: it is damaged, or has several channels and none of the usual names.
+        ImportError: OpenEXR is not installed; the message names the extra.
+    """
+    with needs_extra("exr", f"{path} is an OpenEXR file", "OpenEXR"):
+        import OpenEXR
+    try:
+        channels = OpenEXR.File(str(path), separate_channels=True).channels()
+        names = [name for name in CHANNELS if name in channels] or (list(channels) if len(channels) == 1 else [])
+        if not names:
+            raise InputError(path, f"a channel {', '.join(CHANNELS)}", ", ".join(sorted(channels)) or "none")
+        return np.asarray(channels[names[0]].pixels, np.float32)
+    except (RuntimeError, ValueError, TypeError) as error:
+        raise InputError(path, "an OpenEXR image", str(error).splitlines()[0]) from error
