@@ -31,11 +31,11 @@ from shared import markdown
 
 from semgs.data.tables.classes import IGNORE, SCANNET20
 from semgs.data.views import Views
+from semgs.depth_maps.sensor_depth import place_gaussians
 from semgs.export.scene_objects import occupancy_of, things_of
 from semgs.files.images.pictures import write_png
 from semgs.geometry.cameras import back_project, project
 from semgs.model.weights.load import load
-from semgs.reconstruction.sensor_depth import place_gaussians
 from semgs.robotics.boxes import Box, box_of
 from semgs.robotics.floor import NoFloorError
 from semgs.robotics.objects import STUFF, Objects

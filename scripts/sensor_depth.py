@@ -24,6 +24,7 @@ from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.views import Views
+from semgs.depth_maps.sensor_depth import FEWEST_MEASURED, place_gaussians, sensor_spread
 from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.predictions import Prediction
 from semgs.evaluation.frames.protocols import TargetSample
@@ -32,7 +33,6 @@ from semgs.evaluation.scoring.intervals import intervals, paired_differences
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import back_project
 from semgs.model.weights.load import load
-from semgs.reconstruction.sensor_depth import FEWEST_MEASURED, place_gaussians, sensor_spread
 from semgs.rendering.rendering import Rendering, likeliest
 
 SOURCES = ("network", "sensor", "both")
@@ -56,7 +56,7 @@ PATCHES = (12, 16)
 def measured(views: Views, seed: int) -> Float[Tensor, "v h w"]:
     """What a depth camera would have measured: noise that grows with depth squared, holes, and a limited range.
 
-    The noise is that of `semgs.reconstruction.sensor_depth.sensor_spread`.
+    The noise is that of `semgs.depth_maps.sensor_depth.sensor_spread`.
 
     Args:
         views: with true depth and labels.

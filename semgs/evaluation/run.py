@@ -12,6 +12,7 @@ from semgs.data.scene_details import SceneDetails
 from semgs.data.scene_lists import read_list
 from semgs.data.scenes import open_scenes
 from semgs.data.tables.classes import ClassTable
+from semgs.depth_maps.depth_source import DepthMaps
 from semgs.evaluation.frames.frame_plan import FramePlan, frame_list, make_plan, read_plan
 from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.predictions import Method
@@ -167,6 +168,7 @@ def load_candidate(
     labelling: Callable[[Scene], Labelling] | None = None,
     nearest: int | None = None,
     passes: int = 0,
+    depth: Callable[[Scene], DepthMaps] | None = None,
 ) -> Candidate:
     """Weights to evaluate.
 
@@ -178,6 +180,7 @@ def load_candidate(
         labelling: gives the Gaussians of a scene their classes, instead of the network; the network then needs none.
         nearest: render each target with the Gaussians of only so many input views, the nearest; None for all.
         passes: refine the Gaussians with so many steps for each input view; 0 for none.
+        depth: gives depth maps of the frames of a scene, which the network's depth is weighed with; None for none.
 
     Raises:
         ValueError: there are no included weights of that name, or `nearest` is not positive.
@@ -185,7 +188,7 @@ def load_candidate(
     """
     model, subject = open_network(weights, None if labelling else classes, name)
     chosen = None if nearest is None else NearestViews(nearest, model.placer.shrink_seen)
-    return Candidate(NetworkMethod(model, device, subject.name, labelling, chosen, passes), subject, device)
+    return Candidate(NetworkMethod(model, device, subject.name, labelling, chosen, passes, depth), subject, device)
 
 
 def open_network(weights: str | Path, classes: ClassTable | None, name: str = "") -> tuple[SemGS, EvaluatedMethod]:

@@ -12,11 +12,12 @@ from semgs.data.resampling import kept_size
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
+from semgs.depth_maps.map_depth import MapPlacement
+from semgs.depth_maps.sensor_depth import Placement
 from semgs.geometry.cameras import Cameras, back_project, project
 from semgs.mapping.mapper import Mapper
 from semgs.model.memory.memory_plan import MemoryPlan
 from semgs.reconstruction.result import PhotoRefinement
-from semgs.reconstruction.sensor_depth import Placement
 from semgs.scene.exposure import Exposures
 from semgs.scene.upright import UpDirection
 from semgs.segmenters.features.scene_features import SceneFeatures
@@ -42,7 +43,7 @@ def collect_notes(
     up: UpDirection,
     *,
     geometry: Sequence[str],
-    placement: Placement | None = None,
+    placement: Placement | MapPlacement | None = None,
     plan: MemoryPlan | None = None,
     exposures: Exposures | None = None,
     labelling: Labelling | None = None,

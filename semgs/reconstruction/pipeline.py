@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Literal
 
 import torch
 
@@ -12,13 +13,16 @@ from semgs.data.choosing.choice import Choice
 from semgs.data.resampling import default_size
 from semgs.data.scene import Scene
 from semgs.data.views import Views
+from semgs.depth_maps.depth_source import DepthMaps
+from semgs.depth_maps.frame_maps import FrameMaps
+from semgs.depth_maps.map_depth import MapPlacement, find_reference, place_at_maps, read_maps
+from semgs.depth_maps.sensor_depth import DepthSource, Placement, place_gaussians, read_measured
 from semgs.model.encode import Network, encode
 from semgs.model.memory.memory_plan import MemoryPlan
 from semgs.reconstruction.notes import collect_notes, notes_on_guesses
 from semgs.reconstruction.recording import Walk, map_walk
 from semgs.reconstruction.result import OnePassViews, PhotoRefinement, Reconstruction, RenderedViews, Role
 from semgs.reconstruction.scores import scores
-from semgs.reconstruction.sensor_depth import DepthSource, Placement, place_gaussians, read_measured
 from semgs.rendering.depth_spread import render_depth_spread
 from semgs.rendering.rendering import check_may_be_unknown, confidence_maps, label_maps
 from semgs.runtime.stopwatch import Stages
@@ -27,6 +31,7 @@ from semgs.scene.exposure import ExposureChoice, Exposures, fit_exposures
 from semgs.scene.photo_refinement import refine_until
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import up_of
+from semgs.segmenters.class_source import ClassSource
 from semgs.segmenters.features.scene_features import Featuring
 from semgs.segmenters.labelling import Labelling
 from semgs.segmenters.networks.cost import cost_of
@@ -48,14 +53,14 @@ class ViewEncoder:
         scene: Scene,
         network: Network,
         size: tuple[int, int],
-        depth: DepthSource,
+        depth: DepthSource | DepthMaps,
         labelling: Labelling | None,
         stages: Stages,
     ) -> None:
         self._scene, self._network, self._size = scene, network, size
         self._depth, self._labelling, self._stages = depth, labelling, stages
-        self._placements: dict[int, Placement] = {}
-        self._segmenter_cost = ""
+        self._placements: dict[int, Placement | MapPlacement] = {}
+        self._costs = ["", ""]
         self.plan: MemoryPlan | None = None
 
     def read(self, positions: Sequence[int], depth_range: DepthRange) -> Views:
@@ -64,9 +69,9 @@ class ViewEncoder:
         Raises:
             InputError: a frame cannot be read, or the sensor measured too little of it.
         """
-        if self._depth == "network":
-            return self._scene.read(positions, self._size, depth_range)
-        return read_measured(self._scene, positions, self._size, depth_range)
+        if self._depth in ("sensor", "both"):
+            return read_measured(self._scene, positions, self._size, depth_range)
+        return self._scene.read(positions, self._size, depth_range)
 
     def read_target(self, choice: Choice) -> Views | None:
         """Read the held-out frames; None if there are none.
@@ -76,14 +81,16 @@ class ViewEncoder:
         """
         return self._scene.read(choice.targets, self._size, choice.depth_range) if choice.targets else None
 
-    def try_segmenter(self, positions: Sequence[int]) -> None:
-        """Measure what the classes of frames take to compute, to show it with that stage; before other stages raise the peak of memory."""
-        if self._labelling is None:
-            return
-        source = self._labelling.source
-        with self._stages("load", f"Trying {source.title}"):
-            cost = cost_of(source, [self._scene.frames[position] for position in positions])
-        self._segmenter_cost = "" if cost is None else f": {cost}"
+    def try_networks(self, positions: Sequence[int]) -> None:
+        """Measure what classes and depth maps of frames take to compute, to show it with these stages; before other stages raise the peak of memory."""
+        frames = [self._scene.frames[position] for position in positions]
+        sources: list[ClassSource | DepthMaps | None] = [None if self._labelling is None else self._labelling.source]
+        sources.append(None if isinstance(self._depth, str) else self._depth)
+        for place, source in enumerate(sources):
+            if source is not None:
+                with self._stages("load", f"Trying {source.title}"):
+                    cost = cost_of(source, frames)
+                self._costs[place] = "" if cost is None else f": {cost}"
 
     def encode(self, positions: Sequence[int], views: Views, target: Views | None = None) -> Encoding:
         """Encode views, place the Gaussians at a sensor's depth, and give them the classes of a segmenter, as requested.
@@ -103,22 +110,35 @@ class ViewEncoder:
         if self.plan is None or not self.plan.short:
             self.plan = encoded.plan
         if self._depth != "network":
-            with self._stages("place", f"Placing {len(encoding.gaussians):,} Gaussians at the measured depth"):
-                encoding, placement = place_gaussians(encoding, views, self._depth)
+            encoding, placement = self._place(encoding, positions, views, self._depth)
             for position, fit in zip(positions, placement.fits, strict=True):
-                self._placements.setdefault(position, replace(placement, fits=(fit,)))
+                self._placements.setdefault(position, replace(placement, fits=(fit,)))  # type: ignore[arg-type]
         if self._labelling is not None:
-            title = f"Classes of {len(views)} photos from {self._labelling.source.title}{self._segmenter_cost}"
+            title = f"Classes of {len(views)} photos from {self._labelling.source.title}{self._costs[0]}"
             with self._stages("segment", title):
                 encoding = self._labelling(encoding, self._scene, positions, views)
         return encoding
 
-    def placement(self, positions: Sequence[int]) -> Placement | None:
+    def _place(
+        self, encoding: Encoding, positions: Sequence[int], views: Views, depth: Literal["sensor", "both"] | DepthMaps
+    ) -> tuple[Encoding, Placement | MapPlacement]:
+        """Place the Gaussians at the depth of a sensor or of maps. Returns them, and how they were placed."""
+        count = f"{len(encoding.gaussians):,} Gaussians"
+        if isinstance(depth, str):
+            with self._stages("place", f"Placing {count} at the measured depth"):
+                return place_gaussians(encoding, views, depth)
+        with self._stages("depth", f"Depth of {len(views)} photos from {depth.title}{self._costs[1]}"):
+            maps = read_maps(depth, self._scene, positions, views.size)
+        with self._stages("place", f"Placing {count} with the help of depth maps"):
+            reference = find_reference(encoding, self._scene, positions, views, sensor=not isinstance(depth, FrameMaps))
+            return place_at_maps(encoding, views, maps, depth, reference)
+
+    def placement(self, positions: Sequence[int]) -> Placement | MapPlacement | None:
         """How the Gaussians of frames were placed when these were first encoded; None if their depth is the network's."""
         if not self._placements:
             return None
         fits = tuple(self._placements[position].fits[0] for position in positions)
-        return replace(self._placements[positions[0]], fits=fits)
+        return replace(self._placements[positions[0]], fits=fits)  # type: ignore[arg-type]
 
 
 @torch.no_grad()
@@ -128,7 +148,7 @@ def reconstruct(
     network: Network,
     size: Sequence[int] | None = None,
     *,
-    depth: DepthSource = "network",
+    depth: DepthSource | DepthMaps = "network",
     exposure: ExposureChoice = "auto",
     labelling: Labelling | None = None,
     featuring: Featuring | None = None,
@@ -146,14 +166,15 @@ def reconstruct(
         frames: input frames and held-out frames, or all frames of a walk.
         network: in evaluation mode, on the device to compute on; `render` chooses its own device.
         size: (height, width) of the frames as read [px]; None is `default_size` of the first one. Other aspect ratios are cropped.
-        depth: where the depth of the Gaussians comes from: the network, the sensor that measured the frames' depth maps, or both.
+        depth: where the depth of the Gaussians comes from: the network, the sensor that measured the frames' depth maps, or both; or the network
+            and depth maps from elsewhere.
         exposure: whether the input photos, and with them the Gaussians, come to a common exposure; held-out photos stay as taken.
         labelling: gives the Gaussians their classes; None for those of the network.
         featuring: gives the Gaussians features; None for none.
         min_confidence: seen pixels with less are unknown in label maps; scores do not change.
         passes: refine the Gaussians with so many steps for each photo; 0 leaves them as the network placed them. The first held-out frame then
             decides when to stop, and is held out no longer.
-        stages: shows and times the stages read, encode, place, segment, merge, expose, sharpen, features and render.
+        stages: shows and times the stages read, encode, depth, place, segment, merge, expose, sharpen, features and render.
         notes: further notes for the user, a sentence each.
 
     Raises:
@@ -178,7 +199,7 @@ def reconstruct(
             target = encoder.read_target(choice)
     else:
         choice, count = frames, len(frames.context) + len(frames.targets)
-        encoder.try_segmenter(choice.context)
+        encoder.try_networks(choice.context)
         with stages("read", f"Reading {count} frames at {height}x{width} (height x width)"):
             context, target = encoder.read(choice.context, choice.depth_range), encoder.read_target(choice)
         encoding = encoder.encode(choice.context, context, target).without(context.hidden)

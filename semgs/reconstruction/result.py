@@ -14,9 +14,10 @@ from semgs.data.choosing.choice import Choice
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
+from semgs.depth_maps.map_depth import MapPlacement
+from semgs.depth_maps.sensor_depth import DepthSource, Placement
 from semgs.model.memory.memory_plan import MemoryPlan
 from semgs.reconstruction.scores import ViewScores
-from semgs.reconstruction.sensor_depth import DepthSource, Placement
 from semgs.rendering.rendering import Rendering
 from semgs.scene.encoding import Encoding
 from semgs.scene.scene_file import SavedScene
@@ -126,7 +127,7 @@ class Reconstruction:
         plan: how memory was used; None for a network that `memory_plan` does not support.
         labelling: where the classes come from; None for the model.
         features: of the Gaussians; None for none.
-        placement: how the Gaussians were placed at a sensor's depth; None if their depth is the model's.
+        placement: how the Gaussians were placed at a sensor's depth, or with the help of depth maps; None if their depth is the model's.
         min_confidence: seen pixels with less are unknown in label maps.
         refinement: what refining changed; None without it.
         splat: whose Gaussians these are, with new classes; None if they are the network's.
@@ -144,7 +145,7 @@ class Reconstruction:
     plan: MemoryPlan | None = None
     labelling: Labelling | None = None
     features: SceneFeatures | None = None
-    placement: Placement | None = None
+    placement: Placement | MapPlacement | None = None
     min_confidence: float = 0.0
     refinement: PhotoRefinement | None = None
     splat: GivenSplat | None = None
@@ -190,11 +191,11 @@ class Reconstruction:
         return None if self.labelling is None else self.labelling.description
 
     @property
-    def depth_source(self) -> DepthSource:
+    def depth_source(self) -> DepthSource | Literal["maps"]:
         """Where the depth of the Gaussians comes from."""
         return "network" if self.placement is None else self.placement.source
 
     @property
     def depth_fits(self) -> tuple[str, ...]:
-        """How the sensor's depth fits the model's, a line for each input view; empty without a sensor."""
+        """How the depth of a sensor or of maps fits, a line for each input view; empty without either."""
         return () if self.placement is None else self.placement.lines(self.context.names)

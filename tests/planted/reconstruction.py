@@ -21,24 +21,24 @@ RECONSTRUCTION = (
         "getattr(view, weights[name]) if name in weights else 1)", "1)", OF_VIEW_SCORES,
     ),
     Mutant(
-        "depth is fitted instead of its inverse", "semgs/reconstruction/depth_fit.py",
+        "depth is fitted instead of its inverse", "semgs/depth_maps/depth_fit.py",
         "(1 / depths[known].double() for", "(depths[known].double() for",
-        ("tests/reconstruction/test_depth_fit.py::test_scale_and_shift_come_back",),
+        ("tests/depth_maps/test_depth_fit.py::test_scale_and_shift_come_back",),
     ),
     Mutant(
-        "outliers vote in the fit", "semgs/reconstruction/depth_fit.py",
+        "outliers vote in the fit", "semgs/depth_maps/depth_fit.py",
         ".clamp(min=0).square()", ".clamp(min=0).square() * 0 + 1",
-        ("tests/reconstruction/test_depth_fit.py::test_forty_percent_of_outliers_have_no_vote",),
+        ("tests/depth_maps/test_depth_fit.py::test_forty_percent_of_outliers_have_no_vote",),
     ),
     Mutant(
-        "the more a sensor is off, the more it counts", "semgs/reconstruction/sensor_depth.py",
+        "the more a sensor is off, the more it counts", "semgs/depth_maps/sensor_depth.py",
         "weights * variance / (variance + noise)", "weights * noise / (variance + noise)",
         ("tests/reconstruction/test_sensor_depth.py::test_both_weighs_log_depths_by_their_inverse_variances",),
     ),
     Mutant(
-        "depth maps that lie to the right are found to the left", "semgs/reconstruction/registration.py",
+        "depth maps that lie to the right are found to the left", "semgs/depth_maps/registration.py",
         "margin - right :", "margin + right :",
-        ("tests/reconstruction/test_registration.py::test_shifted_depth_is_found_to_within_half_a_window",),
+        ("tests/depth_maps/test_registration.py::test_shifted_depth_is_found_to_within_half_a_window",),
     ),
     Mutant(
         "a gain of exposure darkens towards grey instead of black", "semgs/scene/exposure.py",

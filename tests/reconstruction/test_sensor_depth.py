@@ -14,14 +14,14 @@ from reconstruction.conftest import SIZE, Oracle
 from semgs.data.choosing.choice import choose_named
 from semgs.data.scene import Scene
 from semgs.data.views import Views
+from semgs.depth_maps.registration import Registration
+from semgs.depth_maps.sensor_depth import OPACITY, place_gaussians, sensor_spread
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_uint16, write_png
 from semgs.reconstruction.output.files import summary
 from semgs.reconstruction.output.report import Provenance, report_numbers
 from semgs.reconstruction.output.report_page import report_page
 from semgs.reconstruction.pipeline import reconstruct
-from semgs.reconstruction.registration import Registration
-from semgs.reconstruction.sensor_depth import OPACITY, place_gaussians, sensor_spread
 from semgs.scene.encoding import Encoding
 from semgs.scene.scene_file import load_scene, save_scene
 
@@ -120,7 +120,9 @@ def test_the_summary_the_report_and_the_scene_file_tell_of_it(wall_scene: Callab
 def test_without_a_sensor_the_report_says_that_depth_is_the_networks(wall_scene: Callable[..., Scene]):
     scene = wall_scene()
     result = reconstruct(scene, choose_named(scene, [0, 3]), Oracle())
-    assert report_numbers(result, ORIGIN, {})["depth"] == {"source": "network", "fits": [], "shift_px": None}
+    assert report_numbers(result, ORIGIN, {})["depth"] == {
+        "source": "network", "fits": [], "from": "the model", "shift_px": None,
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize("factor", [10.0, 1000.0, 0.001])

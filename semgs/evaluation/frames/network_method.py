@@ -10,6 +10,8 @@ from functools import lru_cache
 import torch
 
 from semgs.data.scene import Scene
+from semgs.depth_maps.depth_source import DepthMaps
+from semgs.depth_maps.map_depth import find_reference, place_at_maps, read_maps
 from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.model.encode import Network, encode
 from semgs.rendering.rendering import SEEN_ALPHA, confidence_maps, likeliest
@@ -30,6 +32,7 @@ class NetworkMethod:
         labelling: gives the Gaussians of a scene their classes; None for those of the network.
         nearest: chooses the Gaussians that each target is rendered with; None for all.
         passes: refine the Gaussians with so many steps for each input view; 0 for none.
+        depth: gives depth maps of the frames of a scene, which are aligned to the network's depth and weighed with it; None for none.
     """
 
     def __init__(
@@ -40,6 +43,7 @@ class NetworkMethod:
         labelling: Callable[[Scene], Labelling] | None = None,
         nearest: NearestViews | None = None,
         passes: int = 0,
+        depth: Callable[[Scene], DepthMaps] | None = None,
     ) -> None:
         self._network = network
         self._device = device
@@ -47,6 +51,7 @@ class NetworkMethod:
         self._labelling = None if labelling is None else lru_cache(maxsize=1)(labelling)
         self._nearest = nearest
         self._passes = passes
+        self._depth = None if depth is None else lru_cache(maxsize=1)(depth)
 
     @torch.no_grad()
     def predict(self, inputs: Inputs) -> Prediction:
@@ -59,6 +64,8 @@ class NetworkMethod:
             self._network.to(self._device)
         encoded = encode(self._network, inputs.contexts, device=None)  # the GPU back-end renders where the result is
         encoding = encoded.encoding
+        if self._depth is not None:
+            encoding = self._place(encoding, inputs, self._depth(inputs.task.scene))
         if self._labelling is not None:
             task = inputs.task
             labelling = self._labelling(task.scene)
@@ -68,6 +75,13 @@ class NetworkMethod:
         one_pass, start = self._render(encoding, inputs, encoded.seconds), now()
         encoding = refine(encoding, inputs.contexts, self._passes)
         return replace(self._render(encoding, inputs, encoded.seconds + now() - start), one_pass=one_pass)
+
+    def _place(self, encoding: Encoding, inputs: Inputs, maps: DepthMaps) -> Encoding:
+        """The Gaussians at the network's depth and that of maps. The true depth of the input views is no reference."""
+        scene, positions, views = inputs.task.scene, inputs.task.sample.contexts, inputs.contexts
+        found = read_maps(maps, scene, positions, views.size)
+        reference = find_reference(encoding, scene, positions, views, sensor=False)
+        return place_at_maps(encoding, views, found, maps, reference)[0]
 
     def _render(self, encoding: Encoding, inputs: Inputs, seconds_encode: float) -> Prediction:
         """The target, rendered."""

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from semgs.depth_maps.alignment import MapFit
+from semgs.depth_maps.depth_fit import DepthFit
 from semgs.figures.class_images import legend
 from semgs.figures.html_page import Link
 from semgs.reconstruction.result import PhotoRefinement, Reconstruction, RenderedViews
@@ -84,6 +87,7 @@ def report_numbers(result: Reconstruction, origin: Provenance, seconds: dict[str
     """
     scene = result.scene
     placement, maps = result.placement, result.label_maps
+    fits: Sequence[DepthFit | MapFit] = placement.fits if placement else ()
     pixels = np.concatenate([labels.ravel() for labels in maps]) if maps else np.zeros(0, np.uint8)
     temperatures = result.encoding.temperatures
     return {
@@ -123,13 +127,10 @@ def report_numbers(result: Reconstruction, origin: Provenance, seconds: dict[str
             "source": result.depth_source,
             "fits": [
                 {"name": name, **{key: rounded(value) for key, value in asdict(fit).items()}}
-                for name, fit in zip(result.context.names, placement.fits, strict=True)
-            ]
-            if placement
-            else [],
-            "shift_px": [placement.registration.right, placement.registration.down]
-            if placement and placement.registration.shifted
-            else None,
+                for name, fit in zip(result.context.names, fits, strict=bool(fits))
+            ],
+            "from": placement.description if placement else "the model",
+            "shift_px": list(placement.shift) if placement and placement.shift else None,
         },
         "gaussians": len(result.encoding.gaussians),
         "features": result.features and _features(result.features),

@@ -206,8 +206,9 @@ def _facts(result: Reconstruction, origin: Provenance) -> page.Facts:
         *_makers(result, origin),
     ]
     if result.placement is not None:
-        rows.append(("Depth from", "the sensor" if result.depth_source == "sensor" else "the sensor and the model"))
-        rows += [("Fit of the model's depth", line) for line in result.depth_fits]
+        rows.append(("Depth from", result.placement.description))
+        fitted = "the maps" if result.depth_source == "maps" else "the model's depth"
+        rows += [(f"Fit of {fitted}", line) for line in result.depth_fits]
     if result.segmenter is not None:
         rows.append(("Classes from", result.segmenter))
     if result.classes is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from semgs.data.scene import Scene
     from semgs.data.tables.classes import ClassTable
+    from semgs.depth_maps.depth_source import DepthMaps
     from semgs.evaluation.frames.frame_plan import FramePlan
     from semgs.evaluation.run import Candidate
     from semgs.segmenters.labelling import Labelling
@@ -97,6 +98,14 @@ class Evaluate:
     """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
     """Replace an output folder from an earlier run, once the new result is complete."""
+    depth: Annotated[str | None, tyro.conf.arg(metavar="SOURCE", help_behavior_hint="")] = None
+    """Add depth maps from elsewhere, aligned to the network's depth: a folder of depth maps, an exported network, a model folder of transformers, or
+    hf:OWNER/NAME, as for semgs reconstruct."""
+    depth_meaning: Annotated[
+        Literal["metric", "scaled", "inverse"] | None,
+        tyro.conf.arg(metavar="{metric,scaled,inverse}", help_behavior_hint=""),
+    ] = None
+    """What the numbers of these maps are, as for semgs reconstruct."""
     segmenting: Annotated[SegmenterOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SegmenterOptions)
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 
@@ -119,7 +128,7 @@ class Evaluate:
         plan = self._plan(data.scenes)
         with show_stage("Loading"):
             labelling = self.segmenting.labelling()
-            candidate = self._candidate(plan, data.classes, chosen_device(self.device), labelling)
+            candidate = self._candidate(plan, data.classes, chosen_device(self.device), labelling, self._depth_maps())
             job = Job(data, plan, candidate, self._remarks(plan, labelling), self.workers)
         with what_fits(), show_progress(f"Evaluating {candidate.subject.name}", len(plan.tasks)) as done:
             summary = run_evaluation(self.out, job, overwrite=self.overwrite, done=done)
@@ -167,6 +176,10 @@ class Evaluate:
         self.segmenting.check()
         if self.segmenting.segmenter is not None and (self.predictions is not None or self.workers):
             raise UsageError(f"--segmenter cannot go with {'--predictions' if self.predictions else '--workers'}")
+        if self.depth is not None and (self.predictions is not None or self.workers):
+            raise UsageError(f"--depth cannot go with {'--predictions' if self.predictions else '--workers'}")
+        if self.depth_meaning is not None and self.depth is None:
+            raise UsageError("--depth-meaning is for --depth")
         if self.depth_range is not None and not 0 < self.depth_range[0] < self.depth_range[1] < float("inf"):
             near, far = self.depth_range
             raise UsageError(f"--depth-range is {near:g} {far:g}; expected near and far, 0 < near < far")
@@ -182,6 +195,7 @@ class Evaluate:
             "--refine": bool(self.refine),
             "--workers": bool(self.workers),
             "--segmenter": self.segmenting.segmenter is not None,
+            "--depth": self.depth is not None,
         }
         if given := [option for option, is_given in refused.items() if is_given]:
             raise UsageError(f"--single classifies each image by itself, so it cannot go with {', '.join(given)}")
@@ -202,6 +216,7 @@ class Evaluate:
         classes: ClassTable | None,
         device: str,
         labelling: Callable[[Scene], Labelling] | None,
+        depth: Callable[[Scene], DepthMaps] | None,
     ) -> Candidate:
         """The method to evaluate, and its description for the report."""
         from semgs.evaluation.run import load_candidate, open_predictions
@@ -219,7 +234,16 @@ class Evaluate:
                 labelling,
                 self.nearest,
                 self._passes(),
+                depth,
             )
+
+    def _depth_maps(self) -> Callable[[Scene], DepthMaps] | None:
+        """The source of depth maps; None without the option."""
+        if self.depth is None:
+            return None
+        from semgs.depth_maps.opening import open_depth_maps
+
+        return open_depth_maps(self.depth, self.depth_meaning)
 
     def _passes(self) -> int:
         """How often to pass over the input views; 0 for never."""
@@ -229,7 +253,9 @@ class Evaluate:
 
     def _name(self, segmented: bool) -> str:
         """The name in tables; "" for that of the network."""
-        choices = ["segmenter"] * segmented + ["refined"] * bool(self.refine)
+        choices = (
+            ["segmenter"] * segmented + ["depth maps"] * (self.depth is not None) + ["refined"] * bool(self.refine)
+        )
         choices += [] if self.nearest is None else [f"nearest {self.nearest}"]
         return self.name or (" + ".join([Path(self.weights).stem, *choices]) if choices else "")
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from semgs.cli.device import chosen_device
+from semgs.cli.options.depth_options import DepthOptions
 from semgs.cli.options.feature_options import FeatureOptions
 from semgs.cli.options.posing_options import PosingOptions
 from semgs.cli.options.scene_options import SceneOptions
@@ -73,6 +74,7 @@ class Reconstruct:
     - semgs reconstruct scans/office --out out/office --segmenter segformer.onnx
     - semgs reconstruct scans/office --out out/office --features clip
     - semgs reconstruct recording --out out/robot --depth sensor
+    - semgs reconstruct room --out out/room --depth hf:depth-anything/Depth-Anything-V2-Small-hf
     - semgs reconstruct scans/office --out out/office --refine
     - semgs reconstruct scans/office --out out/office --refine-poses
     - semgs reconstruct photos --out out/kitchen --scale-from IMG_1.jpg IMG_4.jpg 1.25
@@ -102,9 +104,6 @@ class Reconstruct:
     model: Annotated[NetworkName | None, tyro.conf.arg(help_behavior_hint="")] = None
     """Network for --weights random, or base to fill it from MVSplat's checkpoint. Otherwise the weights decide. small runs on a laptop,
     base has the paper's sizes, mvsplat has colour and depth only."""
-    depth: Literal["network", "sensor", "both"] = "network"
-    """Where the Gaussians' depth comes from: the network, the frames' depth maps, or both, weighted by their uncertainty. At least half of
-    the pixels of each input frame must be measured; the rest takes the network's depth, fitted to the measured one."""
     exposure: Literal["auto", "fitted", "as-taken"] = "auto"
     """Whether the input photos come to a common exposure, by a gain and an offset of each from the surfaces that they share: auto if they
     clearly differ, always (fitted), or never (as-taken). Held-out photos stay as taken. See docs/questions.md."""
@@ -126,6 +125,7 @@ class Reconstruct:
     rerun-sdk."""
     overwrite: bool = False
     """Replace a DIR from an earlier run, once the new result is complete."""
+    placing: Annotated[DepthOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=DepthOptions)
     segmenting: Annotated[SegmenterOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SegmenterOptions)
     featuring: Annotated[FeatureOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=FeatureOptions)
     posing: Annotated[PosingOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=PosingOptions)
@@ -165,13 +165,15 @@ class Reconstruct:
             network, origin = self._load_network(device)
         with own_folder(self.out, self.overwrite) as folder:
             labelling = self._open_segmenter(scene, folder, stages)
+            with stages("load", "Opening the source of depth"):
+                depth = self.placing.source(scene)
             with what_fits(), what_the_user_gave():
                 result = reconstruct(
                     scene,
                     frames,
                     network,
                     self.size,
-                    depth=self.depth,
+                    depth=depth,
                     exposure=self.exposure,
                     labelling=labelling,
                     featuring=self.featuring.featuring(scene),
@@ -229,6 +231,7 @@ class Reconstruct:
         existing_folder(self.scene)
         check_folder(self.out, self.overwrite)
         self.reading.check()
+        self.placing.check()
         self.segmenting.check()
         self.featuring.check()
         if self.html:

@@ -1,7 +1,7 @@
 """Sensor depth: places Gaussians at the depth that a sensor measured for the input views.
 
 The network never sees that depth: its heads predict colours, classes and shapes from features of the images, and these stay. Each Gaussian moves
-along its ray. Where the sensor measured nothing, it takes the network's depth after a fit to the sensor's (`semgs.reconstruction.depth_fit`).
+along its ray. Where the sensor measured nothing, it takes the network's depth after a fit to the sensor's (`semgs.depth_maps.depth_fit`).
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from torch import Tensor
 from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.scene import Scene
 from semgs.data.views import Views
+from semgs.depth_maps.depth_fit import DepthFit
+from semgs.depth_maps.registration import Registration, registration
 from semgs.figures.number_texts import percent
 from semgs.files.errors import InputError
-from semgs.reconstruction.depth_fit import DepthFit
-from semgs.reconstruction.registration import Registration, registration
 from semgs.scene.encoding import Encoding
 
 DepthSource = Literal["network", "sensor", "both"]
@@ -51,6 +51,16 @@ class Placement:
     source: DepthSource
     fits: tuple[DepthFit, ...]
     registration: Registration
+
+    @property
+    def description(self) -> str:
+        """Where the depth is from, in words."""
+        return "the sensor" if self.source == "sensor" else "the sensor and the model"
+
+    @property
+    def shift(self) -> tuple[int, int] | None:
+        """By how much the maps seem to be shifted to the right and down [px]; None if they are not."""
+        return (self.registration.right, self.registration.down) if self.registration.shifted else None
 
     def lines(self, names: Sequence[str]) -> tuple[str, ...]:
         """Each fit as text.

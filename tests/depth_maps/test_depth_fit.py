@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from semgs.reconstruction.depth_fit import DepthFit, line
+from semgs.depth_maps.depth_fit import DepthFit, line
 
 NETWORK = 1 / torch.linspace(0.2, 1.0, 900, dtype=torch.float64).reshape(30, 30)
 """Inverse depths evenly from 0.2 to 1: 1 m to 5 m."""

@@ -15,12 +15,12 @@ from torch import Tensor
 from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.depth_maps.alignment import MapFit, Reference, align
+from semgs.depth_maps.depth_fit import ALIKE, POOR
 from semgs.depth_maps.depth_source import DepthMaps, Meaning
+from semgs.depth_maps.sensor_depth import FEWEST_MEASURED, sensor_spread
 from semgs.figures.number_texts import percent
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import project
-from semgs.reconstruction.depth_fit import ALIKE, POOR
-from semgs.reconstruction.sensor_depth import FEWEST_MEASURED, sensor_spread
 from semgs.scene.encoding import Encoding
 
 FEWEST_POINTS = 100
@@ -46,6 +46,7 @@ class MapPlacement:
     """
 
     source: ClassVar[Literal["maps"]] = "maps"
+    shift: ClassVar[None] = None
     title: str
     meaning: Meaning
     reference: str
@@ -97,7 +98,9 @@ def read_maps(maps: DepthMaps, scene: Scene, positions: Sequence[int], size: tup
     return torch.stack(read)
 
 
-def find_reference(encoding: Encoding, scene: Scene, positions: Sequence[int], views: Views) -> Reference:
+def find_reference(
+    encoding: Encoding, scene: Scene, positions: Sequence[int], views: Views, *, sensor: bool = True
+) -> Reference:
     """What maps of frames are aligned to: the depth that a sensor measured, else sparse points, else the network's depth.
 
     Args:
@@ -105,8 +108,9 @@ def find_reference(encoding: Encoding, scene: Scene, positions: Sequence[int], v
         scene: contains the frames.
         positions: of the frames in the scene.
         views: the frames as read.
+        sensor: whether the views' depths are those of a sensor.
     """
-    if views.depths is not None and ((views.depths > 0).double().mean((-2, -1)) >= FEWEST_MEASURED).all():
+    if sensor and views.depths is not None and ((views.depths > 0).double().mean((-2, -1)) >= FEWEST_MEASURED).all():
         return Reference("the sensor's depth", views.depths, sensor_spread(views.depths))
     points = _depths_of_points(scene, positions, views)
     if points is not None and ((points > 0).sum((-2, -1)) >= FEWEST_POINTS).all():

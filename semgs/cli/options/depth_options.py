@@ -1,0 +1,56 @@
+"""Options of commands that take depth maps from elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from semgs.cli.usage_errors import UsageError
+
+if TYPE_CHECKING:
+    from semgs.data.scene import Scene
+    from semgs.depth_maps.depth_source import DepthMaps
+    from semgs.depth_maps.sensor_depth import DepthSource
+
+MEASURED: tuple[DepthSource, ...] = ("network", "sensor", "both")
+
+
+@dataclass(frozen=True)
+class DepthOptions:
+    """Where the Gaussians' depth comes from."""
+
+    depth: Annotated[str, tyro.conf.arg(metavar="{network,sensor,both,maps,SOURCE}")] = "network"
+    """Where the Gaussians' depth comes from: the network; the frames' measured depth maps (sensor), at least half of whose pixels must be known; or
+    both, weighted by their uncertainty. Or the network and depth maps of unknown scale: the frames' own (maps), or those of SOURCE: a folder of depth
+    maps, an exported network (.onnx, .tflite), a model folder of transformers, or hf:OWNER/NAME. They are aligned to the scene; see docs/geometry.md."""
+    depth_meaning: Annotated[
+        Literal["metric", "scaled", "inverse"] | None,
+        tyro.conf.arg(metavar="{metric,scaled,inverse}", help_behavior_hint=""),
+    ] = None
+    """What the numbers of --depth maps or SOURCE are: metres, depth up to a factor, or inverse depth up to a factor and a constant (MiDaS, Depth Anything
+    V2). By default what SOURCE says; maps are scaled."""
+
+    def check(self) -> None:
+        """Check what can be checked without importing torch.
+
+        Raises:
+            UsageError: the meaning of measured depth is given.
+        """
+        if self.depth_meaning is not None and self.depth in MEASURED:
+            raise UsageError("--depth-meaning is for --depth maps or SOURCE")
+
+    def source(self, scene: Scene) -> DepthSource | DepthMaps:
+        """The source of depth, for the frames of a scene.
+
+        Raises:
+            InputError: it cannot be used.
+            ImportError: the library that runs it is not installed.
+        """
+        for measured in MEASURED:
+            if self.depth == measured:
+                return measured
+        from semgs.depth_maps.opening import open_depth_maps
+
+        return open_depth_maps(self.depth, self.depth_meaning)(scene)
