@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
 
 import numpy as np
-from jaxtyping import Float32, UInt8
+import torch
+from jaxtyping import Float, Float32, UInt8
+from torch import Tensor
+from torch.nn.functional import interpolate
 
 from semgs.depth_maps.depth_source import Meaning
 from semgs.files.errors import InputError
@@ -30,17 +35,22 @@ from semgs.segmenters.networks.transformers_models import (
 
 PROMPTED = "prompt_depth_anything"
 PADDED = "zoedepth"
+CANONICAL = "depth_pro"
+"""Predicts inverse depth for a focal length of the image's width, and the field of view."""
+
+PADDING = 3
+"""ZoeDepth's processor reflects so many times the square root of half an image's side at each border."""
 
 KNOWN = {
     "depth_anything": "DepthAnythingForDepthEstimation",
-    "depth_pro": "DepthProForDepthEstimation",
+    CANONICAL: "DepthProForDepthEstimation",
     "dpt": "DPTForDepthEstimation",
     PROMPTED: "PromptDepthAnythingForDepthEstimation",
     PADDED: "ZoeDepthForDepthEstimation",
 }
 """Models that predict depth, by their type in `config.json`."""
 
-MEANINGS: dict[str, Meaning] = {"depth_pro": "metric", "dpt": "inverse", PROMPTED: "metric", PADDED: "metric"}
+MEANINGS: dict[str, Meaning] = {CANONICAL: "metric", "dpt": "inverse", PROMPTED: "metric", PADDED: "metric"}
 """What their numbers are. Those of Depth Anything depend on its `depth_estimation_type`."""
 
 
@@ -84,15 +94,34 @@ class TransformersNetwork:
                 raise InputError(self.folder, f"a measured depth of each photo, which {self.kind} completes", "none")
             usual = np.median(prompt[prompt > 0])
             options = {"prompt_depth": np.where(prompt > 0, prompt, usual), "prompt_scale_to_meter": 1.0}
-        sizes = [image.shape[:2]]
-        whole = {"source_sizes": sizes} if self.kind == PADDED else {}
         with runs(self.folder, image):
             found = self.model(**prepare_image(self.processor, image, options))
-            maps = self.processor.post_process_depth_estimation(found, target_sizes=sizes, **whole)
-            values = maps[0]["predicted_depth"].float().numpy()
+            values = self._depths(found, image.shape[:2]).numpy()
         if values.shape != image.shape[:2] or not np.isfinite(values).all():
             raise InputError(self.folder, "a finite number for each pixel", f"shape {[*values.shape]}")
         return np.asarray(values)
+
+    def _depths(self, found: Any, size: tuple[int, int]) -> Float[Tensor, "h w"]:
+        """The map of an image of a size, from what the model gave. The library does this for two kinds only with torchvision, which we do without."""
+        values = found.predicted_depth.float()
+        if self.kind == PADDED:
+            pads = [int(PADDING * math.sqrt(side / 2)) if self.processor.do_pad else 0 for side in size]
+            padded = [side + 2 * pad for side, pad in zip(size, pads, strict=True)]
+            rows, columns = (slice(pad, pad + side) for side, pad in zip(size, pads, strict=True))
+            return _resize(values, padded)[rows, columns]
+        if self.kind == CANONICAL:
+            inverse = values
+            if found.field_of_view is not None:
+                inverse = inverse * 2 * torch.tan(torch.deg2rad(found.field_of_view.float()) / 2)
+            return 1 / _resize(inverse, size, "bilinear").clamp(min=1e-4, max=1e4)
+        return _resize(values, size)
+
+
+def _resize(
+    values: Float[Tensor, "1 rows columns"], size: Sequence[int], mode: str = "bicubic"
+) -> Float[Tensor, "h w"]:
+    """A map at another size."""
+    return interpolate(values[:, None], tuple(size), mode=mode, align_corners=False)[0, 0]
 
 
 def open_transformers_network(name: str, meaning: Meaning | None = None) -> TransformersNetwork:
@@ -113,9 +142,9 @@ def open_transformers_network(name: str, meaning: Meaning | None = None) -> Tran
         said = MEANINGS.get(kind) or _meaning_of_depth_anything(folder, config)
         model = load_network(folder, KNOWN[kind], transformers)
         with loads(folder, "a processor of images"):
-            processor = transformers.AutoImageProcessor.from_pretrained(
-                folder, trust_remote_code=False, local_files_only=True
-            )
+            # The processor of DepthPro, which stretches images like this one, needs torchvision.
+            maker = transformers.ViTImageProcessorPil if kind == CANONICAL else transformers.AutoImageProcessor
+            processor = maker.from_pretrained(folder, trust_remote_code=False, local_files_only=True)
     if kind != PADDED and (fault := find_fault(processor)):
         raise InputError(folder, "a processor of images that keeps the whole image", fault)
     return TransformersNetwork(folder, kind, model, processor, meaning or said, identify(name, folder, KNOWN[kind]))

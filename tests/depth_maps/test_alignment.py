@@ -92,12 +92,13 @@ def test_a_third_of_outliers_has_no_vote(cameras: Cameras, truth: torch.Tensor):
 
 
 def test_an_exact_map_is_trusted_beside_a_noisy_reference_and_a_bent_one_less(cameras: Cameras, truth: torch.Tensor):
-    signs = torch.randint(2, truth.shape, generator=torch.Generator().manual_seed(0)) * 2 - 1
-    noisy = known(truth * (0.1 / 1.4826 * signs).exp(), 0.1)  # whose robust standard deviation is 0.1
+    # Log depths are off by -0.1349 to 0.1349, each equally often: half of them by less than 0.0674, which is 0.1 / 1.4826.
+    steps = torch.arange(truth.numel(), dtype=torch.float64) * 0.6180339887
+    noisy = known(truth * (0.1349 * (2 * steps.frac() - 1)).exp().float().reshape(truth.shape), 0.1)
     _, exact = align(truth, "scaled", noisy, cameras)
     # The residual is the reference's own 0.1; a tenth of its square is taken as the map's.
-    assert median(fit.residual for fit in exact) == pytest.approx(0.1, rel=0.02)
-    assert median(fit.spread for fit in exact) == pytest.approx(0.1 * math.sqrt(0.1), rel=0.02)
+    assert median(fit.residual for fit in exact) == pytest.approx(0.1, rel=0.05)
+    assert median(fit.spread for fit in exact) == pytest.approx(0.1 * math.sqrt(0.1), rel=0.05)
     bend = 0.2 * torch.linspace(-1, 1, SIZE[1])
     _, bent = align(truth * bend.exp(), "scaled", noisy, cameras)
     assert min(fit.spread for fit in bent) > 0.08

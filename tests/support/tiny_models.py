@@ -144,8 +144,94 @@ def clipseg() -> tuple[Any, Any]:
     return CLIPSegForImageSegmentation(config), CLIPSegProcessor(images, tokenizer())
 
 
+def dinov2() -> Any:
+    """A tiny backbone with patches of 14 pixels, as Depth Anything has."""
+    from transformers import Dinov2Config
+
+    return Dinov2Config(
+        hidden_size=12, num_hidden_layers=4, num_attention_heads=2, image_size=28, patch_size=14, reshape_hidden_states=False,
+        out_indices=[1, 2, 3, 4], apply_layernorm=True,
+    )  # fmt: skip
+
+
+def anything(kind: str) -> dict[str, Any]:
+    """The settings of a depth network of the Depth Anything family; `kind` is relative or metric."""
+    return {
+        "backbone_config": dinov2(), "reassemble_hidden_size": 12, "neck_hidden_sizes": [8, 8, 8, 8], "fusion_hidden_size": 8,
+        "head_hidden_size": 4, "depth_estimation_type": kind, "max_depth": 20 if kind == "metric" else 1,
+    }  # fmt: skip
+
+
+def depth_anything(kind: str = "relative") -> tuple[Any, Any]:
+    from transformers import DepthAnythingConfig, DepthAnythingForDepthEstimation
+    from transformers.models.dpt.image_processing_pil_dpt import DPTImageProcessorPil
+
+    images = DPTImageProcessorPil(size={"height": 28, "width": 28}, keep_aspect_ratio=True, ensure_multiple_of=14)
+    return DepthAnythingForDepthEstimation(DepthAnythingConfig(**anything(kind))), images
+
+
+def depth_anything_metric() -> tuple[Any, Any]:
+    return depth_anything("metric")
+
+
+def prompt_depth_anything() -> tuple[Any, Any]:
+    from transformers import PromptDepthAnythingConfig, PromptDepthAnythingForDepthEstimation
+    from transformers.models.prompt_depth_anything.image_processing_pil_prompt_depth_anything import (
+        PromptDepthAnythingImageProcessorPil,
+    )
+
+    config = PromptDepthAnythingConfig(**anything("metric"))
+    images = PromptDepthAnythingImageProcessorPil(
+        size={"height": 28, "width": 28}, keep_aspect_ratio=True, ensure_multiple_of=14
+    )
+    return PromptDepthAnythingForDepthEstimation(config), images
+
+
+def dpt_depth() -> tuple[Any, Any]:
+    from transformers import DPTConfig, DPTForDepthEstimation
+    from transformers.models.dpt.image_processing_pil_dpt import DPTImageProcessorPil
+
+    config = DPTConfig(neck_hidden_sizes=[8, 8, 8, 8], fusion_hidden_size=8, backbone_out_indices=[0, 1, 2, 3], **VIT)
+    return DPTForDepthEstimation(config), DPTImageProcessorPil(size={"height": 32, "width": 32})
+
+
+def zoedepth() -> tuple[Any, Any]:
+    from transformers import BeitConfig, ZoeDepthConfig, ZoeDepthForDepthEstimation
+    from transformers.models.zoedepth.image_processing_pil_zoedepth import ZoeDepthImageProcessorPil
+
+    backbone = BeitConfig(
+        image_size=32, patch_size=16, hidden_size=12, num_hidden_layers=4, num_attention_heads=2, intermediate_size=24,
+        use_relative_position_bias=True, reshape_hidden_states=False, out_features=["stage1", "stage2", "stage3", "stage4"],
+    )  # fmt: skip
+    config = ZoeDepthConfig(
+        backbone_config=backbone, neck_hidden_sizes=[8, 8, 8, 8], fusion_hidden_size=8, bottleneck_features=8, num_relative_features=4,
+        bin_embedding_dim=8, num_attractors=[4, 2, 2, 1],
+        bin_configurations=[{"name": "nyu", "n_bins": 8, "min_depth": 0.001, "max_depth": 10.0}],
+    )  # fmt: skip
+    return ZoeDepthForDepthEstimation(config), ZoeDepthImageProcessorPil(size={"height": 32, "width": 32})
+
+
+def depth_pro() -> tuple[Any, Any]:
+    from transformers import DepthProConfig, DepthProForDepthEstimation, Dinov2Config
+    from transformers.models.vit.image_processing_pil_vit import ViTImageProcessorPil
+
+    backbone = {
+        "model_type": "dinov2", "hidden_size": 8, "num_hidden_layers": 2, "num_attention_heads": 2, "image_size": 16, "patch_size": 4,
+    }  # fmt: skip
+    config = DepthProConfig(
+        patch_size=16, fusion_hidden_size=8, intermediate_hook_ids=[1, 0], intermediate_feature_dims=[8, 8],
+        scaled_images_ratios=[0.5, 1.0], scaled_images_overlap_ratios=[0.0, 0.2], scaled_images_feature_dims=[8, 8],
+        use_fov_model=True, num_fov_head_layers=1,
+        image_model_config=Dinov2Config(**backbone), patch_model_config=Dinov2Config(**backbone), fov_model_config=Dinov2Config(**backbone),
+    )  # fmt: skip
+    return DepthProForDepthEstimation(config), ViTImageProcessorPil(size={"height": 64, "width": 64})
+
+
 MAKERS: dict[str, Callable[[], tuple[Any, Any]]] = {
     maker.__name__: maker for maker in (segformer, upernet, dpt, beit, maskformer, mask2former, oneformer, clipseg)
+} | {
+    maker.__name__: maker
+    for maker in (depth_anything, depth_anything_metric, prompt_depth_anything, dpt_depth, zoedepth, depth_pro)
 }
 
 
