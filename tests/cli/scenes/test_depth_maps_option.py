@@ -1,0 +1,84 @@
+"""--depth with maps from elsewhere, of `semgs reconstruct` and `semgs evaluate`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from turned_cameras import SIZE, write_scene
+
+import semgs
+from semgs.cli.main import main
+
+
+def write_maps(folder: Path, count: int = 4) -> Path:
+    """Inverse depth of a slanted wall, up to scale and shift."""
+    folder.mkdir()
+    for index in range(count):
+        np.save(folder / f"{index:03d}.npy", np.broadcast_to(np.linspace(1, 2, SIZE[1], dtype=np.float32), SIZE))
+    return folder
+
+
+def test_maps_of_a_folder_shape_the_scene_and_the_summary_says_so(tmp_path: Path, capsys):
+    scene, maps, out = write_scene(tmp_path / "wall"), write_maps(tmp_path / "maps"), tmp_path / "out"
+    arguments = ["reconstruct", str(scene), "--out", str(out), "--context", "0", "3", "--depth", str(maps)]
+    # Between the photos of a turned wall and a wall that is slanted the other way, only the fit of random weights is loose enough.
+    assert main([*arguments, "--depth-meaning", "inverse", "--weights", "random"]) == 0
+    told = capsys.readouterr().out
+    assert "maps      images/003.png: 100 % known; 1 / depth = " in told
+    numbers = json.loads((out / "report.json").read_text())
+    assert numbers["depth"]["source"] == "maps"
+    assert {"depth", "place"} <= numbers["seconds"].keys()
+    saved = semgs.load_scene(out)
+    assert float(torch.unique(saved.depths[0], dim=0).shape[0]) >= 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--depth", "nowhere"], "nowhere: expected network, sensor, both, maps, a folder of depth maps"),
+        (["--depth", "{maps}"], "give --depth-meaning metric, scaled or inverse"),
+        (["--depth", "sensor", "--depth-meaning", "metric"], "--depth-meaning is for --depth maps or SOURCE"),
+        (["--depth", "maps"], "a depth map of this frame, as --depth maps needs"),
+        (["--depth", "{empty}", "--depth-meaning", "scaled"], "a depth map of frame images/000.png"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_in_one_line(tmp_path: Path, capsys, options: list[str], message: str):
+    scene, maps = write_scene(tmp_path / "wall"), write_maps(tmp_path / "maps")
+    (tmp_path / "empty").mkdir()
+    filled = [option.format(maps=maps, empty=tmp_path / "empty") for option in options]
+    arguments = [
+        "reconstruct",
+        str(scene),
+        "--out",
+        str(tmp_path / "out"),
+        "--weights",
+        "random",
+        "--context",
+        "0",
+        "3",
+    ]
+    assert main([*arguments, *filled]) == 2
+    told = capsys.readouterr()
+    assert message in told.err
+    assert told.err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--depth", "{maps}", "--workers", "2"], "--depth cannot go with --workers"),
+        (["--depth-meaning", "scaled"], "--depth-meaning is for --depth"),
+        (["--depth", "{maps}", "--single"], "so it cannot go with --depth"),
+    ],
+)
+def test_evaluate_refuses_what_cannot_go_together(tmp_path: Path, capsys, options: list[str], message: str):
+    maps = write_maps(tmp_path / "maps")
+    filled = [option.format(maps=maps) for option in options]
+    scene = write_scene(tmp_path / "wall")
+    assert main(["evaluate", "small", "--data", str(scene), "--out", str(tmp_path / "out"), *filled]) == 2
+    assert message in capsys.readouterr().err
