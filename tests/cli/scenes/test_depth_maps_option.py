@@ -12,6 +12,7 @@ from turned_cameras import SIZE, write_scene
 
 import semgs
 from semgs.cli.main import main
+from semgs.files.images.pictures import write_png
 
 
 def write_maps(folder: Path, count: int = 4) -> Path:
@@ -23,17 +24,30 @@ def write_maps(folder: Path, count: int = 4) -> Path:
 
 
 def test_maps_of_a_folder_shape_the_scene_and_the_summary_says_so(tmp_path: Path, capsys):
-    scene, maps, out = write_scene(tmp_path / "wall"), write_maps(tmp_path / "maps"), tmp_path / "out"
-    arguments = ["reconstruct", str(scene), "--out", str(out), "--context", "0", "3", "--depth", str(maps)]
-    # Between the photos of a turned wall and a wall that is slanted the other way, only the fit of random weights is loose enough.
-    assert main([*arguments, "--depth-meaning", "inverse", "--weights", "random"]) == 0
-    told = capsys.readouterr().out
-    assert "maps      images/003.png: 100 % known; 1 / depth = " in told
+    """A sensor measured a wall that falls back from 1.2 m to 1.83 m. The maps are twice its inverse depth plus 0.1, so 1 / depth = map / 2 - 0.05."""
+    wall = (1200 + 10 * np.arange(SIZE[1])).astype(np.uint16)
+
+    def measure(scene: dict) -> None:
+        (tmp_path / "wall" / "depth").mkdir()
+        for index, frame in enumerate(scene["frames"]):
+            write_png(tmp_path / "wall" / f"depth/{index:03d}.png", np.broadcast_to(wall, SIZE).copy())
+            frame["depth_file_path"] = f"depth/{index:03d}.png"
+
+    scene, maps, out = write_scene(tmp_path / "wall", measure), tmp_path / "maps", tmp_path / "out"
+    maps.mkdir()
+    for index in range(4):
+        np.save(maps / f"{index:03d}.npy", np.broadcast_to(2000 / wall + 0.1, SIZE).astype(np.float32))
+    arguments = ["reconstruct", str(scene), "--out", str(out), "--context", "0", "3", "--weights", "random"]
+    assert main([*arguments, "--depth", str(maps), "--depth-meaning", "inverse"]) == 0
+    told = [line for line in capsys.readouterr().out.splitlines() if line.startswith("maps")]
+    assert told[1].startswith("maps      images/003.png: 100 % known; 1 / depth = ")
     numbers = json.loads((out / "report.json").read_text())
     assert numbers["depth"]["source"] == "maps"
+    for fit in numbers["depth"]["fits"]:
+        assert (fit["scale"], fit["shift"]) == (pytest.approx(0.5, rel=1e-3), pytest.approx(-0.05, abs=1e-3))
     assert {"depth", "place"} <= numbers["seconds"].keys()
-    saved = semgs.load_scene(out)
-    assert float(torch.unique(saved.depths[0], dim=0).shape[0]) >= 1
+    depths = semgs.load_scene(out).depths[0]
+    torch.testing.assert_close(depths, torch.from_numpy(wall / 1000).float().expand(depths.shape), rtol=0.02, atol=0)
 
 
 @pytest.mark.parametrize(
