@@ -79,8 +79,16 @@ def open_exported_network(path: Path, meaning: Meaning | None = None) -> Exporte
     """
     if not path.is_file():
         raise InputError(path, "an exported network", "nothing")
-    found, description = read_description(
-        described_in(path), ("meaning",), "see docs/geometry.md", {"meaning": get_args(Meaning)}
-    )
+    description, said = read_depth_network(described_in(path))
     network, made_by = open_network_file(path, description)
-    return ExportedNetwork(path, description, meaning or found["meaning"], network, made_by)
+    return ExportedNetwork(path, description, meaning or said, network, made_by)
+
+
+def read_depth_network(path: Path) -> tuple[InputDescription, Meaning]:
+    """The description of a depth network in a file: what it expects, and what its numbers are.
+
+    Raises:
+        InputError: it is missing, or not as at the head of this module; the error names the key.
+    """
+    found, description = read_description(path, ("meaning",), "see docs/geometry.md", {"meaning": get_args(Meaning)})
+    return description, found["meaning"]

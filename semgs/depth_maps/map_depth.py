@@ -138,8 +138,8 @@ def place_at_maps(
     """
     depths, aligned = align(maps, source.meaning, reference, views.cameras)
     if not any(fits(fit) for fit in aligned):
-        raise _misfit(maps, source, reference, views, aligned)
-    if source.meaning == "metric":
+        _check_misfit(maps, source, reference, views, aligned)
+    elif source.meaning == "metric":
         _check_metres(source, reference, aligned)
     network = encoding.placed_depths(views.cameras)
     spreads = torch.tensor([fit.spread for fit in aligned]).to(network)[:, None, None].expand_as(network)
@@ -154,20 +154,25 @@ def place_at_maps(
     return moved.hide(views.hidden), MapPlacement(source.title, source.meaning, reference.title, aligned)
 
 
-def _misfit(
+def _check_misfit(
     maps: Float[Tensor, "v h w"], source: DepthMaps, reference: Reference, views: Views, aligned: tuple[MapFit, ...]
-) -> InputError:
-    """Why no map fits: they mean something else, or show something else."""
+) -> None:
+    """Refuse maps that mean something else than said, or show something else. Others do not fit only because a view is flat.
+
+    Raises:
+        InputError: as above.
+    """
     expected = f"depth maps that fit {reference.title}, as {source.meaning}"
     found = f"a typical difference of {percent(median(fit.residual for fit in aligned))}"
     for other in ("scaled", "inverse"):
         again = align(maps, other, reference, views.cameras)[1]
+        pairs = zip(again, aligned, strict=True)
         if other != source.meaning and all(
-            fits(fit) and (fit.residual < CLEARLY_BETTER * before.residual or before.scale <= 0)
-            for fit, before in zip(again, aligned, strict=True)
+            fits(fit) and fit.residual < CLEARLY_BETTER * before.residual for fit, before in pairs
         ):
-            return InputError(source.title, expected, found, advice=f"they fit as {other}: --depth-meaning {other}")
-    return InputError(source.title, expected, found, advice="they may be of other photos")
+            raise InputError(source.title, expected, found, advice=f"they fit as {other}: --depth-meaning {other}")
+    if all(fit.residual > POOR for fit in aligned):
+        raise InputError(source.title, expected, found, advice="they may be of other photos")
 
 
 def _check_metres(source: DepthMaps, reference: Reference, aligned: tuple[MapFit, ...]) -> None:

@@ -26,6 +26,7 @@ RUNS = {
         ("small", "rooms={rooms}", "--scenes", "1", "--targets", "1", "--views", "2", "--rows", "refined"),
         " refined | ",
     ),
+    "depth_maps": (("small", "{rooms}", "--bends", "0.1", "--rooms", "2"), "| 2 | inverse 10% | 0."),
     "depth_spread": (("small", "{rooms}"), " | 4 | "),
     "pose_noise_photos": (("{room}", "--seeds", "1"), "\n2 | 1 | "),
     "refine_rooms": (("{rooms}", "--passes", "1"), "\n| between | "),

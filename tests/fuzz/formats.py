@@ -5,7 +5,9 @@ from __future__ import annotations
 from fuzz.format import Format, read_scene
 from fuzz.images import pictures, read_pictures
 from fuzz.results import (
+    depth_maps,
     evaluation_run,
+    read_depth_maps,
     read_evaluation_run,
     read_saved_scene,
     read_segmenter,
@@ -92,6 +94,10 @@ FORMATS = {
         Format(
             "segmenters", (segmenter,), ("maps/*", "*.json", "features/*", "scene/transforms.json"), read_segmenter,
             ("semgs/segmenters/class_map_files.py",  "semgs/segmenters/fitting.py", "semgs/segmenters/features/feature_files.py"),
+        ),
+        Format(
+            "depth-maps", (depth_maps,), ("maps/*", "*.json"), read_depth_maps,
+            ("semgs/depth_maps/map_folder.py", "semgs/depth_maps/exported_network.py", "semgs/segmenters/networks/network_files.py"),
         ),
         Format(
             "small-files", (small_files,), ("*",), read_small_files,

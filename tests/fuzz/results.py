@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -266,7 +267,7 @@ def read_segmenter(path: Path, out: Path, changed: Sequence[str]) -> None:
 
     for name in changed:
         if name == "network.json":
-            described = read_segmenter(path / name)
+            described = read_segmenter(path / name).input
             height, width = described.size or (24, 32)
             if height * width < 1 << 16:
                 assert np.isfinite(described.input_of(np.full((height, width, 3), 90, np.uint8))).all()
@@ -291,6 +292,46 @@ def read_segmenter(path: Path, out: Path, changed: Sequence[str]) -> None:
                 np.full((len(maps.classes), 6, 8), 1 / len(maps.classes), np.float32),
                 "0f",
             )
+
+
+def depth_maps(folder: Path) -> Path:
+    from PIL import Image
+    from scenes_on_disk import SIZE, write_labelled
+
+    write_labelled(folder / "scene", 3, frames=4)
+    maps = folder / "maps/images"
+    maps.mkdir(parents=True)
+    (folder / "maps/depth.json").write_text('{"meaning": "metric", "unit": 0.002, "licence": "MIT"}')
+    Image.fromarray(np.full(SIZE, 1500, np.uint16)).save(maps / "000.png")
+    np.savez_compressed(maps / "001.npz", depth=np.full(SIZE, 1.5, np.float16))
+    np.save(maps / "002.npy", np.full((12, 16), 1.5, np.float32))
+    if find_spec("OpenEXR"):
+        import OpenEXR
+
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        OpenEXR.File(header, {"Z": np.full(SIZE, 1.5, np.float32)}).write(str(maps / "003.exr"))
+    else:
+        np.save(maps / "003.npy", np.full(SIZE, 1.5, np.float32))
+    described = {
+        "size": [24, 32], "layout": "NCHW", "dtype": "float32", "meaning": "inverse", "licence": "MIT",
+        "scaling": {"offset": 128, "scale": [58, 57, 57]},
+    }  # fmt: skip
+    (folder / "network.json").write_text(json.dumps(described))
+    return folder
+
+
+def read_depth_maps(path: Path, out: Path, changed: Sequence[str]) -> None:
+    from semgs.depth_maps.exported_network import read_depth_network
+    from semgs.depth_maps.map_folder import open_map_folder
+
+    scene = open_scene(path / "scene")
+    if "network.json" in changed:
+        read_depth_network(path / "network.json")
+    maps = open_map_folder(path / "maps", scene, None)
+    for frame in scene.frames:
+        found = maps.of(frame, (12, 16))
+        assert found.shape == (12, 16)
+        assert ((found > 0) | found.isnan() | (maps.meaning == "inverse")).all()
 
 
 def small_files(folder: Path) -> Path:

@@ -1,4 +1,4 @@
-"""Errors planted in `semgs/reconstruction`."""
+"""Errors planted in `semgs/reconstruction` and `semgs/depth_maps`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from planted.mutant import Mutant
 
 VIEW_SCORES = "semgs/reconstruction/scores.py"
 OF_VIEW_SCORES = ("tests/reconstruction/test_scores.py",)
+
+ALIGNMENT = "semgs/depth_maps/alignment.py"
+OF_ALIGNMENT = ("tests/depth_maps/test_alignment.py",)
 
 RECONSTRUCTION = (
     Mutant(
@@ -19,6 +22,38 @@ RECONSTRUCTION = (
     Mutant(
         "errors of depth are averaged over views, not pixels", VIEW_SCORES,
         "getattr(view, weights[name]) if name in weights else 1)", "1)", OF_VIEW_SCORES,
+    ),
+    Mutant(
+        "depth maps are aligned in depth instead of its inverse", ALIGNMENT,
+        "values.isfinite() & (values > 0), 1 / values, torch.nan", "values.isfinite() & (values > 0), values, torch.nan", OF_ALIGNMENT,
+    ),
+    Mutant(
+        "views of depth maps are aligned each by itself", ALIGNMENT, "SHARED = 0.05", "SHARED = 0.0",
+        ("tests/depth_maps/test_alignment.py::test_a_view_without_a_reference_is_aligned_to_the_other_views",),
+    ),
+    Mutant(
+        "the error of the reference counts as that of the map", ALIGNMENT,
+        "variances.append(max(residual**2 - others,", "variances.append(max(residual**2,",
+        ("tests/depth_maps/test_alignment.py::test_an_exact_map_is_trusted_beside_a_noisy_reference_and_a_bent_one_less",),
+    ),
+    Mutant(
+        "the less certain depth counts more", "semgs/depth_maps/map_depth.py",
+        "(depth > 0) / spread.square().clamp(min=1e-12)", "(depth > 0) * spread.square().clamp(min=1e-12)",
+        ("tests/reconstruction/test_depth_maps_of_scenes.py",),
+    ),
+    Mutant(
+        "the sensor's own maps are their reference", "semgs/depth_maps/map_depth.py",
+        "if sensor and views.depths is not None", "if views.depths is not None",
+        ("tests/reconstruction/test_depth_maps_of_scenes.py::test_the_scenes_own_maps_are_no_reference_for_themselves",),
+    ),
+    Mutant(
+        "counts of a map without a unit are metres", "semgs/depth_maps/map_folder.py", "MILLIMETRE = 0.001", "MILLIMETRE = 1.0",
+        ("tests/depth_maps/test_map_folder.py::test_counts_are_millimetres_or_in_the_stated_unit",),
+    ),
+    Mutant(
+        "DepthPro's field of view is in radians", "semgs/depth_maps/transformers_network.py",
+        "torch.tan(torch.deg2rad(found.field_of_view.float()) / 2)", "torch.tan(found.field_of_view.float() / 2)",
+        ("tests/depth_maps/test_depth_networks.py::test_depth_pro_takes_its_field_of_view_for_the_focal_length",),
     ),
     Mutant(
         "depth is fitted instead of its inverse", "semgs/depth_maps/depth_fit.py",
