@@ -48,7 +48,10 @@ def cuda() -> Iterator[torch.device]:
         yield device
 
 
-@pytest.fixture(params=NETWORKS.values(), ids=NETWORKS.keys())
+@pytest.fixture(
+    params=[pytest.param(NETWORKS["small"], marks=pytest.mark.long), NETWORKS["miniature, paper_heads"]],
+    ids=NETWORKS.keys(),
+)
 def model(request, cuda: torch.device) -> SemGS:
     return fill_golden(request.param()).to(cuda)
 

@@ -71,7 +71,7 @@ def test_true_cameras_miss_nothing(depth: bool):
     assert named(rig, matches) == "good"
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
 @pytest.mark.parametrize("planted", PLANTED, ids=lambda planted: planted.name)
 def test_with_measured_depth_each_mistake_is_named_and_undone(planted: Planted, seed: int):
     rig = walk()

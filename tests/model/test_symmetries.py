@@ -68,7 +68,7 @@ def model(request, dtype) -> SemGS:
     return built(request.param, dtype)
 
 
-@pytest.fixture(scope="module", params=[2, 3], ids=["N=2", "N=3"])
+@pytest.fixture(scope="module", params=[pytest.param(2, marks=pytest.mark.long), 3], ids=["N=2", "N=3"])
 def case(request, model, dtype) -> Case:
     views = posed_views(request.param, (16, 32) if model.name == "base" else SIZE, dtype=dtype)
     return Case(model, views, encode(model, views), LIMITS[dtype])

@@ -98,7 +98,10 @@ def with_shared_cnn(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize(("supervision", "held"), [("labels", False), ("labels", True), ("pictures", True)])
+@pytest.mark.parametrize(
+    ("supervision", "held"),
+    [pytest.param("labels", False, marks=pytest.mark.long), ("labels", True), ("pictures", True)],
+)
 def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, with_shared_cnn: Path, supervision: str, held: bool
 ):
@@ -128,7 +131,7 @@ def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alo
     assert (tmp_path / "run" / "validation" / "00000002.png").is_file()
 
 
-@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize("held", [pytest.param(False, marks=pytest.mark.long), True])
 def test_supervision_by_depth_renders_nothing_and_ends_with_the_same_bits_in_one_session_or_two(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, with_shared_cnn: Path, held: bool
 ):
