@@ -80,13 +80,15 @@ def write_for_the_new_reader(folder: Path, scene: Scene, frames: int = 2) -> Non
 
 
 def main() -> None:
-    """Write the six images."""
+    """Write the seven images."""
     scene = open_scene(demo_scene())
     with TemporaryDirectory() as temporary:
         work = Path(temporary)
         run("own_photos", demo_scene(), work / "own")
         shutil.copy(work / "own" / "views.jpg", IMAGES / "example_own_photos.jpg")
         run("arrays_in", demo_scene(), IMAGES / "example_arrays_in.jpg")
+        run("depth_maps_in", demo_scene(), work / "placed")
+        shutil.copy(work / "placed" / "depth.jpg", IMAGES / "example_depth_maps_in.jpg")
 
         shutil.copytree(demo_scene(), work / "scenes" / "demo")
         run("train_on_a_folder", work / "scenes", work / "run", "30")

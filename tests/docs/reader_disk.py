@@ -14,6 +14,7 @@ import litert_writer
 import miniatures
 import numpy as np
 import onnx_writer
+import predicted_files
 import pycolmap_photos
 import scannet_writer
 import splat_files
@@ -40,6 +41,8 @@ sys.path.append(str(ROOT / "docs"))
 import example_pictures  # noqa: E402
 
 SIZE = (48, 64)
+PROCESSED = (378, 504)
+"""Height and width of photos as Depth Anything 3 processes them."""
 FRAMES = 6
 SCENE_SETS = (
     "scenes", "other", "train_rooms", "val24", "data/rooms", "data/wide", "data/taught", "data/scannet", "scannet/train",
@@ -77,7 +80,9 @@ def build(disk: Path) -> None:
         (disk / scene).mkdir(parents=True)
         write_views(disk / scene, views)
     bags.robot(miniatures.miniature()).write(disk / "recording")
-    pycolmap_photos.take(disk / "photos", pycolmap_photos.poses_of(4))
+    taken = pycolmap_photos.take(disk / "photos", pycolmap_photos.poses_of(4))
+    _write_predictions(disk, taken)
+    _write_depth_maps(disk / "depth_maps", room.depths.numpy())
     for name in ("labelled_photos", "photos_kept_back"):
         write_image_set(disk / name, {f"{k}": random_numbers(k, (48, 64)) for k in range(2)})
     _write_for_the_short_reader(disk / "mine" / "kitchen")
@@ -98,6 +103,40 @@ def _write_for_the_short_reader(folder: Path) -> None:
         miniatures.write_picture(folder / f"depth/{number}.png", room.depths[number])
         (folder / "pose").mkdir(exist_ok=True)
         (folder / f"pose/{number}.txt").write_text(miniatures.text(pose))
+
+
+def _write_predictions(disk: Path, taken: pycolmap_photos.Taken) -> None:
+    """What Depth Anything 3 would predict of photos: their cameras, and the depth of the plane behind everything."""
+    k = np.array(
+        [
+            [pycolmap_photos.FOCAL, 0, pycolmap_photos.CENTRE[0]],
+            [0, pycolmap_photos.FOCAL, pycolmap_photos.CENTRE[1]],
+            [0, 0, 1],
+        ]
+    )
+    factor = PROCESSED[1] / pycolmap_photos.SIZE[1]
+    k[:2] *= factor
+    rows, columns = np.indices(PROCESSED) + 0.5
+    rays = np.stack((columns, rows, np.ones(PROCESSED)), -1) @ np.linalg.inv(k).T
+    poses = taken.world_from_camera
+    depths = [(pycolmap_photos.PLANES[0][1] - pose[2, 3]) / (rays @ pose[2, :3]) for pose in poses]
+    images = [cv2.cvtColor(cv2.imread(str(path)), cv2.COLOR_BGR2RGB) for path in sorted(taken.folder.iterdir())]
+    fields = {
+        "image": np.stack([cv2.resize(image, PROCESSED[::-1], interpolation=cv2.INTER_CUBIC) for image in images]),
+        "depth": np.array(depths, np.float32),
+        "conf": np.full((len(poses), *PROCESSED), 9, np.float32),
+        "extrinsics": np.linalg.inv(poses)[:, :3].astype(np.float32),
+        "intrinsics": np.tile(k, (len(poses), 1, 1)).astype(np.float32),
+    }
+    predicted_files.save(disk / "predictions.npz", fields)
+
+
+def _write_depth_maps(folder: Path, depths: np.ndarray) -> None:
+    """Depth maps of the room, of unknown scale."""
+    folder.mkdir()
+    (folder / "depth.json").write_text(json.dumps({"meaning": "scaled"}))
+    for number, one in enumerate(depths):
+        np.save(folder / f"{number:03d}.npy", one / 3)
 
 
 def _write_networks(disk: Path) -> None:

@@ -17,14 +17,14 @@ from semgs.rooms.sets.demo_room import demo_scene
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
-MOST, LONGEST = 7, 40
+MOST, LONGEST = 8, 40
 WITHOUT_IMAGE = ("ros2_node",)
 """Scripts that no machine without ROS runs."""
 LARGEST = 150_000
 """Bytes of an image."""
 
 
-def test_there_are_seven():
+def test_there_are_eight_at_most():
     assert 0 < len(SCRIPTS) <= MOST
 
 
@@ -76,6 +76,23 @@ def test_the_robot_finds_the_table_and_prints_what_its_page_says(
     assert table == pytest.approx(page[0], abs=0.1)
     assert [free, unseen] == pytest.approx(page[-2:], abs=3)
     assert table == pytest.approx(1.38, abs=0.3)  # by true depth and labels
+
+
+def test_depth_maps_of_unknown_scale_correct_the_shape_as_their_page_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setattr(sys, "argv", ["depth_maps_in.py", str(demo_scene()), str(tmp_path)])
+    runpy.run_path(str(ROOT / "examples" / "depth_maps_in.py"))
+    printed = capsys.readouterr().out
+    shown = re.findall(r"```text\n(.*?)```", (ROOT / "docs" / "examples" / "depth_maps_in.md").read_text(), re.DOTALL)[
+        -1
+    ]
+    number = r"[+-]?\d+(?:\.\d+)?"
+    assert re.sub(number, "#", printed) == re.sub(number, "#", shown)
+    found, page = ([float(one) for one in re.findall(number, text)] for text in (printed, shown))
+    assert found == pytest.approx(page, abs=1)
+    assert found[2] < 1 < 3 < found[0]
+    assert {path.name for path in tmp_path.iterdir()} == {"maps", "depth.jpg", "points.ply"}
 
 
 def cells(kind: str) -> list[dict]:
