@@ -19,7 +19,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -31,12 +30,11 @@ from semgs.cli.arguments import parse
 from semgs.cli.main import COMMANDS, main
 from semgs.data.scenes import open_scenes
 from semgs.data.tables.class_files import read_class_file
-from semgs.depth_maps.depth_source import Meaning
+from semgs.depth_maps.exported_network import read_depth_network
 from semgs.depth_maps.map_folder import MapRecord
 from semgs.evaluation.frames.frame_plan import read_plan
 from semgs.files.records import make_record
 from semgs.segmenters.networks.exported import read_segmenter
-from semgs.segmenters.networks.network_files import read_description
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = (ROOT / "README.md", *sorted(path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts))
@@ -334,7 +332,7 @@ def described(example: Example) -> None:
     if content.get("format") == "semgs.frames":
         assert read_plan(file, open_scenes(Path("data/rooms"))).tasks
     elif "meaning" in content and "scaling" in content:
-        read_description(file, ("meaning",), "", {"meaning": get_args(Meaning)})
+        read_depth_network(file)
     elif "meaning" in content:
         make_record(MapRecord, content)
     elif "scaling" in content:
