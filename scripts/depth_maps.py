@@ -96,7 +96,7 @@ def errors(network: torch.nn.Module, path: Path, bends: list[float], seed: int) 
     assert views.depths is not None
     encoding = network(views)
     found = {"network": abs_rel(encoding.placed_depths(views.cameras), views.depths)}
-    reference = find_reference(encoding, scene, middle, views, sensor=False)
+    reference = find_reference(encoding, scene, middle, views, independent=False)
     for bend in bends:
         for meaning in get_args(Meaning):
             maps = disturbed(views.depths, bend, meaning, seed)

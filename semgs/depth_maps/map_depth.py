@@ -99,7 +99,7 @@ def read_maps(maps: DepthMaps, scene: Scene, positions: Sequence[int], size: tup
 
 
 def find_reference(
-    encoding: Encoding, scene: Scene, positions: Sequence[int], views: Views, *, sensor: bool = True
+    encoding: Encoding, scene: Scene, positions: Sequence[int], views: Views, *, independent: bool = True
 ) -> Reference:
     """What maps of frames are aligned to: the depth that a sensor measured, else sparse points, else the network's depth.
 
@@ -108,11 +108,12 @@ def find_reference(
         scene: contains the frames.
         positions: of the frames in the scene.
         views: the frames as read.
-        sensor: whether the views' depths are those of a sensor.
+        independent: whether the scene's depth maps and sparse points are from elsewhere than the maps to align; if not, the network's depth it is.
     """
-    if sensor and views.depths is not None and ((views.depths > 0).double().mean((-2, -1)) >= FEWEST_MEASURED).all():
-        return Reference("the sensor's depth", views.depths, sensor_spread(views.depths))
-    points = _depths_of_points(scene, positions, views)
+    measured = views.depths if independent else None
+    if measured is not None and ((measured > 0).double().mean((-2, -1)) >= FEWEST_MEASURED).all():
+        return Reference("the sensor's depth", measured, sensor_spread(measured))
+    points = _depths_of_points(scene, positions, views) if independent else None
     if points is not None and ((points > 0).sum((-2, -1)) >= FEWEST_POINTS).all():
         return Reference("the scene's sparse points", points, torch.full_like(points, POINT_SPREAD))
     return Reference("the model's depth", encoding.placed_depths(views.cameras), encoding.depth_spread)

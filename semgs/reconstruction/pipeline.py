@@ -130,7 +130,9 @@ class ViewEncoder:
         with self._stages("depth", f"Depth of {len(views)} photos from {depth.title}{self._costs[1]}"):
             maps = read_maps(depth, self._scene, positions, views.size)
         with self._stages("place", f"Placing {count} with the help of depth maps"):
-            reference = find_reference(encoding, self._scene, positions, views, sensor=not isinstance(depth, FrameMaps))
+            reference = find_reference(
+                encoding, self._scene, positions, views, independent=not isinstance(depth, FrameMaps)
+            )
             return place_at_maps(encoding, views, maps, depth, reference)
 
     def placement(self, positions: Sequence[int]) -> Placement | MapPlacement | None:

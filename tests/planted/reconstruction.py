@@ -43,7 +43,7 @@ RECONSTRUCTION = (
     ),
     Mutant(
         "the sensor's own maps are their reference", "semgs/depth_maps/map_depth.py",
-        "if sensor and views.depths is not None", "if views.depths is not None",
+        "views.depths if independent else None", "views.depths",
         ("tests/reconstruction/test_depth_maps_of_scenes.py::test_the_scenes_own_maps_are_no_reference_for_themselves",),
     ),
     Mutant(

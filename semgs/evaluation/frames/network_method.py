@@ -80,7 +80,7 @@ class NetworkMethod:
         """The Gaussians at the network's depth and that of maps. The true depth of the input views is no reference."""
         scene, positions, views = inputs.task.scene, inputs.task.sample.contexts, inputs.contexts
         found = read_maps(maps, scene, positions, views.size)
-        reference = find_reference(encoding, scene, positions, views, sensor=False)
+        reference = find_reference(encoding, scene, positions, views, independent=False)
         return place_at_maps(encoding, views, found, maps, reference)[0]
 
     def _render(self, encoding: Encoding, inputs: Inputs, seconds_encode: float) -> Prediction:
