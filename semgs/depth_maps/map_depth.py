@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import log
 from statistics import median
 from typing import ClassVar, Literal, final
 
@@ -59,12 +59,17 @@ class MapPlacement:
 
     def lines(self, names: Sequence[str]) -> tuple[str, ...]:
         """Each fit as text; names are those of the frames."""
-        x = "map" if self.meaning == "inverse" else "/ map"
         return tuple(
-            f"{name}: {percent(fit.known)} known; 1 / depth = {fit.scale:.4g} {x} {fit.shift:+.3g}, typical difference "
-            f"{percent(fit.residual)}, counted as {percent(fit.spread)} uncertain"
+            f"{name}: {percent(fit.known)} known; {self._formula(fit)}, typical difference {percent(fit.residual)}, counted as "
+            f"{percent(fit.spread)} uncertain"
             for name, fit in zip(names, self.fits, strict=True)
         )
+
+    def _formula(self, fit: MapFit) -> str:
+        """How depth follows from a map."""
+        if self.meaning == "inverse":
+            return f"1 / depth = {fit.scale:.4g} map {fit.shift:+.3g}"
+        return f"depth = {1 / fit.scale if fit.scale else math.inf:.4g} map"
 
     def notes(self, names: Sequence[str]) -> tuple[str, ...]:
         """What the user should know, a sentence each."""
@@ -183,7 +188,7 @@ def _check_metres(source: DepthMaps, reference: Reference, aligned: tuple[MapFit
         InputError: as above.
     """
     factor = median(fit.scale for fit in aligned if fits(fit))
-    if abs(log(factor)) > log(ALIKE):
+    if abs(math.log(factor)) > math.log(ALIKE):
         raise InputError(
             source.title, "depth in metres", f"{factor:.3g} times the depth of {reference.title}",
             advice="state the unit of the maps, or give --depth-meaning scaled; or the poses are not in metres",

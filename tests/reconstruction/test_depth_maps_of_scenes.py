@@ -77,10 +77,13 @@ def test_exact_maps_of_unknown_scale_straighten_a_bent_network(
     page = report_page(straight, ORIGIN, {"read": 1.0})
     assert "Fit of the maps" in page
     assert "aligned to the model" in page
-    x = "/ map" if meaning == "scaled" else "map"
-    assert (
-        f"images/00.png: 100 % known; 1 / depth = {straight.placement.fits[0].scale:.4g} {x} " in straight.depth_fits[0]
+    fit = straight.placement.fits[0]
+    formula = (
+        f"depth = {1 / fit.scale:.4g} map"
+        if meaning == "scaled"
+        else f"1 / depth = {fit.scale:.4g} map {fit.shift:+.3g}"
     )
+    assert f"images/00.png: 100 % known; {formula}, typical difference " in straight.depth_fits[0]
 
 
 def test_a_sensor_is_the_reference_and_counts_too(wall_scene: Callable[..., Scene], tmp_path: Path):
