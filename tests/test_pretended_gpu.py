@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,8 +14,11 @@ from networks import network, preset
 from posed import posed_views
 
 from semgs.data.choosing.choice import choose
+from semgs.data.frames import Frame
+from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.views import Batch, stack
+from semgs.depth_maps.depth_source import DepthMaps, Meaning
 from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.protocols import neighbours
@@ -108,8 +111,19 @@ def test_a_scene_is_reconstructed_and_exported(model: SemGS, tmp_path: Path):
     assert (tmp_path / "gaussians.ply").stat().st_size > 0
 
 
-def test_a_frame_is_predicted_for_an_evaluation(model: SemGS):
+class Flat:
+    """Depth maps of a wall that faces each camera, as the networks here see it, without training."""
+
+    title, made_by = "walls", None
+    meaning: Meaning = "scaled"
+
+    def of(self, frame: Frame, size: tuple[int, int]) -> torch.Tensor:
+        return torch.ones(size)
+
+
+@pytest.mark.parametrize("depth", [None, lambda scene: Flat()], ids=["", "depth maps"])
+def test_a_frame_is_predicted_for_an_evaluation(model: SemGS, depth: Callable[[Scene], DepthMaps] | None):
     task = make_plan("neighbours", neighbours, [open_scene(demo_scene())], (2,), SIZE).tasks[0]
-    found = NetworkMethod(model, "cuda", "ours").predict(make_inputs(task, read_views(task)))
+    found = NetworkMethod(model, "cuda", "ours", depth=depth).predict(make_inputs(task, read_views(task)))
     assert found.labels.shape == SIZE
     assert not isinstance(found.image, Pretended)

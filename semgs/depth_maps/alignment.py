@@ -63,6 +63,10 @@ class Reference:
     depths: Float[Tensor, "v h w"]
     spread: Float[Tensor, "v h w"]
 
+    def cpu(self) -> Reference:
+        """The same in the memory of the CPU, where maps are aligned."""
+        return Reference(self.title, self.depths.cpu(), self.spread.cpu())
+
 
 @final
 @dataclass(frozen=True)
@@ -96,7 +100,7 @@ def inverses(maps: Float[Tensor, "*n"], meaning: Meaning) -> Float64[Tensor, "*n
 def align(
     maps: Float[Tensor, "v h w"], meaning: Meaning, reference: Reference, cameras: Cameras
 ) -> tuple[Float[Tensor, "v h w"], tuple[MapFit, ...]]:
-    """Align maps to a reference and to one another. Returns their depths, 0 where unknown, and each fit.
+    """Align maps to a reference and to one another. Returns their depths, 0 where unknown, on the CPU, and each fit.
 
     Args:
         maps: NaN where unknown.
@@ -107,7 +111,7 @@ def align(
     Raises:
         ValueError: a view has no pixel with a value, or no view has one where the reference is known.
     """
-    x = inverses(maps, meaning)
+    x, reference = inverses(maps.cpu(), meaning), reference.cpu()
     known = x.isfinite()
     if not known.flatten(1).any(1).all():
         raise ValueError("a map has no value")

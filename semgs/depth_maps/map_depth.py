@@ -149,7 +149,7 @@ def place_at_maps(
         _check_metres(source, reference, aligned)
     network = encoding.placed_depths(views.cameras)
     spreads = torch.tensor([fit.spread for fit in aligned]).to(network)[:, None, None].expand_as(network)
-    good = torch.tensor([fits(fit) for fit in aligned], device=network.device)[:, None, None]
+    good = torch.tensor([fits(fit) for fit in aligned])[:, None, None]
     measurements = [(network, encoding.depth_spread), (torch.where(good, depths, 0).to(network), spreads)]
     if views.depths is not None and reference.depths is views.depths:
         measurements.append((reference.depths.to(network), reference.spread.to(network)))
