@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from semgs.cli.usage_errors import UsageError
+from semgs.files.paths import typed_path
 
 if TYPE_CHECKING:
     from semgs.data.scene import Scene
     from semgs.depth_maps.depth_source import DepthMaps
     from semgs.depth_maps.sensor_depth import DepthSource
 
+OWN = "maps"
 MEASURED: tuple[DepthSource, ...] = ("network", "sensor", "both")
 
 
@@ -36,8 +38,16 @@ class DepthOptions:
         """Check what can be checked without importing torch.
 
         Raises:
-            UsageError: the meaning of measured depth is given.
+            UsageError: there is no such source, or the meaning of measured depth is given.
         """
+        known = (*MEASURED, OWN)
+        if self.depth not in known and not self.depth.startswith("hf:") and not typed_path(self.depth).exists():
+            from semgs.cli.arguments import did_you_mean
+
+            raise UsageError(
+                f"--depth is {self.depth}{did_you_mean(self.depth, known)}; expected {', '.join(known)}, a folder of depth maps, "
+                "an exported network (.onnx, .tflite), a model folder of transformers, or hf:OWNER/NAME"
+            )
         if self.depth_meaning is not None and self.depth in MEASURED:
             raise UsageError("--depth-meaning is for --depth maps or SOURCE")
 

@@ -53,7 +53,8 @@ def test_maps_of_a_folder_shape_the_scene_and_the_summary_says_so(tmp_path: Path
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--depth", "nowhere"], "nowhere: expected network, sensor, both, maps, a folder of depth maps"),
+        (["--depth", "nowhere"], "--depth is nowhere; expected network, sensor, both, maps, a folder of depth maps, "),
+        (["--depth", "senor"], "--depth is senor; did you mean sensor?; expected network"),
         (["--depth", "{maps}"], "give --depth-meaning metric, scaled or inverse"),
         (["--depth", "sensor", "--depth-meaning", "metric"], "--depth-meaning is for --depth maps or SOURCE"),
         (["--depth", "maps"], "a depth map of this frame, as --depth maps needs"),
