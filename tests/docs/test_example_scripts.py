@@ -11,7 +11,6 @@ import sys
 from pathlib import Path
 
 import pytest
-import trimesh
 from PIL import Image
 
 from semgs.rooms.sets.demo_room import demo_scene
@@ -124,6 +123,7 @@ def test_a_notebook_has_no_outputs_and_a_sentence_before_each_cell_of_code(name:
 def test_the_notebook_of_depth_maps_finds_their_factor_and_saves_points(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
+    trimesh = pytest.importorskip("trimesh")
     monkeypatch.chdir(tmp_path)
     _, files, fits, gaussians = run_cells("depth_maps.ipynb")
     assert files == 8
