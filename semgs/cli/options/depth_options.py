@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from semgs.data.scene import Scene
     from semgs.depth_maps.depth_source import DepthMaps
     from semgs.depth_maps.sensor_depth import DepthSource
+    from semgs.runtime.stopwatch import Stages
 
 OWN = "maps"
 MEASURED: tuple[DepthSource, ...] = ("network", "sensor", "both")
@@ -51,8 +52,8 @@ class DepthOptions:
         if self.depth_meaning is not None and self.depth in MEASURED:
             raise UsageError("--depth-meaning is for --depth maps or SOURCE")
 
-    def source(self, scene: Scene) -> DepthSource | DepthMaps:
-        """The source of depth, for the frames of a scene.
+    def source(self, scene: Scene, stages: Stages) -> DepthSource | DepthMaps:
+        """The source of depth, for the frames of a scene; a network is loaded as a stage.
 
         Raises:
             InputError: it cannot be used.
@@ -63,4 +64,5 @@ class DepthOptions:
                 return measured
         from semgs.depth_maps.opening import open_depth_maps
 
-        return open_depth_maps(self.depth, self.depth_meaning)(scene)
+        with stages("load", f"Opening {self.depth}"):
+            return open_depth_maps(self.depth, self.depth_meaning)(scene)
