@@ -40,6 +40,9 @@ LOG_LINES = 200
 SWEEP_SECONDS = 60.0
 """How often expired results are looked for."""
 
+UPLOAD_SECONDS = 3600.0
+"""Uploads that no job used are deleted after this time."""
+
 STOP_SECONDS = 8.0
 """A worker has this long to end when it is asked to; then it is killed."""
 
@@ -65,8 +68,11 @@ class Job:
     """A job and what became of it.
 
     Attributes:
-        identifier: unguessable, and a name of a folder.
+        identifier: unguessable, and the name of its folder.
         folder: of the job.
+        request: what the worker gets.
+        title: what it is made from, in words.
+        sources: the files as uploaded.
         state: where it is.
         stages: in order; all but the last are finished.
         sentence: why it failed.
@@ -77,6 +83,7 @@ class Job:
     folder: Path
     request: Request
     title: str
+    sources: tuple[Path, ...] = ()
     state: State = "waiting"
     stages: list[Stage] = field(default_factory=list)
     sentence: str = ""
@@ -103,6 +110,7 @@ class Jobs:
         worker: the command that starts a worker.
         limits: of uploads, time and the queue.
         segmenters, depths: what jobs may choose beside the included ones.
+        uploads: folder for what browsers send, by default beside the results; emptied of what no job needed for an hour.
     """
 
     def __init__(
@@ -112,8 +120,10 @@ class Jobs:
         limits: Limits | None = None,
         segmenters: tuple[str, ...] = (),
         depths: tuple[str, ...] = (),
+        uploads: Path | None = None,
     ) -> None:
         self.folder, self.limits = folder, limits or Limits()
+        self.uploads = uploads or folder / "uploads"
         self.segmenters, self.depths = segmenters, depths
         self._worker = list(worker)
         self._jobs: dict[str, Job] = {}
@@ -123,6 +133,8 @@ class Jobs:
         self._running: tuple[Job, subprocess.Popen[str]] | None = None
         self._closed = False
         folder.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(self.uploads, ignore_errors=True)
+        self.uploads.mkdir(parents=True)
         self._read_earlier()
         self._threads = [
             threading.Thread(target=target, daemon=True, name=target.__name__) for target in (self._work, self._sweep)
@@ -141,9 +153,11 @@ class Jobs:
                 _stop(process)
         for thread in self._threads:
             thread.join(STOP_SECONDS)
+        if spare is not None:
+            _close(spare)
 
     def submit(self, uploads: Sequence[Upload], options: RoomOptions | None = None, example: bool = False) -> Job:
-        """Put a job into the queue. The files are moved.
+        """Put a job into the queue. The files stay until a room is made of them, so that another try is possible.
 
         Raises:
             UnusableUploadError: the files or the options cannot be used, or too many jobs wait.
@@ -160,11 +174,16 @@ class Jobs:
         files = []
         for number, one in enumerate(uploads):
             target = folder / FILES / f"{number:03d}{one.ending}"
-            shutil.move(one.path, target)
+            _link(one.path, target)
             files.append([str(target), one.name])
-        titles = {"photos": f"{len(files)} photos", "clip": "a clip", "archive": "a zip", "example": "the included room"}
+        titles = {
+            "photos": f"{len(files)} photos",
+            "clip": "a clip",
+            "archive": "a zip",
+            "example": "the included room",
+        }
         request = Request(kind, files, str(folder), asdict(options), asdict(self.limits))
-        job = Job(identifier, folder, request, titles[kind])
+        job = Job(identifier, folder, request, titles[kind], sources=tuple(one.path for one in uploads))
         with self._lock:
             self._jobs[identifier] = job
             self._queue.append(job)
@@ -202,6 +221,8 @@ class Jobs:
         with self._lock:
             if self._closed or (self._spare is not None and self._spare.poll() is None):
                 return
+            if self._spare is not None:
+                _close(self._spare)
             self._spare = subprocess.Popen(
                 self._worker,
                 stdin=subprocess.PIPE,
@@ -241,8 +262,15 @@ class Jobs:
 
     def _run(self, job: Job, process: subprocess.Popen[str]) -> None:
         """Let a worker do a job."""
-        assert process.stdin is not None and process.stderr is not None
-        timer = threading.Timer(self.limits.seconds, _stop, (process,))
+        assert process.stdin is not None
+        assert process.stderr is not None
+        expired = threading.Event()
+
+        def stop_late_worker() -> None:
+            expired.set()
+            _stop(process)
+
+        timer = threading.Timer(self.limits.seconds, stop_late_worker)
         timer.start()
         log: deque[str] = deque(maxlen=LOG_LINES)
         sentence = ""
@@ -256,10 +284,10 @@ class Jobs:
                 if line.startswith(ERROR):
                     sentence = line.removeprefix(ERROR).strip()
             code = process.wait()
-            in_time = timer.is_alive()
         finally:
             timer.cancel()
             _stop(process)
+            _close(process)
         with self._lock:
             _end_stage(job)
             job.ended = time.time()
@@ -269,7 +297,7 @@ class Jobs:
                 job.state = "done"
                 return
             job.state = "failed"
-            if not in_time:
+            if expired.is_set():
                 job.sentence = f"This took more than {self.limits.seconds / 60:.0f} minutes, so it was stopped. Use fewer photos, or a shorter clip."
             elif sentence:
                 job.sentence = plain(sentence, job)
@@ -294,6 +322,9 @@ class Jobs:
                 del self._jobs[job.identifier]
         for job in old:
             shutil.rmtree(job.folder, ignore_errors=True)
+        for path in self.uploads.iterdir():
+            if now - path.stat().st_mtime > UPLOAD_SECONDS:
+                shutil.rmtree(path, ignore_errors=True)
 
     def _read_earlier(self) -> None:
         """Take over results of an earlier run of the app; what it did not complete is deleted."""
@@ -307,27 +338,35 @@ class Jobs:
                 shutil.rmtree(folder, ignore_errors=True)
                 continue
             request = Request("example", [], str(folder), {})
-            self._jobs[folder.name] = Job(
-                folder.name, folder, request, title, "done", created=ended, started=ended, ended=ended
-            )
+            job = Job(folder.name, folder, request, title, state="done", created=ended, started=ended, ended=ended)
+            self._jobs[folder.name] = job
         self.expire()
 
 
 def plain(sentence: str, job: Job) -> str:
     """An error of the command line for somebody who sees a page: no folders of the server, no options of the command line."""
-    names = {path: Upload(Path(path), name).shown for path, name in job.request.files}
-    for number, (path, name) in enumerate(names.items(), 1):
-        sentence = sentence.replace(path, name)
+    for number, (path, name) in enumerate(job.request.files, 1):
+        shown = Upload(Path(path), name).shown
+        sentence = sentence.replace(path, shown)
         if job.request.kind == "photos":
-            sentence = re.sub(rf"\b(?:photos/|images/)?{number:03d}\.jpg\b", lambda _, name=name: name, sentence)
+            sentence = _of_photo(number).sub(shown.replace("\\", ""), sentence)
     sentence = sentence.replace(str(job.folder), "your files")
-    sentence = re.sub(r"^(?:photos|scene|clip\.\w+)(?=:)", {"archive": "Your zip", "clip": "Your clip"}.get(job.request.kind, "Your photos"), sentence)
+    sentence = re.sub(
+        r"^(?:photos|scene|clip\.\w+)(?=:)",
+        {"archive": "Your zip", "clip": "Your clip"}.get(job.request.kind, "Your photos"),
+        sentence,
+    )
     sentence = re.sub(r"(?<![\w/])scene/(?=\S)", "", sentence)
     sentence = sentence.replace("; see --size and --views", "; use fewer views or smaller photos")
     sentence = re.sub(r"--([a-z]+(?:-[a-z]+)*)", lambda found: found[1].replace("-", " "), sentence)
     sentence = printable(sentence)
     sentence = sentence[:1].upper() + sentence[1:]
     return sentence if sentence.endswith((".", "!", "?")) else f"{sentence}."
+
+
+def _of_photo(number: int) -> re.Pattern[str]:
+    """The name that the worker gives a photo, wherever it is."""
+    return re.compile(rf"(?<![\w/])(?:[\w./-]*/)?{number:03d}\.jpg\b")
 
 
 def _note_stage(job: Job, line: str) -> bool:
@@ -359,6 +398,19 @@ def _clean(job: Job) -> None:
         shutil.rmtree(job.folder / name, ignore_errors=True)
     if job.state != "done":
         shutil.rmtree(job.folder, ignore_errors=True)
+        return
+    for path in job.sources:
+        path.unlink(missing_ok=True)
+        with suppress(OSError):
+            path.parent.rmdir()  # gradio makes a folder for each file
+
+
+def _link(source: Path, target: Path) -> None:
+    """Make a file available under another name, without a copy if both are on one disk."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copyfile(source, target)
 
 
 def _stop(process: subprocess.Popen[str]) -> None:
@@ -370,7 +422,11 @@ def _stop(process: subprocess.Popen[str]) -> None:
             os.killpg(process.pid, number)
         with suppress(subprocess.TimeoutExpired):
             process.wait(seconds)
+
+
+def _close(process: subprocess.Popen[str]) -> None:
+    """Close the pipes of a worker that has ended."""
     for pipe in (process.stdin, process.stderr):
-        if pipe is not None and process.poll() is not None and threading.current_thread().name == "_work":
+        if pipe is not None:
             with suppress(OSError):
                 pipe.close()

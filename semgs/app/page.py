@@ -14,7 +14,6 @@ from typing import Any
 from semgs.app.jobs import IDENTIFIER, Job, Jobs
 from semgs.app.requests import DEPTHS, OWN, RoomOptions
 from semgs.app.uploads import UnusableUploadError, Upload
-from semgs.figures.number_texts import duration
 from semgs.files.extras import needs_extra
 
 POLL_SECONDS = 0.4
@@ -62,16 +61,15 @@ def check_page_library() -> None:
         import gradio  # noqa: F401
 
 
-def mount_page(application: Any, jobs: Jobs, uploads: Path, local: bool) -> Any:
+def mount_page(application: Any, jobs: Jobs, local: bool) -> Any:
     """Mount the page in an application of FastAPI.
 
     Args:
         application: the application.
         jobs: the queue.
-        uploads: folder for files that are being uploaded.
         local: whether the page says that photos stay on this computer.
     """
-    os.environ["GRADIO_TEMP_DIR"] = str(uploads)
+    os.environ["GRADIO_TEMP_DIR"] = str(jobs.uploads)
     check_page_library()
     import gradio
 
@@ -144,7 +142,7 @@ def _build(jobs: Jobs, local: bool) -> Any:
                 make = gr.Button("Make the room", variant="primary", elem_id="make")
                 example = gr.Button("Try the included room", elem_id="example")
             with gr.Accordion("Options", open=False, elem_id="options"):
-                options = _options(gr, jobs)
+                options = _options(gr, jobs, local)
         status = gr.HTML("", elem_id="status")
         with gr.Row(elem_id="after"):
             cancel = gr.Button("Cancel", visible=False, elem_id="cancel")
@@ -205,7 +203,9 @@ def _build(jobs: Jobs, local: bool) -> Any:
                 return
             job = jobs.find(which) if IDENTIFIER.fullmatch(which) else None
             if job is None:
-                yield view(None, "This room is no longer here. Rooms are kept for a day; make it again from your photos.")
+                yield view(
+                    None, "This room is no longer here. Rooms are kept for a day; make it again from your photos."
+                )
                 return
             yield from follow(job)
 
@@ -223,23 +223,33 @@ def _build(jobs: Jobs, local: bool) -> Any:
     return page
 
 
-def _options(gr: Any, jobs: Jobs) -> list[Any]:
+def _options(gr: Any, jobs: Jobs, local: bool) -> list[Any]:
     """The folded options, in the order of `_chosen`."""
     with gr.Row():
-        views = gr.Radio([2, 3, 4], value=2, label="Views", info="Photos that the room is made from; more show more of it.")
+        views = gr.Radio(
+            [2, 3, 4], value=2, label="Views", info="Photos that the room is made from; more show more of it."
+        )
         refine = gr.Checkbox(False, label="Refine", info="Sharper images, for some seconds more.")
     with gr.Row():
         segmenter = gr.Dropdown(
-            [OWN, *jobs.segmenters], value=OWN, label="Classes from", info="More with semgs app --segmenter."
+            [OWN, *jobs.segmenters],
+            value=OWN,
+            label="Classes from",
+            info="More with semgs app --segmenter." if local else None,
         )
         words = gr.Textbox(
-            "", label="Words", info="Classes to look for, with a segmenter that understands words.", placeholder="chair, mug, power socket"
+            "",
+            label="Words",
+            info="Classes to look for, with a segmenter that understands words.",
+            placeholder="chair, mug, power socket",
         )
         depth = gr.Dropdown(
             [("network", "network"), ("depth camera", "sensor"), ("both", "both"), *((one, one) for one in jobs.depths)],
             value=DEPTHS[0], label="Depth from", info="A depth camera needs depth maps in the zip.",
         )  # fmt: skip
-    gr.HTML('<p class="note">Scale: photos do not show how large a room is. If you know how far apart two of them were taken, sizes are in metres.</p>')
+    gr.HTML(
+        '<p class="note">Scale: photos do not show how large a room is. If you know how far apart two of them were taken, sizes are in metres.</p>'
+    )
     with gr.Row():
         first = gr.Number(0, label="First photo", info="its number in the list", precision=0, minimum=0)
         second = gr.Number(0, label="Second photo", info="its number in the list", precision=0, minimum=0)
@@ -276,7 +286,7 @@ def status_text(job: Job | None, ahead: int = 0, sentence: str = "") -> str:
     if job.state == "cancelled":
         return '<div class="status" role="status"><p>Cancelled. Nothing was kept.</p></div>'
     if job.state == "done":
-        return f'<div class="status done" role="status"><p>Ready after {duration(job.ended - job.started)}. The room is kept for a day at this address.</p></div>'
+        return f'<div class="status done" role="status"><p>Ready after {job.ended - job.started:.0f} s. The room is kept for a day at this address.</p></div>'
     if job.state == "waiting":
         rooms = "1 room is" if ahead == 1 else f"{ahead} rooms are"
         what = "It starts in a moment." if not ahead else f"{rooms} before yours."

@@ -53,10 +53,14 @@ class RoomOptions:
         if any(word.strip().startswith("-") for word in self.words.split(",")):
             raise UnusableUploadError("Words cannot begin with a hyphen.")
         if self.words.strip() and self.segmenter == OWN:
-            raise UnusableUploadError("Words need a segmenter that understands them. Choose one under Options, or leave the words out.")
+            raise UnusableUploadError(
+                "Words need a segmenter that understands them. Choose one under Options, or leave the words out."
+            )
         given = (self.first > 0, self.second > 0, self.metres > 0)
         if any(given) and not all(given):
-            raise UnusableUploadError("For the scale, give two photos by number and the distance between them in metres.")
+            raise UnusableUploadError(
+                "For the scale, give two photos by number and the distance between them in metres."
+            )
         if any(given) and (self.first == self.second or not math.isfinite(self.metres) or self.metres > 100):
             raise UnusableUploadError("For the scale, give two different photos and a distance of up to 100 metres.")
 

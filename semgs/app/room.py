@@ -46,9 +46,10 @@ PLAIN = (
         r"No overlap: (.*) shows nothing.*",
         r"Photo \1 shares too little with the others, so its depth is a guess. Take photos that overlap more.",
     ),
+    (r"The focal length is.*|\d+ of \d+ frames of the clip were chosen.*", ""),
     (r"Which way is up is uncertain.*", "Which way is up is a guess here, so downloaded files may be tilted."),
     (r"No frame is held out.*", "All photos were used, so nothing is left to check how good new views are."),
-    (r"(\d+) of \1 photos.*cameras.*|The cameras of (\d+) of \2 photos were estimated.*", ""),
+    (r"The cameras of (\d+) of \1 photos were estimated.*", ""),
     (
         r"The cameras of (\d+) of (\d+) photos were estimated.*",
         r"Only \1 of \2 photos could be placed; the others share too little with them. Take more steps to the side, and let photos overlap by half.",
@@ -82,7 +83,9 @@ def write_room(folder: Path, title: str = "Your room", notes: Sequence[str] = ()
         "title": title,
         "metric": scene.unit == "metric",
         "gaussians": len(scene.gaussians),
-        "classes": [{"name": group.name, "share": round(group.share, 4)} for group in page.groups] if scene.classes else [],
+        "classes": [{"name": group.name, "share": round(group.share, 4)} for group in page.groups]
+        if scene.classes
+        else [],
         "things": _things(things),
         "notes": listed,
         "seconds": report["seconds"],
@@ -103,7 +106,9 @@ def plain_note(note: str) -> str:
     return "" if " --" in note else note
 
 
-def _page(folder: Path, scene: SavedScene, report: Mapping[str, Any], page: RoomScene, record: Mapping[str, Any]) -> str:
+def _page(
+    folder: Path, scene: SavedScene, report: Mapping[str, Any], page: RoomScene, record: Mapping[str, Any]
+) -> str:
     """The text of index.html."""
     from jinja2 import Environment, StrictUndefined
 
@@ -180,7 +185,9 @@ def _before(folder: Path, report: Mapping[str, Any]) -> dict[str, str] | None:
     """A view before and after refinement; None without one."""
     if not report["refinement"]:
         return None
-    roles = {role: f"renders/{role}_{view['position']:03d}" for view in reversed(report["views"]) for role in [view["role"]]}
+    roles = {
+        role: f"renders/{role}_{view['position']:03d}" for view in reversed(report["views"]) for role in [view["role"]]
+    }
     stem = roles.get("target") or roles["context"]
     if not (folder / f"{stem}_before.png").exists():
         return None

@@ -86,9 +86,7 @@ def room_scene(
         "scale": splats.scale,
         "origin": list(scene.origin),
         "modes": list(modes),
-        "steps": {
-            number: np.unique(steps[group.members]).tolist() for number, group in enumerate(splats.groups)
-        },
+        "steps": {number: np.unique(steps[group.members]).tolist() for number, group in enumerate(splats.groups)},
         "views": [{"position": view.position, "lookAt": view.look_at, "fov": view.fov} for view in views],
         "arrays": _arrays(splats, shown),
     }

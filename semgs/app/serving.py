@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import secrets
-import shutil
-import time
 from collections.abc import Callable
 from http.cookies import CookieError, SimpleCookie
-from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs
 
@@ -17,17 +14,15 @@ from semgs.app.page import check_page_library, mount_page
 LOOPBACK = "127.0.0.1"
 COOKIE = "semgs_token"
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "[::1]")
-OLD_UPLOAD_SECONDS = 3600.0
 
 HEADERS = {"X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cache-Control": "private, no-store"}
 
 
-def application(jobs: Jobs, uploads: Path, *, local: bool = True, token: str | None = None) -> Any:
+def application(jobs: Jobs, *, local: bool = True, token: str | None = None) -> Any:
     """The app as an ASGI application.
 
     Args:
         jobs: the queue.
-        uploads: folder for files that are being uploaded.
         local: whether only this machine can reach it: then other host names are refused, so that no page from elsewhere can read it through DNS.
         token: what a browser has to show once, as ?token=...; None for nothing.
 
@@ -38,7 +33,6 @@ def application(jobs: Jobs, uploads: Path, *, local: bool = True, token: str | N
     from fastapi import FastAPI
     from fastapi.responses import FileResponse, PlainTextResponse
 
-    uploads.mkdir(parents=True, exist_ok=True)
     app = FastAPI(title="SemGS", docs_url=None, redoc_url=None, openapi_url=None)
 
     @app.get("/rooms/{identifier}/{name:path}")
@@ -48,11 +42,15 @@ def application(jobs: Jobs, uploads: Path, *, local: bool = True, token: str | N
             return PlainTextResponse("This room is no longer here.", 404)
         root = job.room.resolve()
         path = (root / name).resolve()
-        if not path.is_relative_to(root) or not path.is_file() or any(part.startswith(".") for part in path.relative_to(root).parts):
+        if (
+            not path.is_relative_to(root)
+            or not path.is_file()
+            or any(part.startswith(".") for part in path.relative_to(root).parts)
+        ):
             return PlainTextResponse("There is no such file.", 404)
         return FileResponse(path, headers=HEADERS)
 
-    mounted = mount_page(app, jobs, uploads, local)
+    mounted = mount_page(app, jobs, local)
     return Door(mounted, token, LOCAL_HOSTS if local else None)
 
 
@@ -81,10 +79,16 @@ class Door:
             return await self._app(scope, receive, send)
         query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
         if scope["type"] == "http" and _matches(query.get("token", [""])[0], self._token):
-            rest = "&".join(f"{name}={values[0]}" for name, values in query.items() if name == "room" and values[0].isalnum())
+            rest = "&".join(
+                f"{name}={values[0]}" for name, values in query.items() if name == "room" and values[0].isalnum()
+            )
             cookie = f"{COOKIE}={self._token}; HttpOnly; SameSite=Strict; Path=/"
-            return await _refuse(scope, send, 303, "", {"location": "/" + (f"?{rest}" if rest else ""), "set-cookie": cookie})
-        return await _refuse(scope, send, 403, "This page needs the address with its token, which semgs app printed when it started.")
+            return await _refuse(
+                scope, send, 303, "", {"location": "/" + (f"?{rest}" if rest else ""), "set-cookie": cookie}
+            )
+        return await _refuse(
+            scope, send, 403, "This page needs the address with its token, which semgs app printed when it started."
+        )
 
 
 def _cookie(text: str) -> str:
@@ -114,13 +118,6 @@ async def _refuse(
     await send({"type": "http.response.body", "body": text.encode()})
 
 
-def remove_old_uploads(folder: Path) -> None:
-    """Delete uploads that belong to no job: a browser sent them and never started one."""
-    for path in folder.iterdir() if folder.is_dir() else ():
-        if time.time() - path.stat().st_mtime > OLD_UPLOAD_SECONDS:
-            shutil.rmtree(path, ignore_errors=True)
-
-
 def serve(app: Any, host: str, port: int, started: Callable[[int], None]) -> None:
     """Serve until an interrupt.
 
@@ -139,5 +136,7 @@ def serve(app: Any, host: str, port: int, started: Callable[[int], None]) -> Non
 
     listening = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
     started(listening.getsockname()[1])
-    server = Server(Config(app, log_level="warning", access_log=False, timeout_graceful_shutdown=2, server_header=False))
+    server = Server(
+        Config(app, log_level="warning", access_log=False, timeout_graceful_shutdown=2, server_header=False)
+    )
     server.run(sockets=[listening])

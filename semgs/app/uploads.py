@@ -58,7 +58,7 @@ class Upload:
     @property
     def shown(self) -> str:
         """The name for messages."""
-        name = printable(PurePosixPath(self.name.replace("\\", "/")).name)
+        name = " ".join(printable(PurePosixPath(self.name.replace("\\", "/")).name).split())
         return name if len(name) <= 60 else f"{name[:40]}…{name[-12:]}"
 
 
@@ -70,6 +70,8 @@ def check_uploads(uploads: Sequence[Upload], limits: Limits) -> Kind:
     """
     if not uploads:
         raise UnusableUploadError("Nothing was dropped. Add two or more photos, a clip, or a zip of a scene.")
+    if not all(one.path.is_file() for one in uploads):
+        raise UnusableUploadError("The files are no longer on the server. Drop them again.")
     for one in uploads:
         size = one.path.stat().st_size
         if one.ending not in ACCEPTED:
@@ -139,9 +141,7 @@ def prepare(
     if pictures and has_only_photos(scene):
         listed = [Upload(path, path.name) for path in pictures if path.parent in (scene, scene / "images")]
         if len(listed) > limits.photos:
-            raise UnusableUploadError(
-                f"The zip has {len(listed)} photos without cameras; use at most {limits.photos}."
-            )
+            raise UnusableUploadError(f"The zip has {len(listed)} photos without cameras; use at most {limits.photos}.")
         return _photos(listed, folder / "photos", limits, say)
     return scene, []
 
@@ -271,7 +271,9 @@ def _reduced(upload: Upload) -> bytes | None:
     image = Image.fromarray(pixels)
     exif = Image.Exif()
     if optics.focal_px is not None:
-        exif.get_ifd(EXIF_FOLDER)[FOCAL_35_MM] = max(1, round(optics.focal_px * 43.2666 / (height**2 + width**2) ** 0.5))
+        exif.get_ifd(EXIF_FOLDER)[FOCAL_35_MM] = max(
+            1, round(optics.focal_px * 43.2666 / (height**2 + width**2) ** 0.5)
+        )
     if optics.panorama:
         exif.get_ifd(EXIF_FOLDER)[CUSTOM_RENDERED] = 6
     image.thumbnail((LONGEST_SIDE, LONGEST_SIDE), Image.Resampling.LANCZOS, reducing_gap=3.0)

@@ -59,7 +59,11 @@ def show_progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
     If stderr is no terminal, nothing is shown.
     """
     if report_stage(title, done=0, of=total):
-        yield lambda count: report_stage(title, done=count, of=total)
+
+        def report(count: int) -> None:
+            report_stage(title, done=count, of=total)
+
+        yield report
         return
     console = Console(stderr=True, highlight=False, markup=False)
     if not console.is_terminal:

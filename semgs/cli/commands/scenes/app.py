@@ -46,7 +46,9 @@ class App:
     is not encrypted."""
     port: Annotated[int, one_word("INT", at_least(0))] = 7860
     """Port to listen on; 0 is any free one."""
-    folder: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(default: in the user's cache)")] = None
+    folder: Annotated[
+        Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(default: in the user's cache)")
+    ] = None
     """Where rooms are kept."""
     keep_hours: Annotated[float, one_word("HOURS", at_least(0.0, more=True))] = 24.0
     """Rooms are deleted after this time."""
@@ -70,8 +72,6 @@ class App:
         check_viewer_library()
         with show_stage("Starting"):
             check_page_library()
-            import semgs.app.serving
-
         local = self.host in (LOOPBACK, "localhost", "::1")
         token = None if local else secrets.token_urlsafe(18)
         folder = (self.folder or cache_folder() / "app").absolute()
@@ -84,13 +84,15 @@ class App:
 
         limits = Limits(seconds=60 * self.minutes, kept_seconds=3600 * self.keep_hours)
         worker = [sys.executable, "-m", "semgs.cli.app_worker"]
-        jobs = Jobs(folder / "rooms", worker, limits, self.segmenter, self.depth)
+        jobs = Jobs(folder / "rooms", worker, limits, self.segmenter, self.depth, uploads=folder / "uploads")
         try:
-            app = application(jobs, folder / "uploads", local=local, token=token)
+            app = application(jobs, local=local, token=token)
             with suppress(KeyboardInterrupt):
                 serve(app, self.host, self.port, lambda port: self._say(port, token))
         except OSError as error:
-            raise InputError(self.host, f"an address of this machine, with port {self.port} free", str(error.strerror or error)) from error
+            raise InputError(
+                self.host, f"an address of this machine, with port {self.port} free", str(error.strerror or error)
+            ) from error
         finally:
             jobs.close()
 
@@ -121,4 +123,6 @@ def _sole_user(folder: Path) -> Iterator[None]:
         with FileLock(folder / ".lock", timeout=0):
             yield
     except Timeout as error:
-        raise InputError(folder, "a folder that no other semgs app uses", "one in use", advice="choose another --folder") from error
+        raise InputError(
+            folder, "a folder that no other semgs app uses", "one in use", advice="choose another --folder"
+        ) from error
