@@ -89,7 +89,11 @@ def test_a_job_passes_its_stages_and_leaves_only_its_room(start: Callable[..., J
 
 def test_jobs_run_one_at_a_time_in_order_and_those_that_wait_know_their_place(start: Callable[..., Jobs]):
     jobs = start()
-    first, second, third = jobs.submit((), asked("sleep"), True), jobs.submit((), example=True), jobs.submit((), example=True)
+    first, second, third = (
+        jobs.submit((), asked("sleep"), True),
+        jobs.submit((), example=True),
+        jobs.submit((), example=True),
+    )
     wait(lambda: first.state == "working")
     assert [jobs.ahead(second), jobs.ahead(third)] == [1, 2]
     jobs.cancel(second)
@@ -112,7 +116,9 @@ def test_an_error_becomes_a_sentence_and_the_photos_stay_for_another_try(start: 
     assert again.state == "done"
 
 
-def test_a_bug_shows_no_traceback_to_the_user_but_to_who_runs_the_app(start: Callable[..., Jobs], capsys: pytest.CaptureFixture[str]):
+def test_a_bug_shows_no_traceback_to_the_user_but_to_who_runs_the_app(
+    start: Callable[..., Jobs], capsys: pytest.CaptureFixture[str]
+):
     job = start().submit((), asked("bug"), True)
     wait(lambda: job.over)
     assert job.sentence == BUG
@@ -162,7 +168,9 @@ def test_rooms_expire_and_others_survive_a_restart(start: Callable[..., Jobs]):
     ],
 )  # fmt: skip
 def test_errors_of_the_command_line_name_neither_folders_nor_options(sentence: str, expected: str):
-    request = Request("photos", [["/rooms/x/files/000.jpg", "A.jpg"], ["/rooms/x/files/001.jpg", "B.jpg"]], "/rooms/x", {})
+    request = Request(
+        "photos", [["/rooms/x/files/000.jpg", "A.jpg"], ["/rooms/x/files/001.jpg", "B.jpg"]], "/rooms/x", {}
+    )
     assert plain(sentence, Job("x", Path("/rooms/x"), request, "2 photos")) == expected
 
 
@@ -180,6 +188,17 @@ def test_options_that_the_page_does_not_offer_are_refused(options: dict):
 
 def test_options_become_those_of_the_command_line():
     options = RoomOptions(3, True, "seg.onnx", "mug, power socket", "sensor", 1, 4, 1.25)
-    words = ["--views", "3", "--refine", "--segmenter", "seg.onnx", "--words", "mug", "power socket", "--depth", "sensor"]
+    words = [
+        "--views",
+        "3",
+        "--refine",
+        "--segmenter",
+        "seg.onnx",
+        "--words",
+        "mug",
+        "power socket",
+        "--depth",
+        "sensor",
+    ]
     assert options.arguments(photos=False) == words
     assert options.arguments(photos=True)[-4:] == ["--scale-from", "001.jpg", "004.jpg", "1.25"]

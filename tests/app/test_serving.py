@@ -51,7 +51,8 @@ def test_without_the_token_no_websocket_opens():
 
 
 @pytest.mark.parametrize(
-    ("host", "status"), [("127.0.0.1:7860", 200), ("localhost:7860", 200), ("[::1]:7860", 200), ("evil.example:7860", 421), ("", 421)]
+    ("host", "status"),
+    [("127.0.0.1:7860", 200), ("localhost:7860", 200), ("[::1]:7860", 200), ("evil.example:7860", 421), ("", 421)],
 )
 def test_on_this_machine_only_its_own_names_open_the_app(host: str, status: int):
     assert answer(Door(behind, None, LOCAL_HOSTS), host=host)["status"] == status

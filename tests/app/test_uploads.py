@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import io
-import stat
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
+from dropped_files import picture, with_link, written, zipped
 from PIL import Image
 
 from semgs.app.limits import Limits
@@ -17,33 +15,6 @@ from semgs.app.uploads import LONGEST_SIDE, UnusableUploadError, Upload, check_u
 from semgs.files.images.pictures import read_optics, read_rgb
 
 SMALL = Limits(file_bytes=40_000, total_bytes=60_000, photos=3, pixels=10_000, members=5, unpacked_bytes=50_000)
-
-
-def picture(path: Path, size: tuple[int, int] = (60, 40), seed: int = 0, **options: object) -> Upload:
-    """A JPEG of noise, (width, height)."""
-    pixels = np.random.default_rng(seed).integers(0, 255, (size[1], size[0], 3), np.uint8)
-    Image.fromarray(pixels).save(path, **options)  # type: ignore[arg-type]
-    return Upload(path, path.name)
-
-
-def written(path: Path, data: bytes) -> Upload:
-    path.write_bytes(data)
-    return Upload(path, path.name)
-
-
-def zipped(path: Path, members: dict[str, bytes]) -> Upload:
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in members.items():
-            archive.writestr(name, data)
-    return Upload(path, path.name)
-
-
-def with_link(path: Path) -> Upload:
-    with zipfile.ZipFile(path, "w") as archive:
-        link = zipfile.ZipInfo("images/0.jpg")
-        link.external_attr = (stat.S_IFLNK | 0o777) << 16
-        archive.writestr(link, "/etc/passwd")
-    return Upload(path, path.name)
 
 
 def lying(path: Path) -> Upload:
@@ -129,7 +100,12 @@ def test_a_zip_of_photos_is_photos_and_clutter_is_ignored(tmp_path: Path):
     Image.new("RGB", (30, 20), "red").save(buffer, "PNG")
     archive = zipped(
         tmp_path / "a.zip",
-        {"trip/a.png": buffer.getvalue(), "trip/b.png": buffer.getvalue(), "__MACOSX/trip/._a.png": b"x", "trip/.DS_Store": b"x"},
+        {
+            "trip/a.png": buffer.getvalue(),
+            "trip/b.png": buffer.getvalue(),
+            "__MACOSX/trip/._a.png": b"x",
+            "trip/.DS_Store": b"x",
+        },
     )
     scene, _ = prepare("archive", [archive], tmp_path, Limits(), lambda title: None)
     assert scene.name == "photos"
