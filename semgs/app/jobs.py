@@ -52,6 +52,18 @@ BUG = "SemGS failed on these files, and this is a bug. The details are in the te
 KILLED = "The work was stopped by the system, probably because memory ran out. Try fewer or smaller files."
 
 
+PLAIN = (
+    (
+        r"expected photos whose cameras can be estimated, found (.+?)(?: \(\d+ photos\))?; ",
+        r"it cannot be found where they were taken: \1. ",
+    ),
+    (r"expected two or more photos, found (?:1|none)(?:; )?", "fewer than two can be used. "),
+    (r"expected a video that OpenCV can decode, found no frames; ", "it cannot be decoded. "),
+    (r"expected a scene, found no known layout", "it has neither photos nor a scene in a layout that is known here"),
+)
+"""Errors of the command line that users of the page meet most, in words for them."""
+
+
 @dataclass
 class Stage:
     """A stage of a job: what is done, since when, and how far it is."""
@@ -359,8 +371,12 @@ def plain(sentence: str, job: Job) -> str:
     sentence = re.sub(r"(?<![\w/])scene/(?=\S)", "", sentence)
     sentence = sentence.replace("; see --size and --views", "; use fewer views or smaller photos")
     sentence = re.sub(r"--([a-z]+(?:-[a-z]+)*)", lambda found: found[1].replace("-", " "), sentence)
-    sentence = printable(sentence)
-    sentence = sentence[:1].upper() + sentence[1:]
+    for pattern, words in PLAIN:
+        sentence = re.sub(pattern, words, sentence)
+    sentence = printable(sentence).strip()
+    sentence = re.sub(r"(?<=\. )[a-z]", lambda found: found[0].upper(), sentence)
+    if "." not in sentence.split(" ")[0]:  # names of files stay as they are
+        sentence = sentence[:1].upper() + sentence[1:]
     return sentence if sentence.endswith((".", "!", "?")) else f"{sentence}."
 
 

@@ -86,7 +86,7 @@ def make_room(page: Page) -> None:
 
 def room_in(page: Page) -> FrameLocator:
     """The room, as soon as it can be used."""
-    page.locator("iframe.room").wait_for()
+    page.locator("iframe.room").wait_for(timeout=600_000)
     room = page.frame_locator("iframe.room")
     room.locator("body[data-ready]").wait_for()
     return room

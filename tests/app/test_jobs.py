@@ -160,7 +160,12 @@ def test_rooms_expire_and_others_survive_a_restart(start: Callable[..., Jobs]):
 @pytest.mark.parametrize(
     ("sentence", "expected"),
     [
-        ("photos: expected two or more photos, found 1", "Your photos: expected two or more photos, found 1."),
+        ("photos: expected two or more photos, found 1", "Your photos: fewer than two can be used."),
+        (
+            "photos: expected photos whose cameras can be estimated, found too little overlap (3 photos); take more",
+            "Your photos: it cannot be found where they were taken: too little overlap. Take more.",
+        ),
+        ("a.zip is not a zip that can be read.", "a.zip is not a zip that can be read."),
         ("photos/002.jpg cannot be read", "B.jpg cannot be read."),
         ("out/cameras/images/001.jpg is dark", "A.jpg is dark."),
         ("there is too little memory; see --size and --views", "There is too little memory; use fewer views or smaller photos."),
