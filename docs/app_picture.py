@@ -18,10 +18,10 @@ from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
 OUT = Path(__file__).parent / "images" / "app.gif"
-SIZE = (760, 1000)
+SIZE = (720, 1080)
 """(height, width) of the browser's window [px]."""
 
-WIDTH, COLOURS = 720, 96
+WIDTH, COLOURS = 760, 112
 TURN = 0.035
 """Between two frames [radians]."""
 

@@ -216,7 +216,8 @@ def _build(jobs: Jobs, local: bool) -> Any:
         example.click(start_example, options, shown, **many)
         cancel.click(stop, identifier, None, **many)
         again.click(lambda: [*view(None), None], None, [*shown, dropped], **many)
-        dropped.change(lambda: "", None, status, **many)
+        # In the browser alone: an answer of the server could come after that of the button.
+        dropped.change(None, None, status, js="() => ''", **hidden)
         identifier.change(None, identifier, identifier, js=KEEP_ADDRESS, **hidden)
         page.load(resume, None, shown, **many)
     page.queue(max_size=200, default_concurrency_limit=40)

@@ -139,11 +139,11 @@
   svg.setAttribute("aria-hidden", "true");
   let drawn = "";
   function follow() {
-    requestAnimationFrame(follow);
     if (!marks.length) {
-      if (drawn) svg.innerHTML = drawn = "";
+      svg.innerHTML = drawn = "";
       return;
     }
+    requestAnimationFrame(follow);
     const matrix = clipFromScene();
     const places = marks.map((point) => project(matrix, ...point)).filter((one) => one.w > 0);
     const dots = places.map(({ x, y }) => `<circle cx="${x.toFixed(1)}" cy="${y.toFixed(1)}" r="6" fill="#ffd34d" stroke="#222" stroke-width="2"/>`);
@@ -158,7 +158,11 @@
     const message = event.data;
     if (event.source !== window.parent || !message || message.semgs !== "room") return;
     if (message.fly !== undefined) flyTo(message.fly);
-    if (message.marks) marks = message.marks;
+    if (message.marks) {
+      const still = marks.length === 0;
+      marks = message.marks;
+      if (still) follow();
+    }
     if (message.pick === "centre") {
       const box = viewer().canvas.getBoundingClientRect();
       reportClick(box.left + box.width / 2, box.top + box.height / 2);
@@ -184,7 +188,6 @@
       data.steps[group].every((step) => viewer().nodeRefFromName[`/${mode}/${group}/${step}`])));
     if (!complete) return setTimeout(wait, 100);
     document.body.append(svg);
-    follow();
     tell({ event: "ready" });
     apply();
   })();
