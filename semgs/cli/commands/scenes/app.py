@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import secrets
+import socket
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -105,7 +105,7 @@ class App:
             f"semgs: everyone who can reach {self.host} and has the token can use this app; the connection is not encrypted",
             file=sys.stderr,
         )
-        name = os.uname().nodename if self.host == EVERY_ADDRESS else self.host
+        name = socket.gethostname() if self.host == EVERY_ADDRESS else self.host
         print(f"Open http://{name}:{port}/?token={token} in a browser. Ctrl-C stops the app.", flush=True)
 
 
