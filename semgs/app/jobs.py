@@ -36,6 +36,9 @@ State = Literal["waiting", "working", "done", "failed", "cancelled"]
 ERROR = "semgs: error: "
 FILES, WORK, ROOM = "files", "work", "room"
 
+SPINS = "3000"
+"""How often an idle thread of OpenMP in a worker looks for work before it sleeps, as for `semgs` itself."""
+
 LOG_LINES = 200
 SWEEP_SECONDS = 60.0
 """How often expired results are looked for."""
@@ -242,7 +245,7 @@ class Jobs:
                 stderr=subprocess.PIPE,
                 text=True,
                 errors="replace",
-                env={**os.environ, "SEMGS_PROGRESS": "json"},
+                env={"GOMP_SPINCOUNT": SPINS, **os.environ, "SEMGS_PROGRESS": "json"},
                 start_new_session=True,
             )
 
