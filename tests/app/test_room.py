@@ -68,7 +68,7 @@ def test_a_note_that_all_photos_were_placed_is_no_news():
 
 
 def test_a_room_in_a_browser_hides_classes_names_what_is_clicked_and_measures(room: Path):
-    with served(room) as address, page_of((800, 1200), offline=False, known=KNOWN) as page:
+    with served(room) as address, page_of((700, 420), offline=False, known=KNOWN) as page:
         page.goto(f"{address}/index.html")
         page.locator("body[data-ready]").wait_for()
         scene, info = page.locator("#scene"), page.locator("#info")
