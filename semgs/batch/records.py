@@ -1,8 +1,8 @@
 """What became of the scenes of a batch.
 
-    OUT/NAME/               what the command wrote for a scene, whole or not there
-    OUT/records/NAME.json   whether it succeeded, with which options and inputs, and how long it took
-    OUT/failures.jsonl      the scenes that failed, with a line on why each did
+OUT/NAME/               what the command wrote for a scene, whole or not there
+OUT/records/NAME.json   whether it succeeded, with which options and inputs, and how long it took
+OUT/failures.jsonl      the scenes that failed, with a line on why each did
 """
 
 from __future__ import annotations
