@@ -71,10 +71,10 @@ def settle_worker(index: int = 0) -> None:
     cv2.setNumThreads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    threading.Thread(target=_end_with_the_run, daemon=True).start()
+    threading.Thread(target=end_with_the_run, daemon=True).start()
 
 
-def _end_with_the_run() -> None:
+def end_with_the_run() -> None:
     """Wait until the run's process has ended, then exit.
 
     The parent of a worker is the fork server, which lives as long as it has a child: after a `kill -9` of the run, both would wait for
