@@ -34,6 +34,11 @@ SOME_FAILED = 3
 """The exit code if some scenes failed."""
 
 
+def _matching(word: str) -> list[Path]:
+    """The paths that a word with wildcards matches, or the path that it is. A shell has already done so, unless the word was quoted."""
+    return sorted(map(Path, glob(word))) or [typed_path(word)]  # noqa: PTH207 - patterns may begin at the root
+
+
 @dataclass(frozen=True)
 class Batch:
     """Run a command for many scenes, several at a time.
@@ -144,7 +149,7 @@ class Batch:
 
         found: list[Path] = []
         for word in self.data:
-            for path in sorted(map(Path, glob(word))) or [typed_path(word)]:
+            for path in _matching(word):
                 if self.command in ("reconstruct", "doctor", "label"):
                     found += scene_paths(path, read_list(self.scenes) if self.scenes else None)
                 elif self.command == "export" and path.is_dir() and not (path / "scene.safetensors").is_file():
