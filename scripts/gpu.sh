@@ -33,10 +33,12 @@ export TORCH_CUDA_ARCH_LIST
 "$python" -c 'from semgs.rendering.gsplat_backend import rasterizer; rasterizer()' \
     || echo 'gsplat does not work here; tests that need it are skipped, rendering uses the CPU' >&2
 
+marked=$(grep -rl --include='test_*.py' 'mark\.gpu' tests)  # the others need packages for development only
+
 case $task in
-    test) "$python" -m pytest -m gpu -rs ;;
+    test) "$python" -m pytest -m gpu -rs $marked ;;
     time) "$python" -m semgs bench ;;
     train) "$python" -m semgs train "$2" --out "$3" --device cuda --minutes "$4" "${@:5}" ;;
-    all) "$python" -m pytest -m gpu -rs && "$python" -m semgs bench ;;
+    all) "$python" -m pytest -m gpu -rs $marked && "$python" -m semgs bench ;;
     *) echo "unknown task $task: test, time, train or all" >&2; exit 2 ;;
 esac

@@ -120,8 +120,8 @@ def align(
     fit = _Fit(x, meaning == "inverse", reference, cameras)
     for _ in range(ROUNDS):
         fit.improve()
-    depths = torch.where(known, 1 / fit.inverse_depths(x.nan_to_num(0)), 0).to(reference.depths)
-    return depths, tuple(fit.result(view, float(known[view].double().mean())) for view in range(len(maps)))
+    inverse = torch.stack([fit.inverse_depths(view, numbers) for view, numbers in enumerate(x.nan_to_num(0))])
+    return torch.where(known, 1 / inverse, 0).to(reference.depths), fit.results()
 
 
 class _Fit:
@@ -150,10 +150,9 @@ class _Fit:
         lines = torch.stack([usual if one is None else torch.tensor(one, dtype=torch.float64) for one in starts])
         self.scales, self.shifts = lines[:, 0].clone(), lines[:, 1].clone()
 
-    def inverse_depths(self, x: Float64[Tensor, "*shape"]) -> Float64[Tensor, "*shape"]:
-        """The aligned inverse depths of all views."""
-        shape = (-1, *([1] * (x.ndim - 1)))
-        return (self.scales.view(shape) * x + self.shifts.view(shape)).clamp(min=self._least)
+    def inverse_depths(self, view: int, x: Float64[Tensor, "*n"]) -> Float64[Tensor, "*n"]:
+        """The aligned inverse depths of numbers of a view."""
+        return (self.scales[view] * x + self.shifts[view]).clamp(min=self._least)
 
     def improve(self) -> None:
         """One round of weighted least squares over all views."""
@@ -169,20 +168,26 @@ class _Fit:
         if self._shifts:
             self.shifts += step[count:]
 
-    def result(self, view: int, known: float) -> MapFit:
-        """The fit of a view."""
+    def results(self) -> tuple[MapFit, ...]:
+        """The fit of each view."""
+        apart: list[list[Tensor]] = [[] for _ in self._x]
+        for view, errors, _ in self._shared():
+            apart[view].append(errors)
+        return tuple(self._result(view, torch.cat(errors) if errors else None) for view, errors in enumerate(apart))
+
+    def _result(self, view: int, apart: Float64[Tensor, " n"] | None) -> MapFit:
+        """The fit of a view, whose log depths are so far from those of other views."""
         usable, variances = self._usable[view], [LEAST_SPREAD**2]
         residual = disagreement = torch.nan
         if usable.any():
             residual = SIGMA_PER_MAD * float(self._errors(view)[usable].abs().median())
             others = float(self._spread[view][usable].square().median())
             variances.append(max(residual**2 - others, OWN_SHARE * residual**2))
-        apart = torch.cat([torch.zeros(0).double(), *(errors for own, errors, _ in self._shared() if own == view)])
-        if len(apart):
+        if apart is not None and len(apart):
             disagreement = SIGMA_PER_MAD * float(apart.abs().median()) / sqrt(2)
             variances.append(disagreement**2)
-        scale, shift = float(self.scales[view]), float(self.shifts[view])
-        return MapFit(known, scale, shift, residual, disagreement, sqrt(max(variances)))
+        known, scale, shift = self._x[view].isfinite().double().mean(), self.scales[view], self.shifts[view]
+        return MapFit(float(known), float(scale), float(shift), residual, disagreement, sqrt(max(variances)))
 
     def _start(self, view: int) -> tuple[float, float] | None:
         """Scale and shift of a view by itself, by robust least squares of inverse depth; None without a reference."""
@@ -203,13 +208,13 @@ class _Fit:
 
     def _errors(self, view: int) -> Float64[Tensor, " n"]:
         """Log of the reference over the aligned depth at the chosen pixels."""
-        found = self.inverse_depths(self._few.nan_to_num(0))[view]
+        found = self.inverse_depths(view, self._few[view].nan_to_num(0))
         return (found * self._reference[view].clamp(min=1e-9)).log()
 
     def _slopes(self, view: int, x: Float64[Tensor, " n"]) -> Float64[Tensor, "n unknowns"]:
         """How the log of the inverse depth of pixels changes with each unknown."""
         count = len(self._x)
-        inverse = (self.scales[view] * x + self.shifts[view]).clamp(min=self._least)
+        inverse = self.inverse_depths(view, x)
         slopes = torch.zeros(len(x), 2 * count if self._shifts else count, dtype=torch.float64)
         slopes[:, view] = x / inverse
         if self._shifts:
@@ -236,12 +241,11 @@ class _Fit:
 
     def _shared(self) -> Iterator[tuple[int, Tensor, Tensor]]:
         """For each ordered pair of views: the first, and of the surface that they share the log ratio of depths in the second, with its slopes."""
-        inverse = self.inverse_depths(self._few.nan_to_num(0))
         height, width = self._x.shape[1:]
         known = self._x.isfinite()
         for own in range(len(self._x)):
             depths = torch.zeros(height, width, dtype=torch.float64)
-            depths[self._rows, self._columns] = 1 / inverse[own]
+            depths[self._rows, self._columns] = 1 / self.inverse_depths(own, self._few[own].nan_to_num(0))
             points = back_project(depths, self._cameras[own])[self._rows, self._columns]
             for other in range(len(self._x)):
                 if other == own:
@@ -254,8 +258,7 @@ class _Fit:
                 there = torch.stack((2 * column / width - 1, 2 * row / height - 1), -1)[None, None]
                 planes = torch.stack((self._x[other].nan_to_num(0), known[other].double()))[None]
                 x, certain = grid_sample(planes, there, align_corners=False, padding_mode="border")[0, :, 0]
-                found = (self.scales[other] * x + self.shifts[other]).clamp(min=self._least)
-                errors = z.log() + found.log()
+                errors = z.log() + self.inverse_depths(other, x).log()
                 same = (certain > 0.99) & (errors.abs() < SAME_SURFACE)
                 # z is linear in the depth of the first view, beside a constant that is the same for all pixels.
                 forward = self._cameras[other].world_from_camera[:3, 2].double()

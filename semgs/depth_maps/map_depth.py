@@ -170,13 +170,11 @@ def _check_misfit(
     """
     expected = f"depth maps that fit {reference.title}, as {source.meaning}"
     found = f"a typical difference of {percent(median(fit.residual for fit in aligned))}"
-    for other in ("scaled", "inverse"):
-        again = align(maps, other, reference, views.cameras)[1]
-        pairs = zip(again, aligned, strict=True)
-        if other != source.meaning and all(
-            fits(fit) and fit.residual < CLEARLY_BETTER * before.residual for fit, before in pairs
-        ):
-            raise InputError(source.title, expected, found, advice=f"they fit as {other}: --depth-meaning {other}")
+    other: Meaning = "scaled" if source.meaning == "inverse" else "inverse"
+    again = align(maps, other, reference, views.cameras)[1]
+    pairs = zip(again, aligned, strict=True)
+    if all(fits(fit) and fit.residual < CLEARLY_BETTER * before.residual for fit, before in pairs):
+        raise InputError(source.title, expected, found, advice=f"they fit as {other}: --depth-meaning {other}")
     if all(fit.residual > POOR for fit in aligned):
         raise InputError(source.title, expected, found, advice="they may be of other photos")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, final, runtime_checkable
@@ -15,7 +14,7 @@ from torch import Tensor
 from semgs.data.frames import Frame
 from semgs.depth_maps.depth_source import Meaning
 from semgs.segmenters.class_map_files import MadeBy
-from semgs.segmenters.networks.cost import Cost, measured
+from semgs.segmenters.networks.cost import Cost, cost_of_photos
 from semgs.segmenters.photo_maps import resampled
 
 
@@ -87,10 +86,8 @@ class PredictedMaps:
         return resampled(values, frame, size, undistorted=True)[0]
 
     def cost(self, frames: Sequence[Frame]) -> Cost | None:
-        """What the maps of frames take: that of a grey image of the largest size, for each of them.
-
-        Raises:
-            InputError: the network cannot take the image.
-        """
-        grey = np.full((*max((frame.lens.size for frame in frames), key=math.prod), 3), 128, np.uint8)
-        return measured(lambda: self.network(grey)).times(len(frames))
+        """As `cost_of_photos`; a prompted network gets a wall at 1 m."""
+        network = self.network
+        return cost_of_photos(
+            lambda image: network(image, np.ones(image.shape[:2], np.float32) if network.prompted else None), frames
+        )

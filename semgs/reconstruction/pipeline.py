@@ -10,6 +10,7 @@ import torch
 
 from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.choosing.choice import Choice
+from semgs.data.frames import Frame
 from semgs.data.resampling import default_size
 from semgs.data.scene import Scene
 from semgs.data.views import Views
@@ -60,7 +61,7 @@ class ViewEncoder:
         self._scene, self._network, self._size = scene, network, size
         self._depth, self._labelling, self._stages = depth, labelling, stages
         self._placements: dict[int, Placement | MapPlacement] = {}
-        self._costs = ["", ""]
+        self._segmenter_cost = self._depth_cost = ""
         self.plan: MemoryPlan | None = None
 
     def read(self, positions: Sequence[int], depth_range: DepthRange) -> Views:
@@ -84,13 +85,16 @@ class ViewEncoder:
     def try_networks(self, positions: Sequence[int]) -> None:
         """Measure what classes and depth maps of frames take to compute, to show it with these stages; before other stages raise the peak of memory."""
         frames = [self._scene.frames[position] for position in positions]
-        sources: list[ClassSource | DepthMaps | None] = [None if self._labelling is None else self._labelling.source]
-        sources.append(None if isinstance(self._depth, str) else self._depth)
-        for place, source in enumerate(sources):
-            if source is not None:
-                with self._stages("load", f"Trying {source.title}"):
-                    cost = cost_of(source, frames)
-                self._costs[place] = "" if cost is None else f": {cost}"
+        if self._labelling is not None:
+            self._segmenter_cost = self._try(self._labelling.source, frames)
+        if not isinstance(self._depth, str):
+            self._depth_cost = self._try(self._depth, frames)
+
+    def _try(self, source: ClassSource | DepthMaps, frames: Sequence[Frame]) -> str:
+        """What the maps of frames take, to be put behind the title of a stage; "" if nothing is computed."""
+        with self._stages("load", f"Trying {source.title}"):
+            cost = cost_of(source, frames)
+        return "" if cost is None else f": {cost}"
 
     def encode(self, positions: Sequence[int], views: Views, target: Views | None = None) -> Encoding:
         """Encode views, place the Gaussians at a sensor's depth, and give them the classes of a segmenter, as requested.
@@ -114,7 +118,7 @@ class ViewEncoder:
             for position, fit in zip(positions, placement.fits, strict=True):
                 self._placements.setdefault(position, replace(placement, fits=(fit,)))  # type: ignore[arg-type]
         if self._labelling is not None:
-            title = f"Classes of {len(views)} photos from {self._labelling.source.title}{self._costs[0]}"
+            title = f"Classes of {len(views)} photos from {self._labelling.source.title}{self._segmenter_cost}"
             with self._stages("segment", title):
                 encoding = self._labelling(encoding, self._scene, positions, views)
         return encoding
@@ -127,7 +131,7 @@ class ViewEncoder:
         if isinstance(depth, str):
             with self._stages("place", f"Placing {count} at the measured depth"):
                 return place_gaussians(encoding, views, depth)
-        with self._stages("depth", f"Depth of {len(views)} photos from {depth.title}{self._costs[1]}"):
+        with self._stages("depth", f"Depth of {len(views)} photos from {depth.title}{self._depth_cost}"):
             maps = read_maps(depth, self._scene, positions, views.size)
         with self._stages("place", f"Placing {count} with the help of depth maps"):
             reference = find_reference(

@@ -24,6 +24,7 @@ from semgs.files.errors import InputError
 from semgs.files.images.pictures import write_png
 from semgs.geometry.cameras import Cameras
 from semgs.segmenters.class_map_files import MadeBy
+from semgs.segmenters.networks.cost import cost_of
 
 SIZE = (40, 60)
 A, B = 0.2, 0.01
@@ -170,3 +171,17 @@ def test_the_cost_of_a_network_is_that_of_all_photos(tmp_path: Path):
     cost = maps.cost(scene.frames)
     assert cost is not None
     assert cost.seconds > 0
+
+
+def test_a_network_that_completes_a_sensors_depth_is_tried_with_some(tmp_path: Path):
+    pytest.importorskip("transformers")
+    tiny_models.write_model(tmp_path / "prompted", "prompt_depth_anything")
+    scene = open_scene(write_scene(tmp_path / "scene", 2, SIZE).path)
+    assert scene.frames[0].depth is not None
+    maps = open_depth_maps(str(tmp_path / "prompted"))(scene)
+    cost = cost_of(maps, scene.frames)
+    assert cost is not None
+    assert cost.seconds > 0
+    truth = torch.from_numpy(scene.frames[0].measured())
+    known = truth > 0
+    torch.testing.assert_close(maps.of(scene.frames[0], SIZE)[known].median(), truth[known].median(), rtol=0.2, atol=0)

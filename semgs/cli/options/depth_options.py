@@ -14,9 +14,16 @@ if TYPE_CHECKING:
     from semgs.data.scene import Scene
     from semgs.depth_maps.depth_source import DepthMaps
     from semgs.depth_maps.sensor_depth import DepthSource
+    from semgs.runtime.stopwatch import Stages
 
 OWN = "maps"
 MEASURED: tuple[DepthSource, ...] = ("network", "sensor", "both")
+
+DepthMeaning = Annotated[
+    Literal["metric", "scaled", "inverse"] | None,
+    tyro.conf.arg(metavar="{metric,scaled,inverse}", help_behavior_hint=""),
+]
+"""What the numbers of depth maps are."""
 
 
 @dataclass(frozen=True)
@@ -27,10 +34,7 @@ class DepthOptions:
     """Where the Gaussians' depth comes from: the network; the frames' measured depth maps (sensor), at least half of whose pixels must be known; or
     both, weighted by their uncertainty. Or the network and depth maps of unknown scale: the frames' own (maps), or those of SOURCE: a folder of depth
     maps, an exported network (.onnx, .tflite), a model folder of transformers, or hf:OWNER/NAME. They are aligned to the scene; see docs/geometry.md."""
-    depth_meaning: Annotated[
-        Literal["metric", "scaled", "inverse"] | None,
-        tyro.conf.arg(metavar="{metric,scaled,inverse}", help_behavior_hint=""),
-    ] = None
+    depth_meaning: DepthMeaning = None
     """What the numbers of --depth maps or SOURCE are: metres, depth up to a factor, or inverse depth up to a factor and a constant (MiDaS, Depth Anything
     V2). By default what SOURCE says; maps are scaled."""
 
@@ -51,8 +55,8 @@ class DepthOptions:
         if self.depth_meaning is not None and self.depth in MEASURED:
             raise UsageError("--depth-meaning is for --depth maps or SOURCE")
 
-    def source(self, scene: Scene) -> DepthSource | DepthMaps:
-        """The source of depth, for the frames of a scene.
+    def source(self, scene: Scene, stages: Stages) -> DepthSource | DepthMaps:
+        """The source of depth, for the frames of a scene; a network is loaded as a stage.
 
         Raises:
             InputError: it cannot be used.
@@ -63,4 +67,5 @@ class DepthOptions:
                 return measured
         from semgs.depth_maps.opening import open_depth_maps
 
-        return open_depth_maps(self.depth, self.depth_meaning)(scene)
+        with stages("load", f"Opening {self.depth}"):
+            return open_depth_maps(self.depth, self.depth_meaning)(scene)

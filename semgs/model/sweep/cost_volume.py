@@ -81,7 +81,7 @@ def _cost_of(
     matrices = plan.matrix.to(features.device, precise).flatten(0, 1)
     offsets = plan.offset.to(features.device, precise).flatten(0, 1)
     depths = candidates[:, reference].to(precise).flatten(0, 1)
-    limits = smallest[:, reference].to(precise).flatten(0, 1)
+    limits = smallest[:, reference].to(features.device, precise).flatten(0, 1)
     correlated: Callable[..., tuple[Tensor, Tensor]] = correlate
     maps = features
     if fused:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import UInt8
 
 from semgs.data.frames import Frame
 from semgs.runtime.free_memory import process_bytes
@@ -63,3 +67,13 @@ def measured(work: Callable[[], object]) -> Cost:
     work()
     seconds, peak = perf_counter() - start, process_bytes("VmHWM")
     return Cost(seconds, None if before is None or peak is None else (peak - before) / MEGABYTE)
+
+
+def cost_of_photos(network: Callable[[UInt8[np.ndarray, "h w 3"]], object], frames: Sequence[Frame]) -> Cost:
+    """The cost of a network for the photos of frames: that of a grey image of the largest size, for each of them.
+
+    Raises:
+        InputError: the network cannot take the image.
+    """
+    grey = np.full((*max((frame.lens.size for frame in frames), key=math.prod), 3), 128, np.uint8)
+    return measured(lambda: network(grey)).times(len(frames))

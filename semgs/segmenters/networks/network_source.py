@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +15,7 @@ from semgs.data.frames import Frame
 from semgs.data.tables.classes import ClassTable
 from semgs.files.hashes import sha256_of
 from semgs.segmenters.class_map_files import MadeBy, MapFiles, save_class_map
-from semgs.segmenters.networks.cost import Cost, measured
+from semgs.segmenters.networks.cost import Cost, cost_of_photos
 from semgs.segmenters.photo_maps import to_view
 
 
@@ -101,10 +100,7 @@ class Photos:
             InputError: the network cannot take the image, or a photo cannot be read.
         """
         left = [frame for frame in frames if self.earlier is None or not self._stored(frame, frame.read_undistorted())]
-        if not left:
-            return None
-        grey = np.full((*max((frame.lens.size for frame in left), key=math.prod), 3), 128, np.uint8)
-        return measured(lambda: self.segmenter(grey)).times(len(left))
+        return cost_of_photos(self.segmenter, left) if left else None
 
     def _stored(self, frame: Frame, image: UInt8[np.ndarray, "h w 3"]) -> Path | None:
         """The earlier map of a frame; None if there is none, or if the photo was another one then.

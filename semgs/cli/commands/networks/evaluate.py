@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from semgs.cli.device import chosen_device
+from semgs.cli.options.depth_options import DepthMeaning
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.options.segmenter_options import SegmenterOptions
 from semgs.cli.options.types import AutoSize, Count, Device, Passes, Protocol, SeveralViews, Weights, Workers
@@ -101,10 +102,7 @@ class Evaluate:
     depth: Annotated[str | None, tyro.conf.arg(metavar="SOURCE", help_behavior_hint="")] = None
     """Add depth maps from elsewhere, aligned to the network's depth: a folder of depth maps, an exported network, a model folder of transformers, or
     hf:OWNER/NAME, as for semgs reconstruct."""
-    depth_meaning: Annotated[
-        Literal["metric", "scaled", "inverse"] | None,
-        tyro.conf.arg(metavar="{metric,scaled,inverse}", help_behavior_hint=""),
-    ] = None
+    depth_meaning: DepthMeaning = None
     """What the numbers of these maps are, as for semgs reconstruct."""
     segmenting: Annotated[SegmenterOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SegmenterOptions)
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)

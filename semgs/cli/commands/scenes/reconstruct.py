@@ -165,8 +165,7 @@ class Reconstruct:
             network, origin = self._load_network(device)
         with own_folder(self.out, self.overwrite) as folder:
             labelling = self._open_segmenter(scene, folder, stages)
-            with stages("load", "Opening the source of depth"):
-                depth = self.placing.source(scene)
+            depth = self.placing.source(scene, stages)
             with what_fits(), what_the_user_gave():
                 result = reconstruct(
                     scene,

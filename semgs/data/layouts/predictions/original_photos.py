@@ -155,9 +155,9 @@ def _likeness(file: Path, placement: Placement, image: np.ndarray) -> float | No
     rows, columns = (np.arange(side) + 0.5 for side in seen.shape)
     y = (rows * height / seen.shape[0] - placement.shift[1]) / placement.scale[1] * photo.shape[0] / placement.size[0]
     x = (columns * width / seen.shape[1] - placement.shift[0]) / placement.scale[0] * photo.shape[1] / placement.size[1]
-    inside = np.ix_((y >= 0) & (y < photo.shape[0]), (x >= 0) & (x < photo.shape[1]))
-    row, column = y[(y >= 0) & (y < photo.shape[0])].astype(int), x[(x >= 0) & (x < photo.shape[1])].astype(int)
-    ours, theirs = photo[np.ix_(row, column)].astype(float), seen[inside].astype(float)
+    rows_inside, columns_inside = (y >= 0) & (y < photo.shape[0]), (x >= 0) & (x < photo.shape[1])
+    ours = photo[np.ix_(y[rows_inside].astype(int), x[columns_inside].astype(int))].astype(float)
+    theirs = seen[np.ix_(rows_inside, columns_inside)].astype(float)
     if ours.size < 2 or min(ours.std(), theirs.std()) < FLAT:
         return None
     return float(np.corrcoef(ours.reshape(-1), theirs.reshape(-1))[0, 1])
