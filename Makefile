@@ -51,7 +51,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@mkdir -p .venv && touch $(UNFINISHED)
 	@[ -x $(BIN)/python ] || $(PYTHON) -m venv .venv
 	$(PIP) hatchling editables setuptools
-	$(PIP) --no-build-isolation -e '.[sfm,objects,rerun,ros,usd,exr,batch,phone,raycast,train,onnx,litert,segment,video,viewer,figures,docs,mutants,dev]'
+	$(PIP) --no-build-isolation -e '.[sfm,objects,rerun,ros,usd,exr,phone,raycast,train,onnx,litert,segment,video,viewer,figures,docs,mutants,dev]'
 	@rm -f $(UNFINISHED) && printf '%s' '$(CURDIR)' > $(STAMP)
 
 demo: setup

@@ -72,7 +72,7 @@ VERSION = "semgs._version"
 OPTIONAL = (
     "pycolmap", "embreex", "gsplat", "viser", "lightning_fabric", "sklearn", "tensorboard",
     "huggingface_hub", "lpips", "rosbags", "onnxruntime", "ai_edge_litert", "transformers", "yaml", "av", "lzfse", "pillow_heif", "matplotlib",
-    "scenezoo", "open3d", "rerun", "zstandard", "pxr", "OpenEXR", "pebble",
+    "scenezoo", "open3d", "rerun", "zstandard", "pxr", "OpenEXR", "ray",
 )  # fmt: skip
 """Libraries that an extra brings: each is imported in one module, inside the function that needs it."""
 
