@@ -1,15 +1,18 @@
 """What became of the scenes of a batch.
 
-OUT/NAME/               what the command wrote for a scene, whole or not there
-OUT/records/NAME.json   whether it succeeded, with which options and inputs, and how long it took
+OUT/NAME/               what the command wrote for a scene, complete or absent
+OUT/records/NAME.json   whether it succeeded, with which options and inputs, its scores and notes, and how long it took
+OUT/pictures/NAME.jpg   a small picture of it
 OUT/failures.jsonl      the scenes that failed, with a line on why each did
 """
 
 from __future__ import annotations
 
 import json
+import re
+import shutil
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from semgs.batch.tasks import Task
@@ -18,8 +21,11 @@ from semgs.files.errors import InputError
 from semgs.files.records import make_record
 from semgs.files.strict_json import read_json
 
-FOLDER = "records"
+FOLDER, PICTURES = "records", "pictures"
 FAILURES = "failures.jsonl"
+
+WRONG_CAMERAS = 3
+"""The code of `semgs doctor` for cameras that do not fit, which is a result."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +38,8 @@ class Record:
         code: exit code of the command: 0 for success; negative for the signal that killed it.
         why: the error in one line; empty after success.
         seconds: how long it took [s].
+        scores: numbers of its report by name; those of held-out views if there are any.
+        notes: of its report, or what the command printed.
     """
 
     name: str
@@ -39,11 +47,13 @@ class Record:
     code: int
     why: str = ""
     seconds: float = 0.0
+    scores: dict[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @property
     def succeeded(self) -> bool:
-        """Whether the result is there. `semgs doctor` says with 3 that cameras are wrong, which is a result."""
-        return self.code in (0, 3)
+        """Whether there is a result."""
+        return self.code in (0, WRONG_CAMERAS)
 
 
 def write_record(out: Path, record: Record) -> None:
@@ -52,7 +62,6 @@ def write_record(out: Path, record: Record) -> None:
     Raises:
         OSError: it cannot be written.
     """
-    (out / FOLDER).mkdir(exist_ok=True)
     write_json(out / FOLDER / f"{record.name}.json", asdict(record))
 
 
@@ -68,37 +77,44 @@ def read_record(out: Path, name: str) -> Record | None:
     try:
         return make_record(Record, read_json(path, "the record of a scene"))
     except ValueError as error:
-        raise InputError(path, "the record of a scene", str(error)) from error
+        raise InputError(path, "the record of a scene", str(error), advice="delete it to repeat the scene") from error
 
 
-def left_to_do(out: Path, tasks: Sequence[Task], retry_failed: bool) -> list[Task]:
-    """The tasks without a record, with another fingerprint, or whose result is gone; with `retry_failed` also those that failed.
+def is_done(task: Task, retry_failed: bool) -> bool:
+    """Whether a task has a record with its fingerprint, and its result is there; with `retry_failed`, failures are not done.
 
     Raises:
-        InputError: a record is damaged.
+        InputError: the record is damaged.
     """
-    left = []
-    for task in tasks:
-        record = read_record(out, task.name)
-        same = record is not None and record.fingerprint == task.fingerprint
-        done = same and record is not None and (record.succeeded or not retry_failed)
-        if not done or (record is not None and record.succeeded and not any(out.glob(f"{task.name}*"))):
-            left.append(task)
-    return left
+    record = read_record(task.out, task.name)
+    if record is None or record.fingerprint != task.fingerprint:
+        return False
+    return (task.out / task.result).exists() if record.succeeded else not retry_failed
 
 
-def write_failures(out: Path, tasks: Sequence[Task]) -> int:
-    """Write the list of scenes that failed, in the order of the tasks; none for no failures. Returns how many they are.
+def write_failures(out: Path, records: Sequence[Record]) -> None:
+    """Write the list of scenes that failed; none for no failures.
 
     Raises:
-        InputError: a record is damaged.
         OSError: it cannot be written.
     """
-    records = [record for task in tasks if (record := read_record(out, task.name)) is not None]
     failed = [record for record in records if not record.succeeded]
     lines = [json.dumps({"scene": record.name, "code": record.code, "error": record.why}) for record in failed]
     if lines:
         write_bytes(out / FAILURES, ("\n".join(lines) + "\n").encode())
     else:
         (out / FAILURES).unlink(missing_ok=True)
-    return len(failed)
+
+
+def remove_leftovers(out: Path, names: Sequence[str]) -> None:
+    """Remove the temporary files and folders that killed processes left for some scenes. Only a process that has locked these may call this."""
+    ours = set(names)
+    for folder in (out, out / FOLDER, out / PICTURES):
+        for path in folder.glob(".*"):
+            left = re.fullmatch(r"\.(.+?)(?:\.html|\.json|\.jpg)?\.[0-9a-f]{8}\.(?:part|old)", path.name)
+            if left is None or left[1] not in ours:
+                continue
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink(missing_ok=True)

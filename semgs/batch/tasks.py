@@ -16,37 +16,48 @@ class Task:
     """One scene of a batch.
 
     Attributes:
-        name: of the scene, and of its folder in the batch's.
+        name: of the scene.
+        scene: its file or folder.
+        out: the folder of the batch.
+        result: what the command writes in it: "office", or "office.html".
         arguments: of the command line, such as ("reconstruct", "scans/office", "--out", "out/office").
         fingerprint: of these arguments and of what they read: other options or other photos have another one.
     """
 
     name: str
+    scene: Path
+    out: Path
+    result: str
     arguments: tuple[str, ...]
     fingerprint: str
 
+    @property
+    def command(self) -> str:
+        """The command."""
+        return self.arguments[0]
 
-def make_task(name: str, arguments: Sequence[str], options: Sequence[str], inputs: Sequence[Path]) -> Task:
-    """The task of a scene.
+
+def fingerprint(options: Sequence[str], inputs: Sequence[Path]) -> str:
+    """A hash of everything that decides the result of a task.
 
     Args:
-        name: of the scene.
-        arguments: of the command line.
-        options: the arguments that decide the result, without the places of input and output. Files and folders among them count with
+        options: the command and its options, without the places of input and output. Files and folders among them count with
             what they contain.
         inputs: files and folders of the scene.
     """
     named = [Path(word) for word in options if not word.startswith("-") and Path(word).exists()]
     contents = [stamps(path) for path in (*inputs, *named)]
     text = json.dumps([__version__, list(options), contents])
-    return Task(name, tuple(arguments), hashlib.sha256(text.encode()).hexdigest())
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def stamps(path: Path) -> list[tuple[str, int, int]]:
     """Name, size [bytes] and time of change [ns] of a file, or of every file in a folder, in the order of names.
 
-    Contents are not read: a scan has gigabytes, and a batch a thousand scans.
+    A transforms.json counts with its folder. Contents are not read: a scan has gigabytes, and a batch a thousand scans.
     """
+    if path.is_file() and path.suffix == ".json":
+        path = path.absolute().parent
     files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
     found = [(one, one.stat()) for one in files]
     return [(str(one.relative_to(path.parent)), stat.st_size, stat.st_mtime_ns) for one, stat in found]
@@ -54,8 +65,8 @@ def stamps(path: Path) -> list[tuple[str, int, int]]:
 
 def scene_names(paths: Sequence[Path]) -> list[str]:
     """A different name for each scene: that of its folder or file, after as many folders above it as it takes to tell it from others."""
-    names = [path.stem if path.is_file() else path.name for path in paths]
-    parts = [list(path.absolute().parts[:-1]) for path in paths]
+    names = [path.stem if path.is_file() else path.absolute().name for path in paths]
+    parts = [list(path.absolute().parts[1:-1]) for path in paths]
     while len(set(names)) < len(names):
         taken = {name for name in names if names.count(name) > 1}
         if not any(parts[place] for place, name in enumerate(names) if name in taken):

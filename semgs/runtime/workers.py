@@ -101,7 +101,7 @@ def finished(
                 if worker.give(items[left[0][0]]):
                     busy[worker.connection] = worker, *left.popleft()
             for connection in wait(list(busy)):
-                worker, place, tries = busy.pop(connection)  # type: ignore[index]
+                worker, place, tries = busy.pop(connection)  # type: ignore[call-overload]
                 try:
                     outcome = worker.connection.recv()
                 except (EOFError, OSError):
