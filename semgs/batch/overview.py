@@ -17,6 +17,9 @@ from semgs.files.text import printable
 
 PAGE, TABLE = "index.html", "index.csv"
 
+AT_ONCE = 100
+"""Rows that a browser lays out at a time, so that thousands open at once."""
+
 HEADINGS = {
     "psnr": "PSNR [dB]",
     "miou": "mIoU",
@@ -113,7 +116,7 @@ def _page(command: str, scenes: Sequence[Scene], scores: Sequence[str]) -> str:
     states = [scene.state for scene in scenes]
     counts = {state: states.count(state) for state in ("done", "wrong cameras", "failed", "waiting") if state in states}
     return environment.from_string(template).render(
-        command=command, scenes=scenes, counts=counts, scores=scores, headings=HEADINGS, shown=_shown, table=TABLE, version=__version__,
+        command=command, scenes=scenes, counts=counts, scores=scores, headings=HEADINGS, shown=_shown, table=TABLE, at_once=AT_ONCE, version=__version__,
     )  # fmt: skip
 
 
