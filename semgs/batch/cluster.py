@@ -11,6 +11,16 @@ from semgs.files.extras import needs_extra
 from semgs.runtime.workers import TRIES
 
 
+def check_ray() -> None:
+    """Check that Ray is installed.
+
+    Raises:
+        ImportError: it is not; the message names the extra.
+    """
+    with needs_extra("cluster", "--ray needs Ray", "ray"):
+        import ray  # noqa: F401
+
+
 def run_on_cluster(
     work: Callable[[Task], Record], tasks: Sequence[Task], address: str, demands: Demands, settle: Callable[[], None]
 ) -> Generator[tuple[int, Record | Exception], None, None]:
@@ -27,12 +37,11 @@ def run_on_cluster(
         The position of a task, and its record or why its processes ended, as they come.
 
     Raises:
-        ImportError: Ray is not installed; the message names the extra.
         ConnectionError: there is no cluster at the address.
         ValueError: no machine of the cluster has what a task needs.
     """
-    with needs_extra("cluster", "--ray needs Ray", "ray"):
-        import ray
+    import ray
+
     ray.init(address, log_to_driver=False, logging_level="error")
     try:
         if not any(_fits(node["Resources"], demands) for node in ray.nodes() if node["Alive"]):

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from semgs.cli.arguments import parse
-from semgs.cli.options.types import Count, cores, one_word
+from semgs.cli.options.types import CountOrAuto, cores, one_word
 from semgs.cli.progress import show_progress
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError
@@ -66,6 +66,9 @@ def _part_and_parts(text: str) -> tuple[int, int]:
     return int(part), int(parts)
 
 
+Shard = Annotated[tuple[int, int] | None, one_word("I/N", _part_and_parts)]
+
+
 @dataclass(frozen=True)
 class Batch:
     """Run a command for many scenes, several at a time.
@@ -86,17 +89,19 @@ class Batch:
 
     command: Annotated[Command, tyro.conf.Positional, tyro.conf.arg(metavar="COMMAND")]
     """What to run: reconstruct, poses, doctor, export, label or label-splat."""
-    data: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="DATA [DATA ...]")]
+    data: Annotated[
+        tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="DATA [DATA ...]", help_behavior_hint="")
+    ]
     """Scenes, or folders of scenes; for poses, folders of photos and clips; for export, reconstructions; for label-splat, splats."""
     out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
     """Folder for the results: new, empty, or that of an earlier call."""
     scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
     """Only the scenes of a list: an included one (scannetpp-val), or a text file with one name per line; see docs/data.md."""
-    workers: Annotated[Count | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
+    workers: Annotated[CountOrAuto, tyro.conf.arg(help_behavior_hint="")] = None
     """Scenes at a time, each with one thread. By default one per core, or fewer if memory is short."""
     retry_failed: bool = False
     """Also try scenes again that failed."""
-    shard: Annotated[tuple[int, int] | None, one_word("I/N", _part_and_parts)] = None
+    shard: Annotated[Shard, tyro.conf.arg(help_behavior_hint="")] = None
     """Only part I of N, counted from 1: for job arrays of a cluster. All parts write to the same OUT."""
     ray: Annotated[str, tyro.conf.arg(metavar="auto|ADDRESS", help_behavior_hint="")] = ""
     """Run on a Ray cluster instead of this machine alone: the one that it belongs to (auto), or the one at HOST:PORT. Needs the extra [cluster]."""
@@ -136,8 +141,7 @@ class Batch:
             UsageError: an option is invalid.
             ImportError: Ray is not installed.
         """
-        if self.ray and (self.workers or self.shard):
-            raise UsageError("--ray spreads the scenes over its machines; leave out --workers and --shard")
+        self._check()
         paths = self._paths()
         names = self._names(paths)
         given = self._parse(paths[0], names[0], options)
@@ -154,6 +158,19 @@ class Batch:
                 return self._work(ours, given)
             finally:
                 self._write_overview(tasks)
+
+    def _check(self) -> None:
+        """Check what can be checked without looking for scenes."""
+        if not self.data:
+            raise UsageError(
+                f"expected scenes, as in semgs batch {self.command} DATA --out OUT; see semgs batch --help"
+            )
+        if self.ray:
+            if self.workers or self.shard:
+                raise UsageError("--ray spreads the scenes over its machines; leave out --workers and --shard")
+            from semgs.batch.cluster import check_ray
+
+            check_ray()
 
     def _work(self, tasks: Sequence[Task], given: Any) -> int:
         """Run what is left to do, and return the exit code."""
@@ -253,21 +270,28 @@ class Batch:
         """
         from semgs.data.scene_lists import read_list
         from semgs.data.scenes import scene_paths
+        from semgs.sfm.photos import has_only_photos
 
+        wanted = read_list(self.scenes) if self.scenes else None
+        given = [path for word in self.data for path in _matching(word)]
         found: list[Path] = []
-        for word in self.data:
-            for path in _matching(word):
-                if self.command in ("reconstruct", "doctor", "label"):
-                    found += scene_paths(path, read_list(self.scenes) if self.scenes else None)
-                elif self.command == "export" and path.is_dir() and not (path / "scene.safetensors").is_file():
-                    found += sorted(one.parent for one in path.glob("*/scene.safetensors"))
-                elif path.exists():
+        for path in given:
+            if self.command in ("reconstruct", "doctor", "label"):
+                try:
+                    found += scene_paths(path, wanted)
+                except InputError:
+                    if wanted or not path.exists() or not (len(given) > 1 or has_only_photos(path)):
+                        raise
                     found.append(path)
-                else:
-                    raise InputError(path, f"input of semgs {self.command}", found_at(path))
+            elif self.command == "export" and path.is_dir() and not (path / "scene.safetensors").is_file():
+                found += sorted(one.parent for one in path.glob("*/scene.safetensors"))
+            elif path.exists():
+                found.append(path)
+            else:
+                raise InputError(path, f"input of semgs {self.command}", found_at(path))
         if not found:
             raise InputError(self.data[0], f"input of semgs {self.command}", "none")
-        return found
+        return list({path.resolve(): path for path in reversed(found)}.values())[::-1]
 
     def _names(self, paths: Sequence[Path]) -> list[str]:
         """A name for each scene.
