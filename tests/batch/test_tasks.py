@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from semgs.batch.tasks import make_task, scene_names
+from semgs.batch.demands import Demands
+from semgs.batch.tasks import fingerprint, scene_names
 
 
 def test_a_name_takes_as_many_folders_as_tell_it_from_others():
@@ -24,7 +25,7 @@ def test_a_fingerprint_changes_with_options_with_files_and_with_what_options_nam
     weights.write_bytes(b"1")
 
     def print_of(*options: str) -> str:
-        return make_task("scene", ["reconstruct"], options, [tmp_path / "scene"]).fingerprint
+        return fingerprint(options, [tmp_path / "scene"])
 
     options = ("--weights", str(weights), "--views", "3")
     first = print_of(*options)
@@ -37,3 +38,19 @@ def test_a_fingerprint_changes_with_options_with_files_and_with_what_options_nam
     assert larger != first
     weights.write_bytes(b"12")
     assert print_of(*options) != larger
+
+
+def test_the_photos_beside_a_transforms_json_count(tmp_path: Path):
+    cameras, photo = tmp_path / "transforms.json", tmp_path / "0.jpg"
+    cameras.write_text("{}")
+    before = fingerprint((), [cameras])
+    photo.write_bytes(b"1")
+    assert fingerprint((), [cameras]) != before
+
+
+@pytest.mark.parametrize(
+    ("demands", "workers"),
+    [(Demands(1e9), 8), (Demands(3e9), 5), (Demands(99e9), 1), (Demands(1e9, 0.3), 3), (Demands(1e9, 1.0), 1)],
+)
+def test_workers_follow_from_cores_memory_and_gpu(demands: Demands, workers: int):
+    assert demands.workers(8, 16e9) == workers

@@ -84,7 +84,7 @@ class Batch:
     - semgs batch reconstruct recordings/* --out out/walks --all
     - semgs batch export out/scans --out out/points --as points
     - semgs batch label-splat splats/*.ply --out out/labelled --cameras scans/{name}
-    - semgs batch label data/scannetpp --out data/labelled --scenes scannetpp-train --segmenter segformer.onnx --ray auto
+    - semgs batch label scannetpp/data --out data/labelled --segmenter segformer.onnx --ray auto
     """
 
     command: Annotated[Command, tyro.conf.Positional, tyro.conf.arg(metavar="COMMAND")]
@@ -96,7 +96,7 @@ class Batch:
     out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
     """Folder for the results: new, empty, or that of an earlier call."""
     scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
-    """Only the scenes of a list: an included one (scannetpp-val), or a text file with one name per line; see docs/data.md."""
+    """Only the scenes of a list: an included one (scannet-val), or a text file with one name per line; see docs/data.md."""
     workers: Annotated[CountOrAuto, tyro.conf.arg(help_behavior_hint="")] = None
     """Scenes at a time, each with one thread. By default one per core, or fewer if memory is short."""
     retry_failed: bool = False
