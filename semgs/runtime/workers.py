@@ -17,9 +17,6 @@ from multiprocessing.connection import Connection, wait
 from time import monotonic
 from typing import Generic, TypeVar
 
-import cv2
-import torch
-
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -63,6 +60,9 @@ def outcomes(
 
 def settle_worker(index: int = 0) -> None:
     """Set up a worker process: one thread, ignore signals meant for the run, and end with the run."""
+    import cv2
+    import torch  # takes seconds, which the run may not need
+
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)

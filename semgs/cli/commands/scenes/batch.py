@@ -268,21 +268,11 @@ class Batch:
         Raises:
             InputError: there is none.
         """
-        from semgs.data.scene_lists import read_list
-        from semgs.data.scenes import scene_paths
-        from semgs.sfm.photos import has_only_photos
-
-        wanted = read_list(self.scenes) if self.scenes else None
         given = [path for word in self.data for path in _matching(word)]
         found: list[Path] = []
         for path in given:
             if self.command in ("reconstruct", "doctor", "label"):
-                try:
-                    found += scene_paths(path, wanted)
-                except InputError:
-                    if wanted or not path.exists() or not (len(given) > 1 or has_only_photos(path)):
-                        raise
-                    found.append(path)
+                found += self._scenes_in(path, alone=len(given) == 1)
             elif self.command == "export" and path.is_dir() and not (path / "scene.safetensors").is_file():
                 found += sorted(one.parent for one in path.glob("*/scene.safetensors"))
             elif path.exists():
@@ -292,6 +282,24 @@ class Batch:
         if not found:
             raise InputError(self.data[0], f"input of semgs {self.command}", "none")
         return list({path.resolve(): path for path in reversed(found)}.values())[::-1]
+
+    def _scenes_in(self, path: Path, alone: bool) -> Sequence[Path]:
+        """The scenes at a path. One that is none is left to the command, unless it is the only path: then it is no set of scenes either.
+
+        Raises:
+            InputError: there is no scene.
+        """
+        from semgs.data.scene_lists import read_list
+        from semgs.data.scenes import scene_paths
+        from semgs.sfm.photos import has_only_photos
+
+        wanted = read_list(self.scenes) if self.scenes else None
+        try:
+            return scene_paths(path, wanted)
+        except InputError:
+            if wanted or not path.exists() or (alone and not has_only_photos(path)):
+                raise
+            return [path]
 
     def _names(self, paths: Sequence[Path]) -> list[str]:
         """A name for each scene.
