@@ -210,3 +210,21 @@ def test_ten_killed_runs_and_ten_killed_workers_change_nothing(tmp_path: Path):
         == 0
     )
     check_kills(["reconstruct", str(tmp_path / "rooms"), *TWO_WORKERS], tmp_path / "reconstruct", 8, 3)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3000)
+def test_of_two_hundred_rooms_the_ten_broken_ones_are_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    rooms, out = tmp_path / "rooms", tmp_path / "out"
+    assert main(["rooms", str(rooms), "--scenes", "200", "--size", "48x64", "--frames", "3", *TWO_WORKERS]) == 0
+    broken = [f"scene_{k:05d}" for k in range(7, 200, 20)]
+    for k, name in enumerate(broken):
+        cameras = rooms / name / "transforms.json"
+        cameras.write_text(("{}", "no JSON", cameras.read_text().replace('"frames"', '"framez"'))[k % 3])
+    assert main(["batch", "reconstruct", str(rooms), "--out", str(out), *TWO_WORKERS]) == 3
+    assert "190 of 200 scenes succeeded" in capsys.readouterr().out
+    assert len(list(out.glob("scene_*/report.html"))) == 190
+    assert len(list(out.glob("pictures/*.jpg"))) == 190
+    records = [json.loads(line) for line in (out / "failures.jsonl").read_text().splitlines()]
+    assert [record["scene"] for record in records] == broken
+    assert all(record["code"] == 2 and "transforms.json" in record["error"] for record in records)
