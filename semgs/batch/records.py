@@ -106,9 +106,15 @@ def write_failures(out: Path, records: Sequence[Record]) -> None:
         (out / FAILURES).unlink(missing_ok=True)
 
 
-def remove_leftovers(out: Path, names: Sequence[str]) -> None:
-    """Remove the temporary files and folders that killed processes left for some scenes. Only a process that has locked these may call this."""
-    ours = set(names)
+def remove_leftovers(out: Path, names: Sequence[str], shared: bool = False) -> None:
+    """Remove the temporary files and folders that killed processes left. Only a process that has locked the scenes may call this.
+
+    Args:
+        out: the batch's folder.
+        names: of the scenes.
+        shared: whether other processes work on other scenes; then files of all scenes stay.
+    """
+    ours = {*names, *(() if shared else ("batch", "index", "index.csv", FAILURES))}
     for folder in (out, out / FOLDER, out / PICTURES):
         for path in folder.glob(".*"):
             left = re.fullmatch(r"\.(.+?)(?:\.html|\.json|\.jpg)?\.[0-9a-f]{8}\.(?:part|old)", path.name)

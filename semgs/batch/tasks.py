@@ -10,6 +10,9 @@ from pathlib import Path
 
 from semgs._version import __version__
 
+CAMERAS = "transforms.json"
+"""A scene in one file, whose photos are beside it."""
+
 
 @dataclass(frozen=True)
 class Task:
@@ -56,7 +59,7 @@ def stamps(path: Path) -> list[tuple[str, int, int]]:
 
     A transforms.json counts with its folder. Contents are not read: a scan has gigabytes, and a batch a thousand scans.
     """
-    if path.is_file() and path.suffix == ".json":
+    if path.is_file() and path.name == CAMERAS:
         path = path.absolute().parent
     files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
     found = [(one, one.stat()) for one in files]
@@ -64,9 +67,23 @@ def stamps(path: Path) -> list[tuple[str, int, int]]:
 
 
 def scene_names(paths: Sequence[Path]) -> list[str]:
-    """A different name for each scene: that of its folder or file, after as many folders above it as it takes to tell it from others."""
-    names = [path.stem if path.is_file() else path.absolute().name for path in paths]
-    parts = [list(path.absolute().parts[1:-1]) for path in paths]
+    """A different name for each scene: that of its folder or file, after as many folders above it as it takes to tell it from others.
+
+    If all are files of the same name, or a transforms.json, these are the names of their folders.
+
+    Args:
+        paths: files or folders.
+
+    Raises:
+        ValueError: a path is given twice.
+    """
+    paths = [path.absolute() for path in paths]
+    if all(
+        path.is_file() and ((path.stem == paths[0].stem and len(paths) > 1) or path.name == CAMERAS) for path in paths
+    ):
+        paths = [path.parent for path in paths]
+    names = [path.stem if path.is_file() else path.name for path in paths]
+    parts = [list(path.parts[1:-1]) for path in paths]
     while len(set(names)) < len(names):
         taken = {name for name in names if names.count(name) > 1}
         if not any(parts[place] for place, name in enumerate(names) if name in taken):

@@ -65,11 +65,19 @@ def test_leftovers_of_the_named_scenes_go_and_those_of_others_stay(task: Task):
         "records/.hall.json.0123abcd.part",
         "pictures/.hall.jpg.0123abcd.part",
     )
-    others = (".hall.2.0123abcd.part", ".attic.0123abcd.part", ".hall.part", "records/.lock")
+    shared = (
+        ".index.html.0123abcd.part",
+        ".index.csv.0123abcd.part",
+        ".failures.jsonl.0123abcd.part",
+        ".batch.json.0123abcd.part",
+    )
+    others = (*shared, ".hall.2.0123abcd.part", ".attic.0123abcd.part", ".hall.part", "records/.lock")
     for name in (*ours, *others):
         (task.out / name).touch()
     (task.out / ".hall.89abcdef.old" / "renders").mkdir(parents=True)
-    remove_leftovers(task.out, ["hall"])
+    remove_leftovers(task.out, ["hall"], shared=True)
     left = {str(path.relative_to(task.out)) for path in task.out.rglob("*") if path.is_file()}
     assert left == set(others)
     assert not (task.out / ".hall.89abcdef.old").exists()
+    remove_leftovers(task.out, ["hall"])
+    assert not any((task.out / name).exists() for name in shared)

@@ -18,6 +18,18 @@ def test_a_name_takes_as_many_folders_as_tell_it_from_others():
         scene_names([Path("/room"), Path("/room")])
 
 
+def test_files_of_one_name_are_called_as_their_folders(tmp_path: Path):
+    paths = [tmp_path / name / "transforms.json" for name in ("hall", "attic")]
+    for path in paths:
+        path.parent.mkdir()
+        path.touch()
+        path.with_name("splat.ply").touch()
+    assert scene_names(paths) == ["hall", "attic"]
+    assert scene_names(paths[:1]) == ["hall"]
+    assert scene_names([path.with_name("splat.ply") for path in paths]) == ["hall", "attic"]
+    assert scene_names([paths[0].with_name("splat.ply")]) == ["splat"]
+
+
 def test_a_fingerprint_changes_with_options_with_files_and_with_what_options_name(tmp_path: Path):
     (tmp_path / "scene").mkdir()
     photo, weights = tmp_path / "scene" / "a.jpg", tmp_path / "w.safetensors"

@@ -81,7 +81,7 @@ def test_options_are_those_of_the_batch_or_of_its_command():
         ("export {tmp}/scans --out {tmp}/o --ass ply", "there is no option --ass; did you mean --as?"),
         ("export {tmp}/scans --out {tmp}/o --overwrite", "--overwrite is not for semgs batch"),
         ("export {tmp}/scans --out {tmp}/o --ray auto --workers 2", "leave out --workers and --shard"),
-        ("export {tmp}/records --out {tmp}/o", "a scene is named records"),
+        ("export {tmp}/records --out {tmp}/o", "would be named records"),
     ],
 )  # fmt: skip
 def test_bad_input_is_one_line_and_nothing_is_written(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, fields
 from functools import partial
 from glob import glob
@@ -43,8 +43,8 @@ ENDINGS = {"doctor": ".html"}
 SETTINGS = "batch.json"
 """The file in OUT that says which command fills it."""
 
-RESERVED = ("records", "pictures")
-"""Folders in OUT that are no results."""
+RESERVED = ("records", "pictures", "batch.json", "index.html", "index.csv", "failures.jsonl")
+"""Files and folders in OUT that are no results."""
 
 SOME_FAILED = 3
 """The exit code if some scenes failed."""
@@ -146,14 +146,15 @@ class Batch:
         names = self._names(paths)
         given = self._parse(paths[0], names[0], options)
         from semgs.batch.records import FOLDER, remove_leftovers
+        from semgs.files.folders import lock_folder
 
         self._claim(paths)
         tasks = [self._task(path, name, options) for path, name in zip(paths, names, strict=True)]
         part, parts = self.shard or (1, 1)
         ours = tasks[part - 1 :: parts]
         lock = self.out / FOLDER / (f".lock_{part}_of_{parts}" if self.shard else ".lock")
-        with self._locked(lock):
-            remove_leftovers(self.out, [task.name for task in ours])
+        with lock_folder(lock, "a folder that no other batch is filling", "one that another process is filling"):
+            remove_leftovers(self.out, [task.name for task in ours], shared=self.shard is not None)
             try:
                 return self._work(ours, given)
             finally:
@@ -220,7 +221,8 @@ class Batch:
         from semgs.batch.overview import scene_of, write_overview
         from semgs.batch.records import read_record, write_failures
 
-        records = [read_record(self.out, task.name) for task in tasks]
+        found = [(task, read_record(self.out, task.name)) for task in tasks]
+        records = [record if record and record.fingerprint == task.fingerprint else None for task, record in found]
         write_failures(self.out, [record for record in records if record])
         scenes = [
             scene_of(self.out, task.name, task.result, record) for task, record in zip(tasks, records, strict=True)
@@ -242,25 +244,19 @@ class Batch:
         for path in paths:
             if out.is_relative_to(path.resolve()):
                 raise UsageError(f"--out is in the scene {path}; name a folder elsewhere")
+        settings, what = {"command": self.command}, "the results of a batch"
         with what_the_user_gave():
-            begun = is_begun(self.out / SETTINGS, {"command": self.command}, "the results of a batch")
+            try:
+                begun = is_begun(self.out / SETTINGS, settings, what)
+            except InputError:  # or another part has begun it just now
+                begun = (self.out / SETTINGS).is_file() and is_begun(self.out / SETTINGS, settings, what)
+                if not begun:
+                    raise
         self.out.mkdir(parents=True, exist_ok=True)
         if not begun:
-            write_json(self.out / SETTINGS, {"command": self.command})
+            write_json(self.out / SETTINGS, settings)
         (self.out / FOLDER).mkdir(exist_ok=True)
         (self.out / PICTURES).mkdir(exist_ok=True)
-
-    @contextmanager
-    def _locked(self, lock: Path) -> Iterator[None]:
-        """Lock OUT, or our part of it.
-
-        Raises:
-            InputError: another process has it.
-        """
-        from semgs.files.folders import lock_folder
-
-        with lock_folder(lock, "a folder that no other batch is filling", "one that another process is filling"):
-            yield
 
     def _paths(self) -> list[Path]:
         """The scenes.
@@ -311,9 +307,13 @@ class Batch:
 
         with what_the_user_gave():
             names = scene_names(paths)
-        if taken := set(RESERVED) & set(names):
-            raise UsageError(f"a scene is named {min(taken)}, as a folder in OUT; rename it")
+        if taken := set(RESERVED) & {self._result(name) for name in names}:
+            raise UsageError(f"the result of a scene would be named {min(taken)}, which we need; rename the scene")
         return names
+
+    def _result(self, name: str) -> str:
+        """What the command writes for a scene."""
+        return name + ENDINGS.get(self.command, "")
 
     def _task(self, path: Path, name: str, options: Sequence[str]) -> Task:
         """The task of a scene."""
@@ -321,12 +321,12 @@ class Batch:
 
         given = [word.replace("{name}", name) for word in options]
         hashed = fingerprint([self.command, *given], [path])
-        result = name + ENDINGS.get(self.command, "")
-        return Task(name, path, self.out, result, (self.command, *self._form(path, result), *given), hashed)
+        arguments = (self.command, *self._form(path, name), *given)
+        return Task(name, path, self.out, self._result(name), arguments, hashed)
 
-    def _form(self, path: Path, result: str) -> list[str]:
+    def _form(self, path: Path, name: str) -> list[str]:
         """The arguments for input and output of a scene."""
-        return [word.format(scene=path, out=self.out / result) for word in FORMS[self.command]]
+        return [word.format(scene=path, out=self.out / self._result(name)) for word in FORMS[self.command]]
 
     def _parse(self, path: Path, name: str, options: Sequence[str]) -> Any:
         """The options of the command.
@@ -340,8 +340,7 @@ class Batch:
             if word.partition("=")[0] in ("--overwrite", "--page"):
                 raise UsageError(f"{word} is not for semgs batch, which sets it for each scene")
         given = [word.replace("{name}", name) for word in options]
-        result = name + ENDINGS.get(self.command, "")
-        return parse(COMMANDS[self.command].load(), f"semgs {self.command}", [*self._form(path, result), *given])
+        return parse(COMMANDS[self.command].load(), f"semgs {self.command}", [*self._form(path, name), *given])
 
 
 class Pace:
