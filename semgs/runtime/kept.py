@@ -24,7 +24,7 @@ def kept(load: Callable[..., Loaded], *arguments: Any) -> Loaded:
     Files and folders among the arguments are the same if their files have the same sizes and times.
 
     Args:
-        load: the function. What it returns is shared, so nobody may change it.
+        load: the function. What it returns is shared and must not be changed.
         arguments: of the function; hashable.
     """
     if _kept is None:
