@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# How the included weights were trained, in homes of the first edition (docs/rooms.md) and last of the second, in about nineteen core-hours without the rooms (docs/lab/experiments.md); SHARE=5 takes 5 % of the steps. `semgs recipe` runs the
+# How the included weights were trained, in homes of the first edition (docs/rooms.md) and last of the second, in about twenty-one core-hours and seven minutes of a GPU, without the rooms (docs/lab/experiments.md); SHARE=5 takes 5 % of the steps. `semgs recipe` runs the
 # same three stages with settings of one size each; this script keeps the exact runs.
 #
 #   scripts/recipe_small.sh FOLDER ASSETS BACKBONE [TEACHER [PHOTOS]]
@@ -7,7 +7,7 @@
 # ASSETS is a folder of meshes and images with its lock (docs/assets.md). BACKBONE is a file of published MobileNetV2 weights, or "random", the clean
 # alternative that nothing else has gone into (docs/train.md). TEACHER is a published segmentation network for scripts/teach.py, or "" for none. PHOTOS is a folder of
 # labelled images (docs/train.md) for the last run, every eighth of which is kept back. FOLDER
-# gets the rooms (eight CPU hours; those of an earlier call are kept), twenty-six runs for each SEED. To resume, repeat the command. START has the weights that colour
+# gets the rooms (eight CPU hours; those of an earlier call are kept), thirty-three runs for each SEED. To resume, repeat the command. START has the weights that colour
 # comes from and that depth starts from (small). SEMGS is the command (semgs). At the end it prints, in 24 rooms with held-out meshes, mIoU and accuracy of single views
 # and the depth error of input views.
 set -euo pipefail
@@ -216,7 +216,43 @@ PYTHON
     train "$twentysixth" 600 --init "$folder/version_16_$share""_$seed.safetensors" --seed "$((seed + 131))" --data "$folder/cabins=3" "$folder/photos/learned=2" \
         --size 176x224 --batch 12 --learning-rate 6e-4 --backbone-rate 0.25 --average-decay 0.99 --augmentation.colour 0.4 --augmentation.roll 8 \
         --validation "$folder/photos/kept_back" --validation-scenes 50
-    average "$folder/version_17_$share""_$seed.safetensors" "$folder/version_16_$share""_$seed.safetensors" "$twentysixth/weights.safetensors"
+    version17="$folder/version_17_$share""_$seed.safetensors"
+    average "$version17" "$folder/version_16_$share""_$seed.safetensors" "$twentysixth/weights.safetensors"
+
+    # Classes learn on from photos and more rooms; the mean of the three is where version 18 starts.
+    rooms cabins 400 3 2310
+    rooms lofts 500 3 2311
+    rooms flats 519 3 2312
+    slower=(--batch 12 --size 176x224 --learning-rate 3e-4 --backbone-rate 0.3 --average-decay 0.995 --augmentation.colour 0.4 --augmentation.roll 8
+        --validation "$folder/photos/kept_back" --validation-scenes 50)
+    twentyseventh="$folder/twentyseventh_$share""_$seed"
+    twentyeighth="$folder/twentyeighth_$share""_$seed"
+    train "$twentyseventh" 1400 --init "$version17" --seed "$((seed + 229))" --data "$folder/cabins=2" "$folder/photos/learned=1" "${slower[@]}"
+    train "$twentyeighth" 1400 --init "$twentyseventh/weights.safetensors" --seed "$((seed + 230))" \
+        --data "$folder/lofts=1" "$folder/flats=1" "$folder/photos/learned=1" "${slower[@]}"
+    thirds="$folder/thirds_$share""_$seed.safetensors"
+    average "$thirds" "$version17" "$twentyseventh/weights.safetensors" "$twentyeighth/weights.safetensors"
+
+    # Depth is upsampled by weights that the network predicts, and the heads learn on it. The runs for version 18 computed what is frozen once (docs/lab/experiments.md).
+    twentyninth="$folder/twentyninth_$share""_$seed"
+    thirtieth="$folder/thirtieth_$share""_$seed"
+    deepen "$twentyninth" 1500 --contexts 2 2 --batch 2 --init "$thirds" --seed 5 --data "$folder/cabins" --size 240x320 --frames consecutive --learning-rate 2e-3 \
+        --average-decay 0.99 --sweep-rate 0 --depth-losses.log 0 --depth-losses.gradients 0 --depth-losses.distribution 0 --depth-losses.sharp 1
+    colour "$thirtieth" 300 --init "$twentyninth/weights.safetensors" --seed 3 --data "$folder/lofts" --contexts 2 2 --targets 1 --batch 1 --upsampling-rate 0 --learning-rate 3e-4
+
+    # Classes once more with a teacher that saw the photos, and classes, depth and colour on a GPU. The mean of the classes with that depth and colour: version 18.
+    teach "$folder/lofts" "$folder/flats" "$folder/photos/learned"
+    thirtyfirst="$folder/thirtyfirst_$share""_$seed"
+    train "$thirtyfirst" 1400 --init "$thirtieth/weights.safetensors" "${taught[@]}" --teacher-weight 0.5 --seed "$((seed + 433))" \
+        --data "$folder/lofts=1" "$folder/flats=1" "$folder/photos/learned=1.3" "${slower[@]}" --learning-rate 5e-4 --shared-rate 0
+    mkdir -p "$folder/rooms_gpu"
+    for room in "$folder/flats"/scene_* $(printf "$folder/lofts/scene_%05d " {0..154}); do
+        ln -sfn "$room" "$folder/rooms_gpu/$(basename "$(dirname "$room")")_$(basename "$room")"
+    done
+    START="$thirtieth/weights.safetensors" "$here/gpu_day.sh" "$folder/gpu_$share""_$seed" "$folder/rooms_gpu" "$folder/photos/learned"
+    classes="$folder/classes_$share""_$seed.safetensors"
+    average "$classes" "$thirtieth/weights.safetensors" "$folder/gpu_$share""_$seed/classes/weights.safetensors" "$thirtyfirst/weights.safetensors"
+    average --start "$thirtieth/weights.safetensors" "$folder/version_18_$share""_$seed.safetensors" "$classes" "$folder/gpu_$share""_$seed/colour/weights.safetensors"
 fi
 
 for run in "$first" "$second" "$third" "$fourth" "$fifth" "$sixth" "$seventh" "$eighth" "$ninth" "$tenth" "$eleventh" "$twelfth" "$thirteenth" "$fourteenth" "$fifteenth" "$sixteenth" "$seventeenth" "$eighteenth" "$nineteenth" "$twentieth" "$twentyfirst" "$twentysecond" "$twentythird" "$twentyfourth" "$twentyfifth"; do grep -h '"validation"' "$run/log.jsonl"; done

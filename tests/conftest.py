@@ -1,7 +1,8 @@
-"""Shapes and types are checked by beartype while testing, everywhere but in modules that hold only Numba kernels."""
+"""Shapes and types are checked by beartype while testing, everywhere but in modules that hold only Numba kernels, and in rooms only if CHECK_ROOMS is set, as in `make long`: there it doubles the time."""
 
 from __future__ import annotations
 
+import os
 import pkgutil
 import signal
 import warnings
@@ -19,7 +20,12 @@ SHARED = ROOT.parent / "shared"
 
 _modules = pkgutil.walk_packages([str(ROOT / "semgs")], "semgs.", onerror=lambda name: None)
 # The hook takes a package's name for all modules in it, so only modules are named.
-_names = [module.name for module in _modules if not module.ispkg and not module.name.endswith("_kernels")]
+_unchecked = () if os.environ.get("CHECK_ROOMS") else ("semgs.rooms.",)
+_names = [
+    module.name
+    for module in _modules
+    if not module.ispkg and not module.name.endswith("_kernels") and not module.name.startswith(_unchecked)
+]
 install_import_hook(_names, "beartype.beartype")
 
 

@@ -105,6 +105,7 @@ def test_a_test_meets_what_it_runs_first_and_then_its_neighbours_up_to_a_limit()
     assert len(chosen(place("AddNot", function=""), [run, other_file], 60)) == 4
 
 
+@pytest.mark.long
 def test_a_change_that_shows_dies_and_an_equivalent_one_survives(tmp_path, capsys):
     copy = tmp_path / "semgs"
     files = {"semgs/__init__.py": "", "semgs/geometry/size.py": SIZE, "tests/geometry/test_size.py": TESTS}

@@ -91,7 +91,10 @@ def test_a_network_encodes_classifies_and_renders_what_it_does_on_the_cpu(model:
         torch.testing.assert_close(found, (model(views).depths, model.classify(views)), rtol=1e-3, atol=1e-4)
 
 
-@pytest.mark.parametrize("supervision", ["rendered", "labels", "pictures", "depth"])
+@pytest.mark.parametrize(
+    "supervision",
+    ["rendered", *(pytest.param(name, marks=pytest.mark.long) for name in ("labels", "pictures", "depth"))],
+)
 def test_a_step_of_every_supervision_moves_the_weights_and_validates(model: SemGS, supervision: str):
     settings = replace(presets.small(), supervision=supervision)
     chosen = make_supervision(settings)

@@ -63,7 +63,9 @@ def small_plain() -> NetworkSettings:
 
 def small() -> NetworkSettings:
     """The network of the included weights: `small_plain` with a class backbone, on whose classes views agree, and with more layers in depth."""
-    additions = {"class_backbone": True, "class_fusion": True, "cost_filter": 16, "depth_cue": True}
+    additions = {
+        "class_backbone": True, "class_fusion": True, "cost_filter": 16, "depth_cue": True, "depth_upsampling": "convex"
+    }  # fmt: skip
     return replace(switched(small_plain(), additions), name="small")
 
 

@@ -196,7 +196,7 @@ class NetworkSettings:
         fits = isinstance(self.colour.heads, MVSplatHeads) and self.conventions.pixel_centres
         if self.colour.depth.upsampling == "convex" and not fits:
             raise ValueError(
-                "convex depth_upsampling needs MVSplat's heads and our pixel centres; leave paper_heads off"
+                "convex depth_upsampling needs MVSplat's heads and our pixel centres; leave paper_heads off, or make depth_upsampling bilinear"
             )
 
     def as_json(self) -> dict[str, Any]:

@@ -153,7 +153,7 @@ def _write_networks(disk: Path) -> None:
     for run in ("runs/small", "runs/photos", "runs/scannet", "work/runs/scannet", "work/ablation/seed_0/camera/run"):
         (disk / run).mkdir(parents=True)
         shutil.copy(shipped_folder() / "small.safetensors", disk / run / "weights.safetensors")
-    sharp = initial_network("small", "small", switches={"depth_upsampling": "convex"})
+    sharp = initial_network("small", "small")
     for run in ("runs/sharp", "runs/both"):
         (disk / run).mkdir()
         save(disk / run / "weights.safetensors", sharp, {})

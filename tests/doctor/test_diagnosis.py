@@ -37,6 +37,7 @@ def test_matches_of_the_room_fit_its_cameras_and_its_depth(scene: Scene, matches
     assert judge_cameras(rig, Evidence(matches), scene.layout, [frame.name for frame in scene.frames]).verdict == "good"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "number", [0, 4, 9, 12, *(pytest.param(number, marks=pytest.mark.long) for number in (1, 2, 3, 5, 10, 11))]
 )

@@ -86,6 +86,7 @@ def test_with_measured_depth_each_mistake_is_named_and_undone(planted: Planted, 
     assert miss(found.finding.rig, matches) == found.finding.error
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("planted", PLANTED, ids=lambda planted: planted.name)
 def test_without_depth_scale_cannot_be_told_and_the_rest_is_named(planted: Planted):
     rig = walk()

@@ -50,6 +50,7 @@ def test_true_cameras_agree_about_depth_up_to_the_size_of_a_pixel():
     assert warp_error(rig, corner(rig)) < 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [0, 1, 3, 5, 8, 9, 10])
 def test_mistakes_are_named_from_depth_alone(number: int):
     rig = small_walk()

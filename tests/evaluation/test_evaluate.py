@@ -245,6 +245,7 @@ def test_depth_maps_halve_the_error_of_a_bent_network(plan: FramePlan):
     assert float((helped - exact).abs().mean()) < float((bent - exact).abs().mean()) / 2
 
 
+@pytest.mark.long
 def test_a_refined_network_is_scored_beside_itself_before(plan: FramePlan, tmp_path: Path):
     tasks = tuple(task for task in plan.tasks if len(task.sample.contexts) == 2)[:2]
     few = replace(plan, tasks=tasks)
@@ -366,6 +367,7 @@ def test_a_score_below_the_copy_is_marked(plan: FramePlan, tmp_path: Path):
     assert "worse than the oracle that copies the nearest input view" in " ".join(notes(plan, plan.scenes, rows, 0))
 
 
+@pytest.mark.long
 def test_reports_of_other_frames_sizes_or_truth_are_not_compared(
     plan: FramePlan, make_scene: MakeScene, tmp_path: Path
 ):
@@ -386,6 +388,7 @@ def test_reports_of_other_frames_sizes_or_truth_are_not_compared(
         check_comparable([base, of(plan, "changed")])
 
 
+@pytest.mark.long
 def test_tables_of_several_reports(plan: FramePlan, tmp_path: Path):
     reports = [
         report(tmp_path / name, plan, score_method(plan, Oracle(wrong), tmp_path, save=False), "oracle")
@@ -423,6 +426,7 @@ def test_the_page_holds_tables_bars_matrix_and_pictures_and_loads_nothing(plan: 
     assert "http" not in page
 
 
+@pytest.mark.long
 def test_the_report_that_is_handed_on_is_the_one_in_the_file(plan: FramePlan, tmp_path: Path):
     """To the last number, infinite PSNR of the oracle included."""
     evaluation = done(plan, score_method(plan, Oracle(), tmp_path))
@@ -453,6 +457,7 @@ def test_what_is_shown_of_the_best_and_worst_is_what_was_predicted(plan: FramePl
             assert (held.depths - read.depths).abs().max() < 0.00051
 
 
+@pytest.mark.long
 def test_a_method_that_says_how_sure_it_is_has_its_curve_in_report_and_page(plan: FramePlan, tmp_path: Path):
     class Sure(Oracle):
         """Sure of what is right, and at 0.6 of the wrong rows."""

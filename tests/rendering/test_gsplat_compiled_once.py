@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parent.parent.parent
 
 BACKEND = """
@@ -21,6 +23,7 @@ _C = object()
 """A stand-in for the module that compiles: like the real one it cannot bear company."""
 
 
+@pytest.mark.long
 def test_processes_that_start_together_compile_one_after_the_other(tmp_path: Path):
     package = tmp_path / "gsplat"
     (package / "cuda").mkdir(parents=True)

@@ -58,6 +58,7 @@ def blended(gaussians: Gaussians, appearance: Appearance, features: list, camera
     return picture, light
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("backend", ["reference", "numba"])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_picture_equals_a_loop_over_pixels_and_gaussians(random_scene, seed: int, backend: str) -> None:

@@ -69,6 +69,7 @@ def test_penetration_is_measured_as_by_hand():
     assert pair((0.0, 0.0, 0.95), CYLINDER) == pytest.approx(0.05)
 
 
+@pytest.mark.long
 @seeds(15)
 def test_no_two_pieces_intersect_by_more_than_1_cm(count):
     for seed in range(count):
@@ -103,6 +104,7 @@ def test_nothing_stands_in_a_wall(count):
         assert penetrations(solids, first, second).max() <= 0.0101, seed
 
 
+@pytest.mark.long
 @seeds(10)
 def test_cameras_keep_0_4_m_from_everything_but_the_ground(count):
     """Rays in all directions from every camera meet nothing nearer, and no camera is lower than 0.3 m."""

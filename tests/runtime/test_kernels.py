@@ -76,6 +76,7 @@ def outcome_in_a_forked_process(first: bool) -> str:
     return done.stdout
 
 
+@pytest.mark.long
 def test_a_process_forked_before_the_first_call_has_threads_of_its_own() -> None:
     assert outcome_in_a_forked_process(first=False) == "[(0, 3), (1, 3), (2, 3)]\n"
 

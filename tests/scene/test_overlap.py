@@ -115,6 +115,7 @@ def small() -> SemGS:
     return fill_golden(preset("small_plain")).double()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("conventions", [OURS, replace(OURS, z_depth=False)], ids=["z-depth", "distance"])
 def test_sizes_follow_the_views_that_a_loop_counts_in_every_scene_of_a_batch(small: SemGS, conventions: Conventions):
     scenes = [scattered(1, torch.float64), scattered(5, torch.float64)]

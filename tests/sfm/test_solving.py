@@ -97,6 +97,7 @@ def test_the_expected_time_counts_photos_pairs_and_cameras():
     assert expected_seconds(small, False, 1) == pytest.approx(1 + 0.3 + 0.0675 + 0.24)
 
 
+@pytest.mark.long
 def test_the_same_photos_give_the_same_cameras(three: Taken, in_two_metres: Solved, tmp_path: Path):
     first = in_two_metres.solution
     second = solved(three, tmp_path / "again", PhotoDetails(FOCAL, KnownDistance("p0", "p2", 2.0)))
@@ -185,6 +186,7 @@ def test_photos_of_other_places_do_not_overlap(tmp_path: Path):
     assert "too little overlap (2 photos); take photos that share at least half" in line
 
 
+@pytest.mark.long
 def test_a_camera_that_only_turned_is_refused(tmp_path: Path):
     poses = poses_of(3)
     poses[:, :3, 3] = 0
@@ -248,6 +250,7 @@ def test_of_models_that_fit_equally_well_the_usual_focal_length_comes_first():
     assert best([wide, usual, worse]) == [usual, wide]
 
 
+@pytest.mark.long
 def test_without_a_focal_length_few_photos_start_from_several(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A focal length of 250 px is 0.78 of the longer side; starts are 0.5, 0.65, 0.8, 1 and 1.3 of it, 160 px to 416 px."""
     taken, started, unwatched = take(tmp_path / "photos", poses_of(3)), list[float](), module._models

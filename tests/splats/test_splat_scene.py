@@ -150,6 +150,7 @@ def test_what_is_usual_is_up_without_cameras_and_a_note_says_that_it_is_uncertai
     assert given.direction.tolist() == [0, 0, 1]
 
 
+@pytest.mark.long
 def test_floor_and_walls_say_how_a_splat_without_cameras_is_tilted(tmp_path: Path):
     """-Y is usual; this room stands 25 degrees off, and turned."""
     turn = matrix_from_quaternion(torch.nn.functional.normalize(torch.tensor([1.0, 0.0, 0.4, 0.0]).double(), dim=0))

@@ -46,6 +46,7 @@ def test_the_reference_has_every_public_name():
     assert sorted(documented) == sorted(semgs.__all__)
 
 
+@pytest.mark.long
 def test_an_equation_is_shown_without_scripts_and_without_a_network(tmp_path: Path):
     build = pytest.importorskip("sphinx.cmd.build").build_main
     (tmp_path / "page.md").write_text("# Page\n\n$$\\tilde{P}_i = 2$$\n\nand $x^2$\n")

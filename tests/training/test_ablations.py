@@ -21,6 +21,7 @@ TINY = {
 CAMERA_BLIND = {"camera_aware_colour": False, "camera_aware_semantic": False}
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("real_rendering")
 @pytest.mark.parametrize(
     "switch",

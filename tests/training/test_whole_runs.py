@@ -98,6 +98,7 @@ def with_shared_cnn(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("supervision", "held"),
     [pytest.param("labels", False, marks=pytest.mark.long), ("labels", True), ("pictures", True)],
@@ -131,6 +132,7 @@ def test_supervision_by_labels_renders_nothing_and_moves_the_semantic_branch_alo
     assert (tmp_path / "run" / "validation" / "00000002.png").is_file()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("held", [pytest.param(False, marks=pytest.mark.long), True])
 def test_supervision_by_depth_renders_nothing_and_ends_with_the_same_bits_in_one_session_or_two(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, with_shared_cnn: Path, held: bool
@@ -172,6 +174,7 @@ def test_depth_is_learned_in_rooms_drawn_live(tmp_path: Path):
     assert [line["validation"]["depth_abs_rel"] > 0 for line in lines if "validation" in line] == [True]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("real_rendering")
 def test_a_training_on_own_classes_begins_with_weights_and_leaves_some_that_know_them(tmp_path: Path):
     table = read_class_file(write_table(tmp_path / "three.json"))
@@ -200,6 +203,7 @@ def test_a_training_on_own_classes_begins_with_weights_and_leaves_some_that_know
     assert [line["step"] for line in checks if "validation" in line] == [0, 1]
 
 
+@pytest.mark.long
 def test_step_k_sees_the_same_batch_wherever_the_run_began(tmp_path: Path):
     pytest.importorskip("embreex")
     settings = TrainingSettings(model="small_plain", steps=4, batch=2, size=(16, 24), contexts=(2, 4), targets=2)
@@ -278,6 +282,7 @@ def test_the_command_killed_at_random_moments_and_given_again_ends_with_the_same
     assert processes_that_hold(tmp_path / "cut.txt") == []
 
 
+@pytest.mark.long
 def test_scenes_that_serve_several_samples_are_kept_in_the_folder_of_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

@@ -137,6 +137,7 @@ def test_a_whole_ablation_in_rooms(tmp_path: Path, capsys):
     assert len(list(tmp_path.glob("seed_0/*/evaluation/report.json"))) == 5
 
 
+@pytest.mark.long
 def test_how_a_training_runs_is_passed_on(tmp_path, labelled, trained, monkeypatch, capsys):
     given = []
 
@@ -155,6 +156,7 @@ def test_how_a_training_runs_is_passed_on(tmp_path, labelled, trained, monkeypat
     assert "Sm-Loss" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_a_finished_run_of_the_full_method_is_evaluated_and_not_trained_again(tmp_path, labelled, trained, capsys):
     line = [*LINE.split(), "--test", str(labelled), "--out", str(tmp_path / "out"), "--full", str(tmp_path / "table1")]
     settings = replace(small_plain(), steps=2, batch=1, size=(32, 48), contexts=(2, 2), validation_scenes=0)

@@ -23,6 +23,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_replica(tmp_path_factory.mktemp("replica") / "office_0/Sequence_1", miniature().first(4))
 
 
+@pytest.mark.long
 def test_temperatures_are_fitted_kept_beside_the_same_tensors_and_measured(
     scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

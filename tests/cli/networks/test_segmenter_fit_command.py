@@ -35,6 +35,7 @@ def renamed(room: Path, tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_a_fit_makes_a_segmenter_of_unknown_names_useful(
     room: Path, renamed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

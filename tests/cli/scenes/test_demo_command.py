@@ -28,6 +28,7 @@ def test_the_demo_can_be_run_again_and_again(
     assert json.loads((tmp_path / "demo/report.json").read_text())["scene"]["name"] == small_demo.name
 
 
+@pytest.mark.long
 def test_the_demo_does_not_replace_another_scene(
     small_demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -59,6 +59,7 @@ def test_gaussians_lie_on_the_measured_wall_and_the_report_says_so(tmp_path: Pat
     assert torch.unique(saved.depths[0], dim=0).shape[0] == 1
 
 
+@pytest.mark.long
 def test_classes_from_a_segmenter_go_with_sensor_depth(tmp_path: Path):
     scene, maps, out = with_depth(tmp_path / "wall"), tmp_path / "maps", tmp_path / "out"
     maps.mkdir()

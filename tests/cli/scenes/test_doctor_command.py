@@ -64,6 +64,7 @@ def test_a_scene_with_one_usable_frame_ends_with_2(tmp_path: Path, capsys: pytes
     assert "expected at least two usable frames, found 1" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_the_unit_of_depth_is_corrected(tmp_path: Path) -> None:
     scene = copied(tmp_path / "scene", lambda described: described.update(depth_unit_scale_factor=0.1))
     out = scene / "fixed.json"

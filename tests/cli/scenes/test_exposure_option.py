@@ -10,6 +10,7 @@ import pytest
 from semgs.cli.main import main
 
 
+@pytest.mark.long
 def test_a_fitted_exposure_is_in_the_report_and_as_taken_is_not(room: Path, tmp_path: Path) -> None:
     notes = {}
     for choice in ("fitted", "as-taken"):

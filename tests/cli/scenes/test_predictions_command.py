@@ -30,6 +30,7 @@ def test_photos_without_poses_become_labelled_gaussians(tmp_path: Path, capsys: 
     assert (tmp_path / "out/semantics.ply").exists()
 
 
+@pytest.mark.long
 def test_the_doctor_tests_predicted_cameras(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     predictions = write(tmp_path)
     assert main(["doctor", str(predictions)]) == 0

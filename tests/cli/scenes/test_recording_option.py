@@ -36,6 +36,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.long
 def test_the_report_says_which_frames_were_used_and_which_were_not(done: Path) -> None:
     report = json.loads((done / "report.json").read_text())
     used = report["choice"]["context"]

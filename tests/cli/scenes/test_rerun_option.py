@@ -59,6 +59,7 @@ def logged(file: Path, entity: str, component: str) -> dict[int | None, list]:
     return found
 
 
+@pytest.mark.long
 def test_rerun_verifies_the_file_and_finds_the_entities_on_one_timeline(done: Done) -> None:
     from rerun.chunk import RrdReader
 

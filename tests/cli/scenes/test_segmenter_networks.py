@@ -46,6 +46,7 @@ def command(room: Path, out: Path, *options: str) -> list[str]:
     ]  # fmt: skip
 
 
+@pytest.mark.long
 def test_a_second_run_takes_the_maps_of_the_first(
     room: Path, network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

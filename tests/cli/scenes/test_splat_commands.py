@@ -56,6 +56,7 @@ def lit(path: Path) -> tuple[int, int]:
     return int(np.ptp(columns)), int(np.ptp(rows))
 
 
+@pytest.mark.long
 def test_a_splat_is_circled_and_up_may_be_given(stick: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["render", str(stick), "--out", str(tmp_path / "a"), "--frames", "4", "--size", "60x80"]) == 0
     told = capsys.readouterr().out
@@ -126,6 +127,7 @@ def test_a_splat_is_exported_in_every_format_that_it_can_have(
     assert float(seen[:, 2].median()) == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.long
 def test_a_page_shows_a_splat(stick: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     pytest.importorskip("viser")
     pytest.importorskip("zstandard")

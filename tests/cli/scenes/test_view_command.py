@@ -67,6 +67,7 @@ def test_a_scene_that_is_not_there_is_refused(tmp_path: Path, capsys: pytest.Cap
     assert "nowhere: expected a folder with a scene, found nothing there" in capsys.readouterr().err
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("host", "warnings"), [pytest.param("127.0.0.1", 0, marks=pytest.mark.long), ("0.0.0.0", 1)])
 def test_the_viewer_runs_until_an_interrupt_and_warns_once_if_others_can_reach_it(
     folder: Path, host: str, warnings: int

@@ -42,6 +42,7 @@ def command(*words: object) -> None:
     assert main([str(word) for word in words]) == 0
 
 
+@pytest.mark.long
 def test_a_download_becomes_weights_a_table_beside_the_papers_and_a_figure(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

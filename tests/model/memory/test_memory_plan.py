@@ -145,6 +145,7 @@ def test_kernels_gaps_and_small_tensors_are_added(monkeypatch: pytest.MonkeyPatc
     assert found == pytest.approx({"cnn": 1480e6, "cost_volume": 314e6, "depth": 364e6, "heads": 344e6})
 
 
+@pytest.mark.long
 def test_memory_grows_no_faster_than_views_and_pixels_where_views_come_one_at_a_time() -> None:
     one = Chunks(1, 1)
     few, many = (allocated("small_plain", views, (64, 96), one) for views in (3, 6))

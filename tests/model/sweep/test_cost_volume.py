@@ -166,6 +166,7 @@ def test_where_no_view_sees_the_point_the_cost_is_zero():
     assert (cost[seen_by(cameras, depth, grid, 1e-6).any(0)] != 0).all()
 
 
+@pytest.mark.long
 def test_the_custom_operation_follows_torchs_rules():
     from semgs.model.sweep.correlation import _correlate
 

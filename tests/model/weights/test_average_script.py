@@ -28,6 +28,7 @@ def of_ones(value: float) -> SemGS:
     return model
 
 
+@pytest.mark.long
 def test_a_file_that_is_named_twice_counts_twice(tmp_path: Path):
     one, other = tmp_path / "one.safetensors", tmp_path / "other.safetensors"
     save(one, of_ones(1.0), {SCENES: json.dumps(["b", "a"]), DATA_TERMS: terms_text([ROOMS]), "seed": "4"})

@@ -61,6 +61,7 @@ def test_weights_that_are_not_there_are_refused(init: str, told: str):
         initial_network("base", init)
 
 
+@pytest.mark.long
 def test_weights_lend_a_network_with_another_semantic_branch_all_else(tmp_path: Path):
     save(tmp_path / "small.safetensors", initial_network("small_plain", "random"), {})
     given = load("small_plain", tmp_path / "small.safetensors")
@@ -84,6 +85,7 @@ def test_the_semantic_branch_is_drawn_anew_where_that_is_asked_for():
     assert all(name.startswith("semantic.") for name in drawn)
 
 
+@pytest.mark.long
 def test_a_branch_that_weights_have_is_kept_where_it_is_asked_for_again(tmp_path: Path):
     model = load("small_plain", plain(tmp_path))
     for switches in ({}, {"class_backbone": True}):
@@ -160,6 +162,7 @@ def test_more_layers_in_depth_and_other_classes_are_one_start(tmp_path: Path):
         initial_network("small_plain", path, seed=3, classes=FIVE, switches={"cost_filter": 4})
 
 
+@pytest.mark.long
 def test_whether_views_agree_on_classes_can_change_and_all_weights_are_kept(tmp_path: Path):
     there = load("small_plain", plain(tmp_path))
     for fuses in (True, False):

@@ -40,7 +40,13 @@ def test_what_is_saved_is_loaded_but_for_rounding(small, written):
 
 
 def test_weights_of_an_ablation_bring_its_switches_back(tmp_path):
-    switches = {"paper_heads": True, "windows": 1, "shared_layers": False, "camera_aware_semantic": False}
+    switches = {
+        "paper_heads": True,
+        "windows": 1,
+        "shared_layers": False,
+        "camera_aware_semantic": False,
+        "depth_upsampling": "bilinear",
+    }
     settings = replace(networks.small(), conventions=Conventions(candidates="linear"))
     model = build(switched(settings, switches))
     save(tmp_path / "ablation.safetensors", model, {})

@@ -92,6 +92,7 @@ def test_the_published_files_beside_the_project_are_such(shared: Path):
     ]
 
 
+@pytest.mark.long
 def test_a_training_starts_from_a_published_file_alone_or_beside_weights(tmp_path: Path):
     path = tmp_path / "backbone.safetensors"
     tensors = published(path)

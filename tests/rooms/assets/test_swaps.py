@@ -36,6 +36,7 @@ def swaps(library, seed=0):
     return Swaps(rng, library, Coverings(rng, library, used), share=1.0)
 
 
+@pytest.mark.long
 def test_a_mesh_that_stands_in_stays_in_the_footprint_and_keeps_the_name(library):
     exchanged = 0
     for seed in range(15):
@@ -94,6 +95,7 @@ def brute_force(corners: np.ndarray, origin: np.ndarray, way: np.ndarray) -> int
     return int(t.argmin())
 
 
+@pytest.mark.long
 def test_labels_of_mesh_pixels_are_those_of_a_second_ray_caster(library):
     """Rays from the middle of rooms with meshes; triangles are put together anew from the plan's parts."""
     rng, met = np.random.default_rng(5), 0
@@ -142,6 +144,7 @@ def test_a_small_memory_changes_nothing_but_the_time(asset_folder, library):
     assert torch.equal(one.images, two.images)
 
 
+@pytest.mark.long
 def test_furniture_stands_where_it_stood_without_assets(library):
     """The last footprints, at most seven, are those of small things on the floor."""
     for index in range(8):
@@ -153,6 +156,7 @@ def test_furniture_stands_where_it_stood_without_assets(library):
             np.testing.assert_array_equal(one, two)
 
 
+@pytest.mark.long
 def test_about_half_of_the_homes_have_meshes_and_all_name_the_files_they_use(library):
     rooms = [build_room(generator(12, index), library) for index in range(30)]
     share = np.mean([len(room.shells.corners) > 0 for room in rooms])
@@ -164,6 +168,7 @@ def test_about_half_of_the_homes_have_meshes_and_all_name_the_files_they_use(lib
         assert (room.solids.materials[:, KIND] == PICTURE).sum() == 0 or room.files
 
 
+@pytest.mark.long
 def test_every_window_shows_a_picture_of_what_is_outside(library):
     for index in range(20):
         room = build_room(generator(13, index), library)

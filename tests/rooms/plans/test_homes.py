@@ -117,6 +117,7 @@ def test_what_stands_on_furniture_has_no_class_and_is_smaller_than_a_screen(make
     assert thing.name == {things.on_desk: "on a desk", things.on_table: "on a table"}.get(maker, "on a worktop")
 
 
+@pytest.mark.long
 def test_desks_have_screens_and_tables_have_plates():
     """Most of what stands on a desk belongs there; of a table's things none is a laptop or a screen."""
     rng = np.random.default_rng(3)

@@ -17,6 +17,7 @@ def plans():
     return [draw_other(np.random.default_rng(seed)) for seed in range(30)]
 
 
+@pytest.mark.long
 def test_furniture_of_the_other_world_neither_intersects_nor_leaves_the_room(plans):
     for plan in plans:
         assert len(plan.footprints) >= 2
@@ -26,6 +27,7 @@ def test_furniture_of_the_other_world_neither_intersects_nor_leaves_the_room(pla
             assert (np.abs(corners) <= (plan.size[0] / 2 + 1e-9, plan.size[1] / 2 + 1e-9)).all()
 
 
+@pytest.mark.long
 def test_its_rooms_are_longer_than_those_of_homes(plans):
     def elongation(some):
         return np.median([max(plan.size[:2]) / min(plan.size[:2]) for plan in some])

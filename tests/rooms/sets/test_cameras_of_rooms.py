@@ -69,6 +69,7 @@ def test_a_toilet_is_chosen_four_times_as_often_as_a_cabinet():
     np.testing.assert_allclose((toilet.low, toilet.high), ((5, 0, 0), (5.5, 0.4, 1)))
 
 
+@pytest.mark.long
 def test_close_cameras_are_within_90_cm_of_their_subject_and_fill_the_frame_with_it(monkeypatch):
     """Of ten close cameras; the depths are medians of frames."""
     subjects, depths, shares = [], [], []
@@ -89,6 +90,7 @@ def test_close_cameras_are_within_90_cm_of_their_subject_and_fill_the_frame_with
     assert max(shares) > 0.6
 
 
+@pytest.mark.long
 def test_long_steps_are_up_to_a_third_of_the_depth_and_turning_away_leaves_less_overlap():
     """Six wide cameras that follow what they see and six that turn by 0.45 rad a step, in the same rooms."""
     shares, baselines = np.zeros((2, 6)), np.zeros((2, 6))

@@ -33,6 +33,7 @@ def whole(tmp_path_factory) -> Path:
     return path
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_the_same_recipe_gives_the_same_tree_whatever_the_folder_and_the_workers(workers, whole, tmp_path):
     write_dataset(tmp_path / "elsewhere" / "x", ROOMS, 4, workers=workers)
@@ -142,6 +143,7 @@ def test_a_full_disk_is_told_as_such_and_leaves_no_half_scene(tmp_path, monkeypa
     assert [path.name for path in (tmp_path / "full").iterdir()] == [dataset.SETTINGS]
 
 
+@pytest.mark.long
 def test_scenes_with_assets_name_them_and_are_not_mixed_with_others(asset_folder, tmp_path):
     """The folder of the assets may move; the lock that they satisfy, here one of their own, is part of the settings."""
     rows = make_lock(asset_folder)

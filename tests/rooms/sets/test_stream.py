@@ -60,6 +60,7 @@ def test_depths_are_those_of_a_room_and_every_pixel_has_one(sixty):
     assert depths[depths > 0].min() > 0.2
 
 
+@pytest.mark.long
 def test_what_one_view_sees_lies_within_5_mm_on_the_surface_that_another_sees(twenty):
     """From the second camera, a ray to a point of the first view ends at that point, or before it on what hides it."""
     shown = []

@@ -36,6 +36,7 @@ class Slow:
         return np.full((2, 3, 4), 0.5, np.float32)
 
 
+@pytest.mark.long
 def test_time_and_memory_are_measured():
     # In an interpreter of its own, whose heap has no free memory of other tests.
     program = "import time, numpy; from semgs.segmenters.networks.cost import measured\n" + (

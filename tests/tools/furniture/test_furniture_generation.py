@@ -27,6 +27,7 @@ def tree(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+@pytest.mark.long
 def test_the_folder_is_one_that_rooms_take(stand_in, tmp_path):
     made = run(tmp_path / "lib", stand_in, 3)
     assert (made.left_out, made.late) == ({}, {})
@@ -42,6 +43,7 @@ def test_the_folder_is_one_that_rooms_take(stand_in, tmp_path):
         open_library(tmp_path / "lib", "other")
 
 
+@pytest.mark.long
 def test_pieces_do_not_depend_on_their_number_nor_on_interruptions_nor_on_workers(stand_in, tmp_path):
     run(tmp_path / "whole", stand_in, 4)
 
@@ -84,6 +86,7 @@ def test_an_incomplete_piece_is_left_out_and_not_tried_again(stand_in, tmp_path,
     assert not list((tmp_path / "lib" / "models").iterdir())
 
 
+@pytest.mark.long
 def test_what_takes_too_long_is_ended_and_tried_again_by_the_next_call(stand_in, tmp_path):
     name = make_job(SEED, 1).name
     stand_in.goes_wrong(**{name: "slow"})

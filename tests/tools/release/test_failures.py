@@ -108,6 +108,7 @@ def test_the_table_has_the_mistakes_of_all_targets_together(found: tuple[ScoredT
     assert row == f"| wall | floor | {100 * only.share:.1f} % | {100 * only.of_class:.0f} % |"
 
 
+@pytest.mark.long
 def test_a_sheet_is_the_best_jpeg_that_is_small_enough_and_the_same_each_time(found: tuple[ScoredTarget, ...]):
     rows = worst(found, 2)
     large, small = sheet(rows, 10**6), sheet(rows, 80_000)

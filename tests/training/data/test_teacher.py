@@ -123,6 +123,7 @@ def test_a_network_that_does_not_classify_by_itself_has_no_place_for_a_head():
         Pictures(teacher_classes=3).head(initial_network("small_plain", "random"))
 
 
+@pytest.mark.long
 def test_a_run_with_a_teacher_resumes_exactly_and_keeps_its_head_to_itself(scans: Path, tmp_path: Path):
     network = replace(SETTINGS.network, class_backbone=True)
     settings = replace(SETTINGS, data=(str(scans),), teacher=str(tmp_path / "teacher"), network=network, steps=3)

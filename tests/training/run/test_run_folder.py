@@ -147,6 +147,7 @@ def test_differences_name_both_values(settings):
     assert differences(replace(settings, batch=5), settings) == {"batch": (5, 2)}
 
 
+@pytest.mark.long
 def test_a_folder_that_another_process_trains_into_is_refused_until_that_ends(settings, tmp_path):
     out = tmp_path / "run"
     claim_folder(out, settings)

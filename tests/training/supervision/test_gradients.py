@@ -50,6 +50,7 @@ def terms(model: SemGS, context: Views, truth: Views) -> Losses:
     return losses(rendering, truth, LossWeights(semantic=0.1, colour=1.0, smoothness=0.5))
 
 
+@pytest.mark.long
 def test_the_gradient_of_the_whole_loss_is_that_of_finite_differences(model: SemGS):
     """Along a random direction in the parameters of each part; nothing crosses a kink on the way, nor half-way to one."""
     context = posed_views(2, SIZE, seed=SEED, dtype=torch.float64)

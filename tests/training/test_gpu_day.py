@@ -1,0 +1,35 @@
+"""scripts/gpu_day.sh: three short trainings on the CPU, put together."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+from image_sets import random_numbers, write_image_set
+
+from semgs.model.weights.load import load
+from semgs.model.weights.weights_file import read_tensors
+
+ROOT = Path(__file__).resolve().parents[2]
+STEPS = {"CLASSES": "2", "DEPTH": "2", "COLOUR": "2", "SIZE": "48x64", "CROP": "48x64", "BATCH": "2", "WORKERS": "0"}
+
+
+@pytest.mark.long
+def test_a_day_on_a_gpu_in_miniature_moves_classes_depth_and_colour(tmp_path: Path) -> None:
+    pytest.importorskip("embreex")
+    rooms = [sys.executable, "-m", "semgs", "rooms", tmp_path / "rooms", "--scenes", "2", "--frames", "3"]
+    subprocess.run([*rooms, "--size", "48x64", "--workers", "0"], cwd=ROOT, check=True)
+    photos = write_image_set(tmp_path / "photos", {name: random_numbers(k, (60, 80)) for k, name in enumerate("ab")})
+    environment = os.environ | STEPS | {"DEVICE": "cpu", "PYTHON": sys.executable}
+    command = ["bash", ROOT / "scripts/gpu_day.sh", tmp_path / "out", tmp_path / "rooms", photos]
+    subprocess.run(command, env=environment, check=True)
+
+    before, after = load("small").state_dict(), read_tensors(tmp_path / "out/weights.safetensors")
+    moved = {name for name in before if not torch.equal(before[name].bfloat16().float(), after[name].float())}
+    for part in ("semantic.refinement.", "cnn.", "colour.depth.", "colour.heads.convex.", "colour.heads.colour."):
+        assert any(name.startswith(part) for name in moved), part
+    assert not any(name.startswith("semantic.transformer.") for name in moved)
