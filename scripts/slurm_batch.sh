@@ -17,10 +17,10 @@ head=$(head -n 1 <<< "$machines")
 count=$(wc -l <<< "$machines")
 cores=${SLURM_CPUS_PER_TASK:-1}
 
-srun --nodes 1 --ntasks 1 --nodelist "$head" "$RAY" start --head --port "$PORT" --num-cpus "$cores" --disable-usage-stats --block &
+srun --nodes 1 --ntasks 1 --cpus-per-task "$cores" --nodelist "$head" "$RAY" start --head --port "$PORT" --num-cpus "$cores" --disable-usage-stats --block &
 sleep "${WAIT:-20}"
 if [ "$count" -gt 1 ]; then
-    srun --nodes "$((count - 1))" --ntasks "$((count - 1))" --exclude "$head" \
+    srun --nodes "$((count - 1))" --ntasks "$((count - 1))" --cpus-per-task "$cores" --exclude "$head" \
         "$RAY" start --address "$head:$PORT" --num-cpus "$cores" --block &
     sleep "${WAIT:-20}"
 fi
