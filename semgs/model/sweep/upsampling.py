@@ -19,7 +19,7 @@ from semgs.runtime.precision import FullPrecisionConv2d, outside_autocast
 NEIGHBOURS = 9
 """The texels that a weighted mean is over: 3x3, row by row; the middle one is number 4."""
 
-GATE = 0.07
+GATE = 0.15
 """Texels whose disparity differs from the strongest one's by more than this share of it are on another surface."""
 
 SMALLEST_START = 0.01
