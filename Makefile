@@ -12,6 +12,8 @@ STAMP := .venv/complete
 UNFINISHED := .venv/unfinished
 # There when scenezoo is installed too, with open3d and 40 more packages (1.2 GB), which only tests of what it reads need.
 SCENEZOO := .venv/scenezoo
+# There when Ray is installed too (0.2 GB), for the test of a batch on a cluster.
+CLUSTER := .venv/cluster
 # There when the programs of tests/node/package.json are installed, which open exported files in tests. Without npm these tests are skipped.
 NODE_PROGRAMS := tests/node/node_modules/.package-lock.json
 # There when gradio is installed too, with 20 more packages (140 MB), which only the app needs.
@@ -79,10 +81,14 @@ $(SCENEZOO): $(STAMP)
 	$(PIP) --no-build-isolation -e '.[scenezoo]'
 	@touch $(SCENEZOO)
 
+$(CLUSTER): $(STAMP)
+	$(PIP) --no-build-isolation -e '.[cluster]'
+	@touch $(CLUSTER)
+
 $(NODE_PROGRAMS): tests/node/package.json tests/node/package-lock.json
 	@if command -v npm >/dev/null; then npm ci --prefix tests/node --ignore-scripts --no-audit --no-fund && touch $@; fi
 
-long: setup $(SCENEZOO) $(NODE_PROGRAMS) $(APP)
+long: setup $(SCENEZOO) $(CLUSTER) $(NODE_PROGRAMS) $(APP)
 	CHECK_ROOMS=1 $(BIN)/pytest -m 'long'
 
 gpu: setup

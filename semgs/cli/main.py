@@ -63,6 +63,7 @@ COMMANDS = {
     "label-splat": Command(
         "scenes.label_splat:LabelSplat", "Give a splat of another program classes, from its photos."
     ),
+    "batch": Command("scenes.batch:Batch", "Run a command for many scenes, several at a time."),
     "rooms": Command("scenes.rooms:Rooms", "Generate synthetic rooms with labels, depth and poses."),
     "train": Command("networks.train:Train", "Train, or resume training."),
     "recipe": Command("networks.recipe:Recipe", "Train as the included weights were: classes, depth, colour."),
@@ -189,9 +190,10 @@ def run_command(options: type[Any], program: str, arguments: Sequence[str]) -> i
     """
     from semgs.cli.arguments import parse
 
-    given = parse(options, program, arguments)
+    own, others = options.split(arguments) if hasattr(options, "split") else (arguments, None)
+    given = parse(options, program, own)
     with redirect_stdout(Printable(sys.stdout)):
-        code: int | None = given.run()
+        code: int | None = given.run() if others is None else given.run_with(others)
     return code or 0
 
 

@@ -53,8 +53,9 @@ def show_stage(title: str) -> Iterator[None]:
 
 
 @contextmanager
-def show_progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Show how much of some work is done, and the time left. Call the yielded function with the number of finished items.
+def show_progress(title: str, total: int) -> Iterator[Callable[..., None]]:
+    """Show how much of some work is done, and the time left. Call the yielded function with the number of finished items, and a few words to show if
+    there are any.
 
     If stderr is no terminal, nothing is shown.
     """
@@ -67,21 +68,28 @@ def show_progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
         return
     console = Console(stderr=True, highlight=False, markup=False)
     if not console.is_terminal:
-        yield lambda count: None
+        yield lambda count, words="": None
         return
     start = perf_counter()
     title = printable(title)
-    columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TextColumn("time left"), TimeRemainingColumn())
+    columns = (
+        TextColumn(title),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("time left"),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[words]}"),
+    )
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task(title, total=total)
+        task = progress.add_task(title, total=total, words="")
         begun = False
 
-        def done(count: int) -> None:
+        def done(count: int, words: str = "") -> None:
             nonlocal begun
             if not begun:  # items from an earlier run say nothing about speed
                 begun = True
                 progress.reset(task, completed=count)
-            progress.update(task, completed=count)
+            progress.update(task, completed=count, words=words)
 
         yield done
     console.print(f"{title}  {perf_counter() - start:.1f} s", style="dim", soft_wrap=True)

@@ -42,6 +42,8 @@ def line_for(error: Exception) -> str | None:
         return str(error)
     if isinstance(error, ImportError) and "pip install" in str(error):
         return str(error)  # a missing extra
+    if isinstance(error, ChildProcessError) and error.errno is None:
+        return str(error)  # a killed worker
     if isinstance(error, MemoryError) or any(said in str(error).lower() for said in _NO_MEMORY):
         return f"there is not enough memory; {_ADVICE[errno.ENOMEM]}"
     if isinstance(error, OSError) and error.errno in _REFUSED:

@@ -13,6 +13,7 @@ from semgs.depth_maps.predicted_maps import DepthNetwork, PredictedMaps
 from semgs.depth_maps.transformers_network import open_transformers_network
 from semgs.files.errors import InputError
 from semgs.files.paths import typed_path
+from semgs.runtime.kept import kept
 from semgs.segmenters.networks.network_files import ENDINGS
 from semgs.segmenters.networks.transformers_models import is_model
 
@@ -37,9 +38,9 @@ def open_depth_maps(name: str, meaning: Meaning | None = None) -> Callable[[Scen
     path = typed_path(name)
     network: DepthNetwork | None = None
     if is_model(name):
-        network = open_transformers_network(name, meaning)
+        network = kept(open_transformers_network, name, meaning)
     elif path.suffix.lower() in ENDINGS:
-        network = open_exported_network(path, meaning)
+        network = kept(open_exported_network, path, meaning)
     if network is not None:
         predicted = PredictedMaps(network)
         return lambda scene: predicted

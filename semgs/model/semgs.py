@@ -307,9 +307,20 @@ class SemGS(nn.Module):
         Raises:
             NotEnoughMemoryError: it does not fit even with one view at a time.
         """
-        weight, drawn = self.cnn.conv1.weight, len(views) + (0 if targets is None else len(targets))
+        drawn = len(views) + (0 if targets is None else len(targets))
+        return memory_plan(self.work(len(views), views.size, drawn), available_bytes)
+
+    def work(self, views: int, size: tuple[int, int], drawn: int) -> Work:
+        """The work of encoding a scene with this network, as its memory plan takes it.
+
+        Args:
+            views: number of input views.
+            size: their (height, width) [px].
+            drawn: number of views to render.
+        """
+        weight = self.cnn.conv1.weight
         network = (self.settings, self.class_count, self.fuses, weight.dtype, weight.device)
-        return memory_plan(Work(*network, len(views), views.size, drawn), available_bytes)
+        return Work(*network, views, size, drawn)
 
     def _chunks(self, views: Views) -> Chunks:
         """How many views to process at a time."""

@@ -16,6 +16,7 @@ from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
 from semgs.files.errors import InputError, input_error
 from semgs.files.paths import typed_path
+from semgs.runtime.kept import kept
 from semgs.segmenters.class_map_files import RECORD, TABLE, MapFiles, save_table
 from semgs.segmenters.class_source import ClassSource, Translated
 from semgs.segmenters.fitting import Fit, read_fit
@@ -139,7 +140,7 @@ def open_class_sources(
     path = typed_path(name)
     if is_map_folder(path) and not words:
         return lambda scene: _open_files(find_map_folder(path, scene), scene, classes, fitted)
-    network = open_network(name, words)
+    network = kept(open_network, name, tuple(words))
     table: Table = "own" if words else classes or "scannet20"
     return lambda scene: _translate(ViewSegmenter(network).source(scene, save, earlier), name, table, fitted)
 

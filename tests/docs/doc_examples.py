@@ -51,6 +51,7 @@ SKIPPED = {
 """Lines that no test runs, by how they begin, and why."""
 
 SMALLER = {
+    "batch": "--size 48x64 --workers 1",
     "ablate": "--steps 1 --size 32x48 --views 2 --workers 0 --test val24",
     "bench": "--quick",
     "evaluate": "--size 48x64 --views 2",
@@ -85,7 +86,7 @@ SMALLER_IN_PYTHON = {
 """The same for blocks of Python."""
 
 SLOW = (
-    "ablate", "app", "bench", "figure", "label", "recipe", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
+    "ablate", "app", "batch", "bench", "figure", "label", "recipe", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
     "kitchen_colmap", "splat-transform", "mosaic.tflite", "scripts/", "tests/", "tools.", "--protocol neighbours", "eval/other", "eval/segformer",
     "examples/train", "examples/score", "segmenters fit", "--correspondence", "--weights runs/small", "--html",
 )  # fmt: skip
@@ -151,7 +152,12 @@ def slow(example: Example) -> bool:
     if example.region.evaluator is python:
         return any(word in example.parsed for word in SLOW_IN_PYTHON)
     words = words_of(example)
-    if "--help" in words or words[0] in {*CARRIERS, "make", "pip"} or words[:3] == ["python", "-m", "tools.furniture"]:
+    if (
+        "--help" in words
+        or "--ray" in words
+        or words[0] in {*CARRIERS, "sbatch", "make", "pip"}
+        or words[:3] == ["python", "-m", "tools.furniture"]
+    ):
         return False
     return any(word in words[:2] if word.isalpha() else word in example.parsed for word in SLOW)
 
@@ -186,6 +192,11 @@ def shell(example: Example) -> None:
     program, *rest = words = words_of(example)
     if program == "semgs":
         run_semgs(rest)
+    elif program == "sbatch" and "--wrap" in rest:
+        parse_semgs(shlex.split(rest[rest.index("--wrap") + 1].replace("$SLURM_ARRAY_TASK_ID", "1"))[1:])
+    elif program == "sbatch":
+        script = next(position for position, word in enumerate(rest) if (ROOT / word).is_file())
+        parse_semgs(["batch", *rest[script + 1 :]])
     elif program in CARRIERS:
         parse_semgs(words[words.index("semgs") + 1 :])
     elif program == "make":
@@ -211,7 +222,15 @@ def command_of(words: Sequence[str]) -> tuple[str, list[str]]:
 def parse_semgs(words: Sequence[str]) -> None:
     """Parse the options of a semgs command."""
     name, rest = command_of(words)
-    parse(COMMANDS[name].load(), f"semgs {name}", rest)
+    options = COMMANDS[name].load()
+    if name == "batch":
+        rest, others = options.split(rest)
+        parse(
+            COMMANDS[rest[0]].load(),
+            f"semgs {rest[0]}",
+            [rest[1], *(["out"] if rest[0] == "label" else ["--out", "out"]), *others],
+        )
+    parse(options, f"semgs {name}", rest)
 
 
 def run_semgs(words: Sequence[str]) -> None:
@@ -222,6 +241,8 @@ def run_semgs(words: Sequence[str]) -> None:
     if name == "app":
         pytest.importorskip("gradio", reason="gradio is not installed; pip install '.[app]' in SemGS's folder")
         serve("app", *rest, "--port", "0", "--folder", "app")
+        return
+    if "--ray" in rest:  # it needs a cluster
         return
     if name == "view" and "--html" not in rest:
         serve("view", *rest)

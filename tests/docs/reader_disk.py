@@ -46,7 +46,7 @@ PROCESSED = (378, 504)
 FRAMES = 6
 SCENE_SETS = (
     "scenes", "other", "train_rooms", "val24", "data/rooms", "data/wide", "data/taught", "data/scannet", "scannet/train",
-    "scannet/test", "replica", "robot",
+    "scannet/test", "scannetpp/data", "replica", "robot",
 )  # fmt: skip
 """Folders of labelled scenes."""
 SCANS = ("scene0160_00",)

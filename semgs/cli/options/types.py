@@ -166,6 +166,9 @@ SeveralViews = Annotated[tuple[int, ...], several("N [N ...]", at_least(2))]
 Count = Annotated[int, one_word("INT", at_least(1))]
 """How many: 1 or more."""
 
+CountOrAuto = Annotated[int | None, one_word("N", at_least(1))]
+"""The same; None lets the command decide."""
+
 Workers = Annotated[int, one_word("INT", at_least(0))]
 """Worker processes; 0 for none."""
 

@@ -34,7 +34,7 @@ from semgs.files.errors import InputError
 from semgs.files.folders import check_writable, lock_folder
 from semgs.files.hashes import sha256
 from semgs.files.paths import typed_path
-from semgs.runtime.workers import outcomes
+from semgs.runtime.workers import WorkerKilledError, outcomes
 
 SETTINGS, INDEX, SUMS = "settings.json", "index.json", "SHA256SUMS"
 SAMPLED_SCENES = 3
@@ -234,7 +234,7 @@ class PreparedSet:
             return there
         return prepare_scene(scene, target, self.settings, done=frame_done)
 
-    def _write_index(self, failed: dict[str, InputError]) -> dict[str, Any]:
+    def _write_index(self, failed: dict[str, InputError | WorkerKilledError]) -> dict[str, Any]:
         """Write the hashes and index of all archives in the folder; returns the content of the index."""
         known = _sums(self.out)
         scenes, total, sums = [], Counter[str](), {}
@@ -266,13 +266,13 @@ class PreparedSet:
 
 def _prepared(
     work: Callable[[SceneSource], object], found: Sequence[SceneSource], workers: int, done: Callable[[int], None]
-) -> dict[str, InputError]:
+) -> dict[str, InputError | WorkerKilledError]:
     """Prepare scenes; returns those that failed, and why. Raises the first error if all failed."""
-    failed: dict[str, InputError] = {}
+    failed: dict[str, InputError | WorkerKilledError] = {}
     done(0)
     with closing(outcomes(work, found, workers)) as prepared:
         for count, (source, outcome) in enumerate(zip(found, prepared, strict=True), start=1):
-            if isinstance(outcome, InputError):
+            if isinstance(outcome, InputError | WorkerKilledError):
                 failed[source.name] = outcome
             elif isinstance(outcome, Exception):
                 raise outcome

@@ -143,6 +143,7 @@ class LabelSplat:
         from semgs.model.weights.load import load
         from semgs.reconstruction.network_classes import NetworkClasses
         from semgs.reconstruction.output.report import Provenance
+        from semgs.runtime.kept import kept
         from semgs.segmenters.labelling import Labelling
 
         software = f"semgs {__version__}"
@@ -153,7 +154,7 @@ class LabelSplat:
                 return opened(scene), Provenance(software, "", 0, device)
         with stages("load", "Loading the network"), what_the_user_gave():
             name = self.weights or "small"
-            model = load("small", "random") if name == "random" else load(name)
+            model = kept(load, "small", "random") if name == "random" else kept(load, name)
             source = NetworkClasses(model.eval().to(device))
         parameters = sum(parameter.numel() for parameter in model.parameters())
         return Labelling(source), Provenance(software, model.origin, parameters, device)

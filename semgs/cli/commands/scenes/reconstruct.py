@@ -288,13 +288,24 @@ class Reconstruct:
     def _load_network(self, device: str) -> tuple[SemGS, Provenance]:
         """The network on its device, and its origin for the report."""
         from semgs._version import __version__
-        from semgs.model.weights.load import load
         from semgs.reconstruction.output.report import Provenance
 
-        with what_the_user_gave():
-            model = load(*self._network_and_weights())
+        model = self.load_network(device)
         parameters = sum(parameter.numel() for parameter in model.parameters())
-        return model.eval().to(device), Provenance(f"semgs {__version__}", model.origin, parameters, device)
+        return model, Provenance(f"semgs {__version__}", model.origin, parameters, device)
+
+    def load_network(self, device: str) -> SemGS:
+        """The network on a device.
+
+        Raises:
+            InputError: its weights cannot be used.
+            UsageError: there is no such network, or it has no included weights.
+        """
+        from semgs.model.weights.load import load
+        from semgs.runtime.kept import kept
+
+        with what_the_user_gave():
+            return kept(load, *self._network_and_weights()).eval().to(device)
 
     def _open_segmenter(self, scene: Scene, folder: Path, stages: Stages) -> Labelling | None:
         """What gives the Gaussians their classes; None for the network's own."""

@@ -1,0 +1,95 @@
+"""A scene of a batch: what to run for it, and whether that is what was run before."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from semgs._version import __version__
+
+CAMERAS = "transforms.json"
+"""A scene in one file, whose photos are beside it."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """One scene of a batch.
+
+    Attributes:
+        name: of the scene.
+        scene: its file or folder.
+        out: the folder of the batch.
+        result: what the command writes in it: "office", or "office.html".
+        arguments: of the command line, such as ("reconstruct", "scans/office", "--out", "out/office").
+        fingerprint: of these arguments and of what they read: other options or other photos have another one.
+    """
+
+    name: str
+    scene: Path
+    out: Path
+    result: str
+    arguments: tuple[str, ...]
+    fingerprint: str
+
+    @property
+    def command(self) -> str:
+        """The command."""
+        return self.arguments[0]
+
+
+def fingerprint(options: Sequence[str], inputs: Sequence[Path]) -> str:
+    """A hash of everything that decides the result of a task.
+
+    Args:
+        options: the command and its options, without the places of input and output. Files and folders among them count with
+            what they contain.
+        inputs: files and folders of the scene.
+    """
+    named = [Path(word) for word in options if not word.startswith("-") and Path(word).exists()]
+    contents = [stamps(path) for path in (*inputs, *named)]
+    text = json.dumps([__version__, list(options), contents])
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def stamps(path: Path) -> list[tuple[str, int, int]]:
+    """Name, size [bytes] and time of change [ns] of a file, or of every file in a folder, in the order of names.
+
+    A transforms.json counts with its folder. Contents are not read: a scan has gigabytes, and a batch a thousand scans.
+    """
+    if path.is_file() and path.name == CAMERAS:
+        path = path.absolute().parent
+    files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
+    found = [(one, one.stat()) for one in files]
+    return [(str(one.relative_to(path.parent)), stat.st_size, stat.st_mtime_ns) for one, stat in found]
+
+
+def scene_names(paths: Sequence[Path]) -> list[str]:
+    """A different name for each scene: that of its folder or file, after as many folders above it as it takes to tell it from others.
+
+    If all are files of the same name, or a transforms.json, these are the names of their folders.
+
+    Args:
+        paths: files or folders.
+
+    Raises:
+        ValueError: a path is given twice.
+    """
+    paths = [path.absolute() for path in paths]
+    if all(
+        path.is_file() and ((path.stem == paths[0].stem and len(paths) > 1) or path.name == CAMERAS) for path in paths
+    ):
+        paths = [path.parent for path in paths]
+    names = [path.stem if path.is_file() else path.name for path in paths]
+    parts = [list(path.parts[1:-1]) for path in paths]
+    while len(set(names)) < len(names):
+        taken = {name for name in names if names.count(name) > 1}
+        if not any(parts[place] for place, name in enumerate(names) if name in taken):
+            raise ValueError(f"the scene {sorted(taken)[0]} is given twice")
+        names = [
+            f"{parts[place].pop()}_{name}" if name in taken and parts[place] else name
+            for place, name in enumerate(names)
+        ]
+    return names

@@ -1,0 +1,374 @@
+"""`semgs batch`: one command for many scenes."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, fields
+from functools import partial
+from glob import glob
+from pathlib import Path
+from time import localtime, strftime, time
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+
+from semgs.cli.arguments import parse
+from semgs.cli.options.types import CountOrAuto, cores, one_word
+from semgs.cli.progress import show_progress
+from semgs.cli.usage_errors import UsageError, what_the_user_gave
+from semgs.files.errors import InputError
+from semgs.files.paths import found_at, typed_path
+
+if TYPE_CHECKING:
+    from semgs.batch.records import Record
+    from semgs.batch.tasks import Task
+
+Command = Literal["reconstruct", "poses", "doctor", "export", "label", "label-splat"]
+
+FORMS = {
+    "reconstruct": ("{scene}", "--out", "{out}"),
+    "poses": ("{scene}", "{out}"),
+    "doctor": ("{scene}", "--page", "{out}"),
+    "export": ("{scene}", "--out", "{out}"),
+    "label": ("{scene}", "{out}"),
+    "label-splat": ("{scene}", "--out", "{out}"),
+}
+"""How each command names its input and its output."""
+
+ENDINGS = {"doctor": ".html"}
+"""Endings of results that are files."""
+
+SETTINGS = "batch.json"
+"""The file in OUT that says which command fills it."""
+
+RESERVED = ("records", "pictures", "batch.json", "index.html", "index.csv", "failures.jsonl")
+"""Files and folders in OUT that are no results."""
+
+SOME_FAILED = 3
+"""The exit code if some scenes failed."""
+
+MINUTE = 60.0
+"""Time between lines on the progress, if stderr is no terminal [s]."""
+
+
+def _matching(word: str) -> list[Path]:
+    """The paths that a word with wildcards matches, or the path that it is. A shell has already done so, unless the word was quoted."""
+    return sorted(map(Path, glob(word))) or [typed_path(word)]  # noqa: PTH207 - patterns may begin at the root
+
+
+def _part_and_parts(text: str) -> tuple[int, int]:
+    """(I, N) of "I/N"."""
+    part, _, parts = text.partition("/")
+    if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
+        raise ValueError(f"expected I/N, such as 1/8, found {text!r}")
+    return int(part), int(parts)
+
+
+Shard = Annotated[tuple[int, int] | None, one_word("I/N", _part_and_parts)]
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Run a command for many scenes, several at a time.
+
+    Each scene gets a folder in OUT, complete or absent. OUT/index.html shows them all, OUT/index.csv is the same for pandas. To resume, repeat the
+    command: scenes that are done with the same options and the same files are skipped. A scene that fails gets a line in OUT/failures.jsonl, and the
+    others continue. The exit code is 3 if some failed.
+
+    All other options are those of the command; semgs COMMAND --help lists them. {name} in them becomes the name of the scene. See docs/batch.md.
+
+    Examples
+    - semgs batch reconstruct scans --out out/scans --views 3
+    - semgs batch reconstruct recordings/* --out out/walks --all
+    - semgs batch export out/scans --out out/points --as points
+    - semgs batch label-splat splats/*.ply --out out/labelled --cameras scans/{name}
+    - semgs batch label scannetpp/data --out data/labelled --segmenter segformer.onnx --ray auto
+    """
+
+    command: Annotated[Command, tyro.conf.Positional, tyro.conf.arg(metavar="COMMAND")]
+    """What to run: reconstruct, poses, doctor, export, label or label-splat."""
+    data: Annotated[
+        tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="DATA [DATA ...]", help_behavior_hint="")
+    ]
+    """Scenes, or folders of scenes; for poses, folders of photos and clips; for export, reconstructions; for label-splat, splats."""
+    out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
+    """Folder for the results: new, empty, or that of an earlier call."""
+    scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
+    """Only the scenes of a list: an included one (scannet-val), or a text file with one name per line; see docs/data.md."""
+    workers: Annotated[CountOrAuto, tyro.conf.arg(help_behavior_hint="")] = None
+    """Scenes at a time, each with one thread. By default one per core, or fewer if memory is short."""
+    retry_failed: bool = False
+    """Also try scenes again that failed."""
+    shard: Annotated[Shard, tyro.conf.arg(help_behavior_hint="")] = None
+    """Only part I of N, counted from 1: for job arrays of a cluster. All parts write to the same OUT."""
+    ray: Annotated[str, tyro.conf.arg(metavar="auto|ADDRESS", help_behavior_hint="")] = ""
+    """Run on a Ray cluster instead of this machine alone: the one that it belongs to (auto), or the one at HOST:PORT. Needs the extra [cluster]."""
+
+    @classmethod
+    def split(cls, arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+        """The arguments of this command, and those of the command that it runs.
+
+        Raises:
+            UsageError: an option of this command is given twice.
+        """
+        own = {f"--{field.name.replace('_', '-')}": field.type == "bool" for field in fields(cls)[2:]}
+        mine: list[str] = []
+        others: list[str] = []
+        words = list(arguments)
+        while words and not words[0].startswith("-"):
+            mine.append(words.pop(0))
+        while words:
+            word = words.pop(0)
+            name, _, value = word.partition("=")
+            if name in own and any(before.partition("=")[0] == name for before in mine):
+                raise UsageError(f"{name} is given twice")
+            kept = mine if name in own or word in ("-h", "--help") else others
+            kept.append(word)
+            if kept is mine and not own.get(name, True) and not value and words:
+                kept.append(words.pop(0))
+        return mine, others
+
+    def run_with(self, options: Sequence[str]) -> int:
+        """Run the command for each scene, and return the exit code.
+
+        Args:
+            options: of the command.
+
+        Raises:
+            InputError: there is no scene, or OUT cannot be used.
+            UsageError: an option is invalid.
+            ImportError: Ray is not installed.
+        """
+        self._check()
+        paths = self._paths()
+        names = self._names(paths)
+        given = self._parse(paths[0], names[0], options)
+        from semgs.batch.records import FOLDER, remove_leftovers
+        from semgs.files.folders import lock_folder
+
+        self._claim(paths)
+        tasks = [self._task(path, name, options) for path, name in zip(paths, names, strict=True)]
+        part, parts = self.shard or (1, 1)
+        ours = tasks[part - 1 :: parts]
+        lock = self.out / FOLDER / (f".lock_{part}_of_{parts}" if self.shard else ".lock")
+        with lock_folder(lock, "a folder that no other batch is filling", "one that another process is filling"):
+            remove_leftovers(self.out, [task.name for task in ours], shared=self.shard is not None)
+            try:
+                return self._work(ours, given)
+            finally:
+                self._write_overview(tasks)
+
+    def _check(self) -> None:
+        """Check what can be checked without looking for scenes."""
+        if not self.data:
+            raise UsageError(
+                f"expected scenes, as in semgs batch {self.command} DATA --out OUT; see semgs batch --help"
+            )
+        if self.ray:
+            if self.workers or self.shard:
+                raise UsageError("--ray spreads the scenes over its machines; leave out --workers and --shard")
+            from semgs.batch.cluster import check_ray
+
+            check_ray()
+
+    def _work(self, tasks: Sequence[Task], given: Any) -> int:
+        """Run what is left to do, and return the exit code."""
+        from semgs.batch.records import Record, is_done, read_record, write_record
+
+        left = [task for task in tasks if not is_done(task, self.retry_failed)]
+        print(f"{len(tasks) - len(left)} of {len(tasks)} scenes are done", flush=True)
+        with show_progress(f"semgs {self.command}", len(left)) as show, closing(self._records(left, given)) as found:
+            pace = Pace(len(left), show)
+            for position, outcome in found:
+                if isinstance(outcome, Exception):
+                    task, code = left[position], getattr(outcome, "code", 0) or -1
+                    outcome = Record(task.name, task.fingerprint, code, str(outcome))
+                    write_record(self.out, outcome)
+                pace.add(outcome)
+        records = [read_record(self.out, task.name) for task in tasks]
+        failed = sum(record is not None and not record.succeeded for record in records)
+        more = f"; see {self.out / 'failures.jsonl'}" if failed else ""
+        print(f"{len(tasks) - failed} of {len(tasks)} scenes succeeded{more}")
+        print(f"Open {self.out / 'index.html'} in a browser.")
+        return SOME_FAILED if failed else 0
+
+    def _records(self, tasks: Sequence[Task], given: Any) -> Generator[tuple[int, Record | Exception], None, None]:
+        """Run tasks on this machine or on a cluster: their positions, with their records or why there is none."""
+        if not tasks:
+            return
+        from semgs.batch.cluster import run_on_cluster
+        from semgs.cli.batch_demands import demands_of
+        from semgs.cli.batch_work import begin, settle, work
+        from semgs.runtime.free_memory import free_bytes
+        from semgs.runtime.workers import finished
+
+        here = str(Path.cwd())
+        if self.ray:
+            demands = demands_of(self.command, given)
+            try:
+                with what_the_user_gave():
+                    yield from run_on_cluster(work, tasks, self.ray, demands, partial(settle, here))
+            except ConnectionError:
+                raise UsageError(f"--ray is {self.ray}; expected the address of a running Ray cluster") from None
+        else:
+            workers = self.workers or demands_of(self.command, given).workers(cores(), free_bytes())
+            yield from finished(work, tasks, workers, partial(begin, here))
+
+    def _write_overview(self, tasks: Sequence[Task]) -> None:
+        """Write the page, the table and the list of failures, of all parts."""
+        from semgs.batch.overview import scene_of, write_overview
+        from semgs.batch.records import read_record, write_failures
+
+        found = [(task, read_record(self.out, task.name)) for task in tasks]
+        records = [record if record and record.fingerprint == task.fingerprint else None for task, record in found]
+        write_failures(self.out, [record for record in records if record])
+        scenes = [
+            scene_of(self.out, task.name, task.result, record) for task, record in zip(tasks, records, strict=True)
+        ]
+        write_overview(self.out, self.command, scenes)
+
+    def _claim(self, paths: Sequence[Path]) -> None:
+        """Make OUT the folder of this command.
+
+        Raises:
+            InputError: it contains something else, or another command has filled it.
+            UsageError: it is part of a scene.
+        """
+        from semgs.batch.records import FOLDER, PICTURES
+        from semgs.files.atomic import write_json
+        from semgs.files.claims import is_begun
+
+        out = self.out.resolve()
+        for path in paths:
+            if out.is_relative_to(path.resolve()):
+                raise UsageError(f"--out is in the scene {path}; name a folder elsewhere")
+        settings, what = {"command": self.command}, "the results of a batch"
+        with what_the_user_gave():
+            try:
+                begun = is_begun(self.out / SETTINGS, settings, what)
+            except InputError:  # or another part has begun it just now
+                begun = (self.out / SETTINGS).is_file() and is_begun(self.out / SETTINGS, settings, what)
+                if not begun:
+                    raise
+        self.out.mkdir(parents=True, exist_ok=True)
+        if not begun:
+            write_json(self.out / SETTINGS, settings)
+        (self.out / FOLDER).mkdir(exist_ok=True)
+        (self.out / PICTURES).mkdir(exist_ok=True)
+
+    def _paths(self) -> list[Path]:
+        """The scenes.
+
+        Raises:
+            InputError: there is none.
+        """
+        given = [path for word in self.data for path in _matching(word)]
+        found: list[Path] = []
+        for path in given:
+            if self.command in ("reconstruct", "doctor", "label"):
+                found += self._scenes_in(path, alone=len(given) == 1)
+            elif self.command == "export" and path.is_dir() and not (path / "scene.safetensors").is_file():
+                found += sorted(one.parent for one in path.glob("*/scene.safetensors"))
+            elif path.exists():
+                found.append(path)
+            else:
+                raise InputError(path, f"input of semgs {self.command}", found_at(path))
+        if not found:
+            raise InputError(self.data[0], f"input of semgs {self.command}", "none")
+        return list({path.resolve(): path for path in reversed(found)}.values())[::-1]
+
+    def _scenes_in(self, path: Path, alone: bool) -> Sequence[Path]:
+        """The scenes at a path. One that is none is left to the command, unless it is the only path: then it is no set of scenes either.
+
+        Raises:
+            InputError: there is no scene.
+        """
+        from semgs.data.scene_lists import read_list
+        from semgs.data.scenes import scene_paths
+        from semgs.sfm.photos import has_only_photos
+
+        wanted = read_list(self.scenes) if self.scenes else None
+        try:
+            return scene_paths(path, wanted)
+        except InputError:
+            if wanted or not path.exists() or (alone and not has_only_photos(path)):
+                raise
+            return [path]
+
+    def _names(self, paths: Sequence[Path]) -> list[str]:
+        """A name for each scene.
+
+        Raises:
+            UsageError: a scene is given twice, or has a name that we need.
+        """
+        from semgs.batch.tasks import scene_names
+
+        with what_the_user_gave():
+            names = scene_names(paths)
+        if taken := set(RESERVED) & {self._result(name) for name in names}:
+            raise UsageError(f"the result of a scene would be named {min(taken)}, which we need; rename the scene")
+        return names
+
+    def _result(self, name: str) -> str:
+        """What the command writes for a scene."""
+        return name + ENDINGS.get(self.command, "")
+
+    def _task(self, path: Path, name: str, options: Sequence[str]) -> Task:
+        """The task of a scene."""
+        from semgs.batch.tasks import Task, fingerprint
+
+        given = [word.replace("{name}", name) for word in options]
+        hashed = fingerprint([self.command, *given], [path])
+        arguments = (self.command, *self._form(path, name), *given)
+        return Task(name, path, self.out, self._result(name), arguments, hashed)
+
+    def _form(self, path: Path, name: str) -> list[str]:
+        """The arguments for input and output of a scene."""
+        return [word.format(scene=path, out=self.out / self._result(name)) for word in FORMS[self.command]]
+
+    def _parse(self, path: Path, name: str, options: Sequence[str]) -> Any:
+        """The options of the command.
+
+        Raises:
+            UsageError: they cannot be parsed, or are ours to set.
+        """
+        from semgs.cli.main import COMMANDS
+
+        for word in options:
+            if word.partition("=")[0] in ("--overwrite", "--page"):
+                raise UsageError(f"{word} is not for semgs batch, which sets it for each scene")
+        given = [word.replace("{name}", name) for word in options]
+        return parse(COMMANDS[self.command].load(), f"semgs {self.command}", [*self._form(path, name), *given])
+
+
+class Pace:
+    """Reports how a batch proceeds: on a terminal beside the bar, else a line each minute; and each failure.
+
+    Args:
+        total: number of scenes to run.
+        show: takes the number of finished scenes and a few words.
+    """
+
+    def __init__(self, total: int, show: Callable[[int, str], None]) -> None:
+        self.total, self.show = total, show
+        self.finished = self.failed = 0
+        self.start = self.reported = time()
+
+    def add(self, record: Record) -> None:
+        """Count a scene."""
+        self.finished += 1
+        if not record.succeeded:
+            self.failed += 1
+            print(f"{record.name}: {record.why}", flush=True)
+        words = f"{self.failed} failed, {self._expected_end()}"
+        self.show(self.finished, words)
+        if time() - self.reported >= MINUTE and self.finished < self.total and not sys.stderr.isatty():
+            self.reported = time()
+            print(f"{self.finished} of {self.total} scenes, {words}", flush=True)
+
+    def _expected_end(self) -> str:
+        """When the last scene will be done at this pace."""
+        left = (time() - self.start) / self.finished * (self.total - self.finished)
+        return f"expected end {strftime('%a %H:%M', localtime(time() + left))}"

@@ -1,0 +1,68 @@
+"""Names and fingerprints of the scenes of a batch."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from semgs.batch.demands import Demands
+from semgs.batch.tasks import fingerprint, scene_names
+
+
+def test_a_name_takes_as_many_folders_as_tell_it_from_others():
+    paths = [Path("/a/x/room"), Path("/a/y/room"), Path("/a/hall"), Path("/b/x/room")]
+    assert scene_names(paths) == ["a_x_room", "y_room", "hall", "b_x_room"]
+    with pytest.raises(ValueError, match="room is given twice"):
+        scene_names([Path("/room"), Path("/room")])
+
+
+def test_files_of_one_name_are_called_as_their_folders(tmp_path: Path):
+    paths = [tmp_path / name / "transforms.json" for name in ("hall", "attic")]
+    for path in paths:
+        path.parent.mkdir()
+        path.touch()
+        path.with_name("splat.ply").touch()
+    assert scene_names(paths) == ["hall", "attic"]
+    assert scene_names(paths[:1]) == ["hall"]
+    assert scene_names([path.with_name("splat.ply") for path in paths]) == ["hall", "attic"]
+    assert scene_names([paths[0].with_name("splat.ply")]) == ["splat"]
+
+
+def test_a_fingerprint_changes_with_options_with_files_and_with_what_options_name(tmp_path: Path):
+    (tmp_path / "scene").mkdir()
+    photo, weights = tmp_path / "scene" / "a.jpg", tmp_path / "w.safetensors"
+    photo.write_bytes(b"123")
+    weights.write_bytes(b"1")
+
+    def print_of(*options: str) -> str:
+        return fingerprint(options, [tmp_path / "scene"])
+
+    options = ("--weights", str(weights), "--views", "3")
+    first = print_of(*options)
+    assert print_of(*options) == first
+    assert print_of(*options[:2]) != first
+    changed = photo.stat().st_mtime_ns
+    photo.write_bytes(b"1234")
+    os.utime(photo, ns=(changed, changed))
+    larger = print_of(*options)
+    assert larger != first
+    weights.write_bytes(b"12")
+    assert print_of(*options) != larger
+
+
+def test_the_photos_beside_a_transforms_json_count(tmp_path: Path):
+    cameras, photo = tmp_path / "transforms.json", tmp_path / "0.jpg"
+    cameras.write_text("{}")
+    before = fingerprint((), [cameras])
+    photo.write_bytes(b"1")
+    assert fingerprint((), [cameras]) != before
+
+
+@pytest.mark.parametrize(
+    ("demands", "workers"),
+    [(Demands(1e9), 8), (Demands(3e9), 5), (Demands(99e9), 1), (Demands(1e9, 0.3), 3), (Demands(1e9, 1.0), 1)],
+)
+def test_workers_follow_from_cores_memory_and_gpu(demands: Demands, workers: int):
+    assert demands.workers(8, 16e9) == workers
