@@ -16,13 +16,16 @@ SCENEZOO := .venv/scenezoo
 CLUSTER := .venv/cluster
 # There when the programs of tests/node/package.json are installed, which open exported files in tests. Without npm these tests are skipped.
 NODE_PROGRAMS := tests/node/node_modules/.package-lock.json
+# There when gradio is installed too, with 20 more packages (140 MB), which only the app needs.
+APP := .venv/app
 
-.PHONY: help setup demo test long docs gpu bench mutants mutants-auto fuzz faults check format anew audit release
+.PHONY: help setup demo app test long docs gpu bench mutants mutants-auto fuzz faults check format anew audit release
 .DEFAULT_GOAL := help
 
 help:
 	@echo 'make setup   make .venv with semgs and all that running and testing need'
 	@echo 'make demo    set up, then reconstruct the embedded scene'
+	@echo 'make app     set up, then open a page in the browser: drop photos, get a labelled room'
 	@echo 'make test    set up, then run the tests (minutes)'
 	@echo 'make long    set up, then run the tests that take longer'
 	@echo 'make gpu     set up, then run the tests that need a CUDA GPU'
@@ -59,6 +62,13 @@ $(STAMP): pyproject.toml constraints.txt
 demo: setup
 	$(BIN)/semgs demo --html
 
+$(APP): $(STAMP)
+	$(PIP) --no-build-isolation -e '.[app]'
+	@touch $(APP)
+
+app: setup $(APP)
+	$(BIN)/semgs app
+
 test: setup
 	OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile -m 'not long and not gpu'
 	$(MAKE) docs
@@ -78,7 +88,7 @@ $(CLUSTER): $(STAMP)
 $(NODE_PROGRAMS): tests/node/package.json tests/node/package-lock.json
 	@if command -v npm >/dev/null; then npm ci --prefix tests/node --ignore-scripts --no-audit --no-fund && touch $@; fi
 
-long: setup $(SCENEZOO) $(CLUSTER) $(NODE_PROGRAMS)
+long: setup $(SCENEZOO) $(CLUSTER) $(NODE_PROGRAMS) $(APP)
 	CHECK_ROOMS=1 $(BIN)/pytest -m 'long'
 
 gpu: setup

@@ -21,7 +21,7 @@ FLOORS = (
     ("model", "splats", "depth_maps"),
     ("training", "export", "mapping"),
     ("evaluation", "viewer", "ros", "bench"),
-    ("reconstruction", "batch"),
+    ("reconstruction", "batch", "app"),
     ("cli",),
 )
 """From the ground up; `semgs` itself, which resolves the public names, stands above them all."""
@@ -72,7 +72,7 @@ VERSION = "semgs._version"
 OPTIONAL = (
     "pycolmap", "embreex", "gsplat", "viser", "lightning_fabric", "sklearn", "tensorboard",
     "huggingface_hub", "lpips", "rosbags", "onnxruntime", "ai_edge_litert", "transformers", "yaml", "av", "lzfse", "pillow_heif", "matplotlib",
-    "scenezoo", "open3d", "rerun", "zstandard", "pxr", "OpenEXR", "ray",
+    "scenezoo", "open3d", "gradio", "fastapi", "uvicorn", "rerun", "zstandard", "pxr", "OpenEXR", "ray",
 )  # fmt: skip
 """Libraries that an extra brings: each is imported in one module, inside the function that needs it."""
 

@@ -57,6 +57,7 @@ COMMANDS = {
     "export": Command("scenes.export:Export", "Write a scene for splat viewers, point clouds, ROS or training."),
     "render": Command("scenes.render:Render", "Render images or a video along a camera path."),
     "view": Command("scenes.view:View", "Show a scene in 3D in the browser, or write it as one page."),
+    "app": Command("scenes.app:App", "Open a page in the browser that makes labelled rooms from photos."),
     "prepare": Command("scenes.prepare:Prepare", "Convert scenes to compact zip files for training."),
     "label": Command("scenes.label:Label", "Label scenes with a 2D segmenter, to train a network on its answers."),
     "label-splat": Command(

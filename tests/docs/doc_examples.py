@@ -86,7 +86,7 @@ SMALLER_IN_PYTHON = {
 """The same for blocks of Python."""
 
 SLOW = (
-    "ablate", "batch", "bench", "figure", "label", "recipe", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
+    "ablate", "app", "batch", "bench", "figure", "label", "recipe", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
     "kitchen_colmap", "splat-transform", "mosaic.tflite", "scripts/", "tests/", "tools.", "--protocol neighbours", "eval/other", "eval/segformer",
     "examples/train", "examples/score", "segmenters fit", "--correspondence", "--weights runs/small", "--html",
 )  # fmt: skip
@@ -238,10 +238,14 @@ def run_semgs(words: Sequence[str]) -> None:
     name, rest = command_of(words)
     if "--help" not in rest:
         parse_semgs(words)
+    if name == "app":
+        pytest.importorskip("gradio", reason="gradio is not installed; pip install '.[app]' in SemGS's folder")
+        serve("app", *rest, "--port", "0", "--folder", "app")
+        return
     if "--ray" in rest:  # it needs a cluster
         return
     if name == "view" and "--html" not in rest:
-        view(rest)
+        serve("view", *rest)
         return
     options = SMALLER.get(f"{name} --single" if "--single" in rest else name, "")
     rest = [SMALLER_LISTS.get(word, word) for word in smaller(rest, options)]
@@ -289,9 +293,9 @@ def set_aside(paths: Iterable[str]) -> Iterator[None]:
                 aside.rename(path)
 
 
-def view(words: Sequence[str]) -> None:
-    """Start the viewer, and stop it as soon as it can be opened."""
-    command = [sys.executable, "-u", "-m", "semgs", "view", *words]
+def serve(*words: str) -> None:
+    """Start a command that serves a page, and stop it as soon as that can be opened."""
+    command = [sys.executable, "-u", "-m", "semgs", *words]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert any(line.startswith("Open http://") for line in process.stdout)

@@ -4,6 +4,7 @@ For a view at position 7 of the scene (`context_007_*` or `target_007_*`):
 
     input / truth       the photo, as read: of a context view / of a held-out view (RGB)
     image               the Gaussians seen from its camera, black behind them (RGB)
+    before              the same before refining the Gaussians, if they were refined (RGB)
     classes             the class map in the colours of the class table, hatched where unseen (RGB)
     labels              the class map as numbers (8 bits): position in the class table, 255 where alpha < 0.5 (unseen), 254 where the
                         confidence is less than the least one (unknown)
@@ -39,6 +40,10 @@ def write_renders(folder: Path, result: Reconstruction) -> None:
     """
     for part in result.rendered_views:
         _write(folder, part, result.classes, result.metric)
+    for before in () if result.refinement is None else result.refinement.before:
+        positions = next(part.positions for part in result.rendered_views if part.role == before.role)
+        for position, image in zip(positions, before.images, strict=True):
+            write_png(folder / f"{before.role}_{position:03d}_before.png", as_bytes(image))
 
 
 def percent(shares: Float32[np.ndarray, "h w"]) -> np.ndarray:

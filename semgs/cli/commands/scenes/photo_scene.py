@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semgs.cli.options.posing_options import PosingOptions
+from semgs.cli.progress import announce
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
@@ -83,7 +84,7 @@ def photo_scene(path: Path, out: Path, posing: PosingOptions) -> Iterator[PhotoS
     folder.mkdir(parents=True)
     try:
         with what_the_user_gave():
-            notes = write_photo_scene(path, folder, known).notes
+            notes = write_photo_scene(path, folder, known, announce).notes
         yield PhotoScene(path, folder, out, notes)
     finally:
         shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,1 @@
+"""The web app: photos dropped on a page become a labelled room."""

@@ -1,0 +1,451 @@
+"""The queue of the app: one job at a time, each in a worker process of its own.
+
+A worker is started before there is a job for it, because importing torch takes seconds. It reads a request as one line of JSON from stdin, and ends with the job, so
+nothing of a job stays in memory. On stderr it reports stages as JSON ({"stage": title, "done": 2, "of": 8}), and an error as a line "semgs: error: ...".
+
+Each job has a folder: `files` with the uploads, which is deleted when the job ends, and `room` with the result, which appears once it is complete.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import secrets
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from semgs.app.limits import Limits
+from semgs.app.requests import Request, RoomOptions
+from semgs.app.uploads import UnusableUploadError, Upload, check_uploads
+from semgs.files.strict_json import parse_json
+from semgs.files.text import printable
+
+State = Literal["waiting", "working", "done", "failed", "cancelled"]
+
+ERROR = "semgs: error: "
+FILES, WORK, ROOM = "files", "work", "room"
+
+SPINS = "3000"
+"""How often an idle thread of OpenMP in a worker looks for work before it sleeps, as for `semgs` itself."""
+
+LOG_LINES = 200
+SWEEP_SECONDS = 60.0
+"""How often expired results are looked for."""
+
+UPLOAD_SECONDS = 3600.0
+"""Uploads that no job used are deleted after this time."""
+
+STOP_SECONDS = 8.0
+"""A worker has this long to end when it is asked to; then it is killed."""
+
+IDENTIFIER = re.compile(r"[a-z0-9]{20}")
+
+BUG = "SemGS failed on these files, and this is a bug. The details are in the terminal where semgs app runs."
+KILLED = "The work was stopped by the system, probably because memory ran out. Try fewer or smaller files."
+
+
+PLAIN = (
+    (
+        r"expected photos whose cameras can be estimated, found (.+?)(?: \(\d+ photos\))?; ",
+        r"it cannot be found where they were taken: \1. ",
+    ),
+    (r"expected two or more photos, found (?:1|none)(?:; )?", "fewer than two can be used. "),
+    (r"expected a video that OpenCV can decode, found no frames; ", "it cannot be decoded. "),
+    (r"expected a scene, found no known layout", "it has neither photos nor a scene in a layout that is known here"),
+)
+"""Errors of the command line that users of the page meet most, in words for them."""
+
+
+@dataclass
+class Stage:
+    """A stage of a job: what is done, since when, and how far it is."""
+
+    title: str
+    start: float
+    seconds: float | None = None
+    done: int = 0
+    of: int = 0
+
+
+@dataclass
+class Job:
+    """A job and what became of it.
+
+    Attributes:
+        identifier: unguessable, and the name of its folder.
+        folder: of the job.
+        request: what the worker gets.
+        title: what it is made from, in words.
+        sources: the files as uploaded.
+        state: where it is.
+        stages: in order; all but the last are finished.
+        sentence: why it failed.
+        created, ended: times [s].
+    """
+
+    identifier: str
+    folder: Path
+    request: Request
+    title: str
+    sources: tuple[Path, ...] = ()
+    state: State = "waiting"
+    stages: list[Stage] = field(default_factory=list)
+    sentence: str = ""
+    created: float = field(default_factory=time.time)
+    started: float = 0.0
+    ended: float = 0.0
+
+    @property
+    def room(self) -> Path:
+        """The folder of its result."""
+        return self.folder / ROOM
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing will change any more."""
+        return self.state in ("done", "failed", "cancelled")
+
+
+class Jobs:
+    """The queue.
+
+    Args:
+        folder: for results, a folder for each job.
+        worker: the command that starts a worker.
+        limits: of uploads, time and the queue.
+        segmenters, depths: what jobs may choose beside the included ones.
+        uploads: folder for what browsers send, by default beside the results; emptied of what no job needed for an hour.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        worker: Sequence[str],
+        limits: Limits | None = None,
+        segmenters: tuple[str, ...] = (),
+        depths: tuple[str, ...] = (),
+        uploads: Path | None = None,
+    ) -> None:
+        self.folder, self.limits = folder, limits or Limits()
+        self.uploads = uploads or folder / "uploads"
+        self.segmenters, self.depths = segmenters, depths
+        self._worker = list(worker)
+        self._jobs: dict[str, Job] = {}
+        self._queue: deque[Job] = deque()
+        self._lock = threading.Condition()
+        self._spare: subprocess.Popen[str] | None = None
+        self._running: tuple[Job, subprocess.Popen[str]] | None = None
+        self._closed = False
+        folder.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(self.uploads, ignore_errors=True)
+        self.uploads.mkdir(parents=True)
+        self._read_earlier()
+        self._threads = [
+            threading.Thread(target=target, daemon=True, name=target.__name__) for target in (self._work, self._sweep)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def close(self) -> None:
+        """Stop the worker, and everything that waits."""
+        with self._lock:
+            self._closed = True
+            running, spare = self._running, self._spare
+            self._lock.notify_all()
+        for process in (running and running[1], spare):
+            if process is not None:
+                _stop(process)
+        for thread in self._threads:
+            thread.join(STOP_SECONDS)
+        if spare is not None:
+            _close(spare)
+
+    def submit(self, uploads: Sequence[Upload], options: RoomOptions | None = None, example: bool = False) -> Job:
+        """Put a job into the queue. The files stay until a room is made of them, so that another try is possible.
+
+        Raises:
+            UnusableUploadError: the files or the options cannot be used, or too many jobs wait.
+        """
+        options = options or RoomOptions()
+        options.check(self.segmenters, self.depths)
+        kind: Any = "example" if example else check_uploads(uploads, self.limits)
+        with self._lock:
+            if len(self._queue) >= self.limits.waiting:
+                raise UnusableUploadError(f"{len(self._queue)} rooms are waiting already. Try again in some minutes.")
+        identifier = secrets.token_hex(10)
+        folder = self.folder / identifier
+        (folder / FILES).mkdir(parents=True)
+        files = []
+        for number, one in enumerate(uploads):
+            target = folder / FILES / f"{number:03d}{one.ending}"
+            _link(one.path, target)
+            files.append([str(target), one.name])
+        titles = {
+            "photos": f"{len(files)} photos",
+            "clip": "a clip",
+            "archive": "a zip",
+            "example": "the included room",
+        }
+        request = Request(kind, files, str(folder), asdict(options), asdict(self.limits))
+        job = Job(identifier, folder, request, titles[kind], sources=tuple(one.path for one in uploads))
+        with self._lock:
+            self._jobs[identifier] = job
+            self._queue.append(job)
+            self._lock.notify_all()
+        return job
+
+    def find(self, identifier: str) -> Job | None:
+        """The job with an identifier; None if there is none, or its result has expired."""
+        with self._lock:
+            return self._jobs.get(identifier)
+
+    def ahead(self, job: Job) -> int:
+        """How many jobs will be done before a job that waits."""
+        with self._lock:
+            position = self._queue.index(job) if job in self._queue else 0
+            return position + (self._running is not None)
+
+    def cancel(self, job: Job) -> None:
+        """Cancel a job; nothing happens if it is over."""
+        with self._lock:
+            if job.over:
+                return
+            job.state = "cancelled"
+            job.ended = time.time()
+            if job in self._queue:
+                self._queue.remove(job)
+            process = self._running[1] if self._running and self._running[0] is job else None
+        if process is not None:
+            _stop(process)
+        else:
+            _clean(job)
+
+    def start_spare(self) -> None:
+        """Start the worker for the next job, unless there is one."""
+        with self._lock:
+            if self._closed or (self._spare is not None and self._spare.poll() is None):
+                return
+            if self._spare is not None:
+                _close(self._spare)
+            self._spare = subprocess.Popen(
+                self._worker,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                text=True,
+                errors="replace",
+                env={"GOMP_SPINCOUNT": SPINS, **os.environ, "SEMGS_PROGRESS": "json"},
+                start_new_session=True,
+            )
+
+    def _work(self) -> None:
+        """Take jobs from the queue, until the app closes."""
+        while True:
+            self.start_spare()
+            with self._lock:
+                while not self._queue and not self._closed:
+                    self._lock.wait()
+                if self._closed:
+                    return
+                spare = self._spare
+                if spare is None or spare.poll() is not None:
+                    spare = None
+                else:
+                    job, self._spare = self._queue.popleft(), None
+                    job.state, job.started = "working", time.time()
+                    self._running = job, spare
+            if spare is None:
+                time.sleep(0.2)  # a worker that cannot start must not take all of a core
+                continue
+            try:
+                self._run(job, spare)
+            finally:
+                with self._lock:
+                    self._running = None
+                _clean(job)
+
+    def _run(self, job: Job, process: subprocess.Popen[str]) -> None:
+        """Let a worker do a job."""
+        assert process.stdin is not None
+        assert process.stderr is not None
+        expired = threading.Event()
+
+        def stop_late_worker() -> None:
+            expired.set()
+            _stop(process)
+
+        timer = threading.Timer(self.limits.seconds, stop_late_worker)
+        timer.start()
+        log: deque[str] = deque(maxlen=LOG_LINES)
+        sentence = ""
+        try:
+            with suppress(BrokenPipeError):
+                process.stdin.write(json.dumps(job.request.data()) + "\n")
+                process.stdin.close()
+            for line in process.stderr:
+                if not _note_stage(job, line):
+                    log.append(line)
+                if line.startswith(ERROR):
+                    sentence = line.removeprefix(ERROR).strip()
+            code = process.wait()
+        finally:
+            timer.cancel()
+            _stop(process)
+            _close(process)
+        with self._lock:
+            _end_stage(job)
+            job.ended = time.time()
+            if job.state == "cancelled":
+                return
+            if code == 0 and (job.room / "room.json").exists():
+                job.state = "done"
+                return
+            job.state = "failed"
+            if expired.is_set():
+                job.sentence = f"This took more than {self.limits.seconds / 60:.0f} minutes, so it was stopped. Use fewer photos, or a shorter clip."
+            elif sentence:
+                job.sentence = plain(sentence, job)
+            else:
+                job.sentence = KILLED if code == -signal.SIGKILL else BUG
+                print(f"semgs: a worker ended with code {code}:", *log, sep="\n", file=sys.stderr)
+
+    def _sweep(self) -> None:
+        """Delete results that are too old."""
+        while True:
+            with self._lock:
+                if self._lock.wait_for(lambda: self._closed, SWEEP_SECONDS):
+                    return
+            self.expire()
+
+    def expire(self) -> None:
+        """Delete results and uploads that are too old."""
+        now = time.time()
+        with self._lock:
+            old = [job for job in self._jobs.values() if job.over and now - job.ended > self.limits.kept_seconds]
+            for job in old:
+                del self._jobs[job.identifier]
+        for job in old:
+            shutil.rmtree(job.folder, ignore_errors=True)
+        for path in self.uploads.iterdir():
+            if now - path.stat().st_mtime > UPLOAD_SECONDS:
+                shutil.rmtree(path, ignore_errors=True)
+
+    def _read_earlier(self) -> None:
+        """Take over results of an earlier run of the app; what it did not complete is deleted."""
+        for folder in self.folder.iterdir():
+            if not IDENTIFIER.fullmatch(folder.name) or not folder.is_dir():
+                continue
+            record = folder / ROOM / "room.json"
+            try:
+                title, ended = str(parse_json(record.read_bytes())["title"]), record.stat().st_mtime
+            except (OSError, ValueError, KeyError, TypeError):
+                shutil.rmtree(folder, ignore_errors=True)
+                continue
+            request = Request("example", [], str(folder), {})
+            job = Job(folder.name, folder, request, title, state="done", created=ended, started=ended, ended=ended)
+            self._jobs[folder.name] = job
+        self.expire()
+
+
+def plain(sentence: str, job: Job) -> str:
+    """An error of the command line for somebody who sees a page: no folders of the server, no options of the command line."""
+    for number, (path, name) in enumerate(job.request.files, 1):
+        shown = Upload(Path(path), name).shown
+        sentence = sentence.replace(path, shown)
+        if job.request.kind == "photos":
+            sentence = _of_photo(number).sub(shown.replace("\\", ""), sentence)
+    sentence = sentence.replace(str(job.folder), "your files")
+    sentence = re.sub(
+        r"^(?:photos|scene|clip\.\w+)(?=:)",
+        {"archive": "Your zip", "clip": "Your clip"}.get(job.request.kind, "Your photos"),
+        sentence,
+    )
+    sentence = re.sub(r"(?<![\w/])scene/(?=\S)", "", sentence)
+    sentence = sentence.replace("; see --size and --views", "; use fewer views or smaller photos")
+    sentence = re.sub(r"--([a-z]+(?:-[a-z]+)*)", lambda found: found[1].replace("-", " "), sentence)
+    for pattern, words in PLAIN:
+        sentence = re.sub(pattern, words, sentence)
+    sentence = printable(sentence).strip()
+    sentence = re.sub(r"(?<=\. )[a-z]", lambda found: found[0].upper(), sentence)
+    if "." not in sentence.split(" ")[0]:  # names of files stay as they are
+        sentence = sentence[:1].upper() + sentence[1:]
+    return sentence if sentence.endswith((".", "!", "?")) else f"{sentence}."
+
+
+def _of_photo(number: int) -> re.Pattern[str]:
+    """The name that the worker gives a photo, wherever it is."""
+    return re.compile(rf"(?<![\w/])(?:[\w./-]*/)?{number:03d}\.jpg\b")
+
+
+def _note_stage(job: Job, line: str) -> bool:
+    """Take over a stage that a worker reports. Returns whether the line is one."""
+    if not line.startswith("{"):
+        return False
+    try:
+        told = json.loads(line)
+        title, done, of = str(told["stage"]), int(told.get("done", 0)), int(told.get("of", 0))
+    except (ValueError, KeyError, TypeError):
+        return False
+    if job.stages and job.stages[-1].title == title and of:
+        job.stages[-1].done, job.stages[-1].of = done, of
+        return True
+    _end_stage(job)
+    job.stages.append(Stage(printable(title), time.time(), None, done, of))
+    return True
+
+
+def _end_stage(job: Job) -> None:
+    """Stop the clock of the last stage."""
+    if job.stages and job.stages[-1].seconds is None:
+        job.stages[-1].seconds = time.time() - job.stages[-1].start
+
+
+def _clean(job: Job) -> None:
+    """Delete the files of a job that is over, except its result."""
+    for name in (FILES, WORK):
+        shutil.rmtree(job.folder / name, ignore_errors=True)
+    if job.state != "done":
+        shutil.rmtree(job.folder, ignore_errors=True)
+        return
+    for path in job.sources:
+        path.unlink(missing_ok=True)
+        with suppress(OSError):
+            path.parent.rmdir()  # gradio makes a folder for each file
+
+
+def _link(source: Path, target: Path) -> None:
+    """Make a file available under another name, without a copy if both are on one disk."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copyfile(source, target)
+
+
+def _stop(process: subprocess.Popen[str]) -> None:
+    """End a worker and what it started, first with a request, then by force."""
+    for number, seconds in ((signal.SIGTERM, STOP_SECONDS), (signal.SIGKILL, STOP_SECONDS)):
+        if process.poll() is not None:
+            break
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, number)
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(seconds)
+
+
+def _close(process: subprocess.Popen[str]) -> None:
+    """Close the pipes of a worker that has ended."""
+    for pipe in (process.stdin, process.stderr):
+        if pipe is not None:
+            with suppress(OSError):
+                pipe.close()

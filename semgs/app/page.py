@@ -1,0 +1,325 @@
+"""The page of the app, built with gradio (extra `app`). Nothing else imports it."""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from collections.abc import Iterator, Sequence
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from semgs.app.jobs import IDENTIFIER, Job, Jobs
+from semgs.app.requests import DEPTHS, OWN, RoomOptions
+from semgs.app.uploads import UnusableUploadError, Upload
+from semgs.files.extras import needs_extra
+
+POLL_SECONDS = 0.4
+
+TITLE = "SemGS: photos to a labelled room"
+
+HEAD = """<header class="head"><p class="brand">SemGS</p><h1>Photos in, labelled room out</h1>
+<p>Drop two to twelve photos of a room. Let them overlap, and take a step to the side between them. A clip or a zip of a scene works, too. {privacy}</p></header>"""
+
+LOCAL = "Your photos stay on this computer."
+REMOTE = "Your photos are processed on this server and deleted when the room is ready; the room is deleted after a day."
+
+EMPTY = '<div class="quiet">Your room will appear here.</div>'
+
+STAGE_NAMES = (
+    (r"Estimating the cameras of (\d+) photos: about (\d+) s", r"Finding where the \1 photos were taken (about \2 s)"),
+    (r"Choosing among (\d+) frames", r"Choosing among \1 photos"),
+    (r"Checking the cameras", "Checking the cameras"),
+    (r"Reading \d+ frames.*", "Reading the photos"),
+    (r"Encoding (\d+) views with .*", r"Building the room from \1 photos"),
+    (r"Comparing the exposure.*", "Comparing brightness"),
+    (r"Refining ([\d,]+) Gaussians in \d+ steps", r"Sharpening \1 Gaussians"),
+    (r"Rendering \d+ views.*", "Rendering"),
+    (r"Writing the scene and its renders|Reading the scene|Writing", "Writing files"),
+)
+"""Stages of the command line in words for the page."""
+
+KEEP_ADDRESS = """(identifier) => {
+    const address = new URL(window.location);
+    identifier ? address.searchParams.set("room", identifier) : address.searchParams.delete("room");
+    history.replaceState({}, "", address);
+    return identifier;
+}"""
+"""Puts the room into the page's address, so that it is there again after a reload."""
+
+
+def check_page_library() -> None:
+    """Check that the app can be shown.
+
+    Raises:
+        ImportError: gradio is not installed.
+    """
+    os.environ["GRADIO_ANALYTICS_ENABLED"] = "False"
+    with needs_extra("app", "the app needs gradio", "gradio"):
+        import gradio  # noqa: F401
+
+
+def mount_page(application: Any, jobs: Jobs, local: bool) -> Any:
+    """Mount the page in an application of FastAPI.
+
+    Args:
+        application: the application.
+        jobs: the queue.
+        local: whether the page says that photos stay on this computer.
+    """
+    os.environ["GRADIO_TEMP_DIR"] = str(jobs.uploads)
+    check_page_library()
+    import gradio
+
+    css = files("semgs.app").joinpath("web/page.css").read_text(encoding="utf-8")
+    return gradio.mount_gradio_app(
+        application,
+        _build(jobs, local),
+        path="/",
+        css=css,
+        theme=_theme(),
+        footer_links=[],
+        show_error=False,
+        max_file_size=jobs.limits.file_bytes,
+        head='<link rel="icon" href="data:,">',
+        ssr_mode=False,
+        enable_monitoring=False,
+    )
+
+
+def _theme() -> Any:
+    """Colours and fonts. Fonts are the system's: nothing is loaded from elsewhere."""
+    import gradio
+
+    fonts = ("system-ui", "-apple-system", "Segoe UI", "Roboto", "sans-serif")
+    theme = gradio.themes.Base(neutral_hue="stone", font=fonts, font_mono=("ui-monospace", "monospace"))
+    return theme.set(
+        body_background_fill="#f7f6f3",
+        body_background_fill_dark="#16181c",
+        body_text_color="#23252b",
+        body_text_color_dark="#e9e8e4",
+        body_text_color_subdued="#646973",
+        body_text_color_subdued_dark="#a3a8b1",
+        background_fill_primary="#ffffff",
+        background_fill_primary_dark="#1f2227",
+        background_fill_secondary="#fbfaf8",
+        background_fill_secondary_dark="#24282e",
+        block_background_fill="#ffffff",
+        block_background_fill_dark="#1f2227",
+        block_border_color="#e0ddd6",
+        block_border_color_dark="#343840",
+        block_radius="12px",
+        border_color_primary="#d5d1c8",
+        border_color_primary_dark="#3d424b",
+        color_accent="#2f6f5e",
+        button_primary_background_fill="#2f6f5e",
+        button_primary_background_fill_hover="#265b4d",
+        button_primary_background_fill_dark="#7cc9b2",
+        button_primary_background_fill_hover_dark="#93d6c2",
+        button_primary_text_color="#ffffff",
+        button_primary_text_color_dark="#10231d",
+        button_secondary_background_fill="#ffffff",
+        button_secondary_background_fill_dark="#24282e",
+        button_secondary_border_color="#d5d1c8",
+        button_secondary_border_color_dark="#3d424b",
+    )
+
+
+def _build(jobs: Jobs, local: bool) -> Any:
+    """The page: what can be dropped, options, progress and the room."""
+    import gradio as gr
+
+    with gr.Blocks(title=TITLE, fill_width=True, analytics_enabled=False, delete_cache=(3600, 3600)) as page:
+        gr.HTML(HEAD.format(privacy=LOCAL if local else REMOTE))
+        identifier = gr.Textbox("", visible="hidden", elem_id="room-identifier")
+        with gr.Column(elem_id="ask") as ask:
+            dropped = gr.File(
+                label="Photos, a clip, or a zip", file_count="multiple", type="filepath", height=190, elem_id="drop"
+            )
+            with gr.Row(elem_id="actions"):
+                make = gr.Button("Make the room", variant="primary", elem_id="make")
+                example = gr.Button("Try the included room", elem_id="example")
+            with gr.Accordion("Options", open=False, elem_id="options"):
+                options = _options(gr, jobs, local)
+        status = gr.HTML("", elem_id="status")
+        with gr.Row(elem_id="after"):
+            cancel = gr.Button("Cancel", visible=False, elem_id="cancel")
+            again = gr.Button("Make another room", visible=False, elem_id="again")
+        room = gr.HTML(EMPTY, elem_id="result")
+        shown = [identifier, ask, status, cancel, again, room]
+
+        def view(job: Job | None, sentence: str = "") -> list[Any]:
+            working = job is not None and not job.over
+            done = job is not None and job.state == "done"
+            return [
+                job.identifier if job is not None and job.state != "cancelled" and job.state != "failed" else "",
+                gr.update(visible=not working and not done),
+                status_text(job, jobs.ahead(job) if job else 0, sentence),
+                gr.update(visible=working),
+                gr.update(visible=done),
+                _frame(job) if job is not None and done else ("" if working else EMPTY),
+            ]
+
+        def follow(job: Job) -> Iterator[list[Any]]:
+            before: object = None
+            while True:
+                over = job.over
+                now = view(job)
+                if now[2] != before:
+                    before = now[2]
+                    yield now
+                if over:
+                    return
+                time.sleep(POLL_SECONDS)
+
+        def start(paths: Sequence[str] | None, *values: Any) -> Iterator[list[Any]]:
+            uploads = [Upload(Path(path), Path(path).name) for path in paths or ()]
+            try:
+                job = jobs.submit(uploads, _chosen(values))
+            except UnusableUploadError as error:
+                yield view(None, str(error))
+                return
+            yield from follow(job)
+
+        def start_example(*values: Any) -> Iterator[list[Any]]:
+            try:
+                job = jobs.submit((), _chosen(values, example=True), example=True)
+            except UnusableUploadError as error:
+                yield view(None, str(error))
+                return
+            yield from follow(job)
+
+        def stop(which: str) -> None:
+            job = jobs.find(which or "")
+            if job is not None:
+                jobs.cancel(job)
+
+        def resume(request: gr.Request) -> Iterator[list[Any]]:
+            which = str(dict(request.query_params).get("room", ""))
+            if not which:
+                yield view(None)
+                return
+            job = jobs.find(which) if IDENTIFIER.fullmatch(which) else None
+            if job is None:
+                yield view(
+                    None, "This room is no longer here. Rooms are kept for a day; make it again from your photos."
+                )
+                return
+            yield from follow(job)
+
+        resume.__annotations__["request"] = gr.Request  # gradio reads it, and gr is no global name
+        hidden: Any = {"show_progress": "hidden", "api_visibility": "private"}
+        many: Any = {**hidden, "concurrency_limit": 40}
+        make.click(start, [dropped, *options], shown, **many)
+        example.click(start_example, options, shown, **many)
+        cancel.click(stop, identifier, None, **many)
+        again.click(lambda: [*view(None), None], None, [*shown, dropped], **many)
+        # In the browser alone: an answer of the server could come after that of the button.
+        dropped.change(None, None, status, js="() => ''", **hidden)
+        identifier.change(None, identifier, identifier, js=KEEP_ADDRESS, **hidden)
+        page.load(resume, None, shown, **many)
+    page.queue(max_size=200, default_concurrency_limit=40)
+    return page
+
+
+def _options(gr: Any, jobs: Jobs, local: bool) -> list[Any]:
+    """The folded options, in the order of `_chosen`."""
+    with gr.Row():
+        views = gr.Radio(
+            [2, 3, 4], value=2, label="Views", info="Photos that the room is made from; more show more of it."
+        )
+        refine = gr.Checkbox(False, label="Refine", info="Sharper images, for some seconds more.")
+    with gr.Row():
+        segmenter = gr.Dropdown(
+            [OWN, *jobs.segmenters],
+            value=OWN,
+            label="Classes from",
+            info="More with semgs app --segmenter." if local else None,
+        )
+        words = gr.Textbox(
+            "",
+            label="Words",
+            info="Classes to look for, with a segmenter that understands words.",
+            placeholder="chair, mug, power socket",
+        )
+        depth = gr.Dropdown(
+            [("network", "network"), ("depth camera", "sensor"), ("both", "both"), *((one, one) for one in jobs.depths)],
+            value=DEPTHS[0], label="Depth from", info="A depth camera needs depth maps in the zip.",
+        )  # fmt: skip
+    gr.HTML(
+        '<p class="note">Scale: photos do not show how large a room is. If you know how far apart two of them were taken, sizes are in metres.</p>'
+    )
+    with gr.Row():
+        first = gr.Number(0, label="First photo", info="its number in the list", precision=0, minimum=0)
+        second = gr.Number(0, label="Second photo", info="its number in the list", precision=0, minimum=0)
+        metres = gr.Number(0, label="Metres between them", info="0 if you do not know", minimum=0)
+    return [views, refine, segmenter, words, depth, first, second, metres]
+
+
+def _chosen(values: Sequence[Any], example: bool = False) -> RoomOptions:
+    """Options from the values of the page.
+
+    Raises:
+        UnusableUploadError: a value is not of its type.
+    """
+    views, refine, segmenter, words, depth, first, second, metres = values
+    try:
+        numbers = (0, 0, 0.0) if example else (int(first or 0), int(second or 0), float(metres or 0))
+        return RoomOptions(int(views), bool(refine), str(segmenter), str(words or ""), str(depth), *numbers)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise UnusableUploadError("An option has a value that cannot be used.") from error
+
+
+def status_text(job: Job | None, ahead: int = 0, sentence: str = "") -> str:
+    """What a job is doing, or why it failed, as HTML.
+
+    Args:
+        job: the job; None if there is none.
+        ahead: jobs before it.
+        sentence: an error without a job.
+    """
+    if job is None:
+        return _alert(sentence) if sentence else ""
+    if job.state == "failed":
+        return _alert(job.sentence)
+    if job.state == "cancelled":
+        return '<div class="status" role="status"><p>Cancelled. Nothing was kept.</p></div>'
+    if job.state == "done":
+        return f'<div class="status done" role="status"><p>Ready after {job.ended - job.started:.0f} s. The room is kept for a day at this address.</p></div>'
+    if job.state == "waiting":
+        rooms = "1 room is" if ahead == 1 else f"{ahead} rooms are"
+        what = "It starts in a moment." if not ahead else f"{rooms} before yours."
+        return f'<div class="status" role="status"><p><b>Waiting.</b> {what}</p></div>'
+    lines = []
+    for stage in job.stages[-7:]:
+        title = escape(stage_name(stage.title))
+        if stage.seconds is None:
+            share = f'<progress max="{stage.of}" value="{stage.done}"></progress>' if stage.of else ""
+            lines.append(f'<li class="now"><span>{title}</span>{share}</li>')
+        else:
+            lines.append(f"<li><span>{title}</span><time>{stage.seconds:.1f} s</time></li>")
+    started = f"{time.time() - job.started:.0f} s"
+    return (
+        f'<div class="status" role="status" aria-live="polite"><p><b>Working on {escape(job.title)}</b> '
+        f'<span class="clock" aria-hidden="true">{started}</span></p><ol>{"".join(lines)}</ol></div>'
+    )
+
+
+def stage_name(title: str) -> str:
+    """The title of a stage in words for the page."""
+    for pattern, words in STAGE_NAMES:
+        if found := re.fullmatch(pattern, title):
+            return found.expand(words)
+    return title
+
+
+def _alert(sentence: str) -> str:
+    """An error as HTML."""
+    return f'<div class="status error" role="alert"><p>{escape(sentence)}</p></div>'
+
+
+def _frame(job: Job) -> str:
+    """The page of a room, in a frame that grows with it."""
+    return f'<iframe class="room" src="/rooms/{job.identifier}/index.html" title="Your room"></iframe>'

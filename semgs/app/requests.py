@@ -1,0 +1,107 @@
+"""What a user asks the app for, and the command line that does it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+from semgs.app.uploads import UnusableUploadError
+
+OWN = "included network"
+DEPTHS = ("network", "sensor", "both")
+
+
+@dataclass(frozen=True)
+class RoomOptions:
+    """Options of a room.
+
+    Attributes:
+        views: input views, 2 to 4.
+        refine: sharpen the Gaussians on the photos.
+        segmenter: where the classes come from: `OWN`, or one that the server offers.
+        words: classes to look for, separated by commas; for a segmenter that takes words.
+        depth: where depth comes from: one of `DEPTHS`, or a source that the server offers.
+        first, second: two photos by their number from 1; 0 is unknown.
+        metres: distance between the cameras of these [m]; 0 is unknown.
+    """
+
+    views: int = 2
+    refine: bool = False
+    segmenter: str = OWN
+    words: str = ""
+    depth: str = "network"
+    first: int = 0
+    second: int = 0
+    metres: float = 0.0
+
+    def check(self, segmenters: tuple[str, ...], depths: tuple[str, ...]) -> None:
+        """Check values that come from a browser.
+
+        Args:
+            segmenters, depths: what the server offers beside the included ones.
+
+        Raises:
+            UnusableUploadError: a value is impossible.
+        """
+        if not 2 <= self.views <= 4:
+            raise UnusableUploadError("Choose 2 to 4 views.")
+        if self.segmenter not in (OWN, *segmenters) or self.depth not in (*DEPTHS, *depths):
+            raise UnusableUploadError("This segmenter or source of depth is not offered here.")
+        if len(self.words) > 400:
+            raise UnusableUploadError("The words are too long; use at most 400 letters.")
+        if any(word.strip().startswith("-") for word in self.words.split(",")):
+            raise UnusableUploadError("Words cannot begin with a hyphen.")
+        if self.words.strip() and self.segmenter == OWN:
+            raise UnusableUploadError(
+                "Words need a segmenter that understands them. Choose one under Options, or leave the words out."
+            )
+        given = (self.first > 0, self.second > 0, self.metres > 0)
+        if any(given) and not all(given):
+            raise UnusableUploadError(
+                "For the scale, give two photos by number and the distance between them in metres."
+            )
+        if any(given) and (self.first == self.second or not math.isfinite(self.metres) or self.metres > 100):
+            raise UnusableUploadError("For the scale, give two different photos and a distance of up to 100 metres.")
+
+    def arguments(self, photos: bool) -> list[str]:
+        """The options for `semgs reconstruct`.
+
+        Args:
+            photos: whether the scene is photos without cameras, whose scale can be given.
+        """
+        words = ["--views", str(self.views)]
+        if self.refine:
+            words.append("--refine")
+        if self.segmenter != OWN:
+            words += ["--segmenter", self.segmenter]
+            listed = [word.strip() for word in self.words.split(",") if word.strip()]
+            words += ["--words", *listed] if listed else []
+        if self.depth != "network":
+            words += ["--depth", self.depth]
+        if self.metres > 0 and photos:
+            words += ["--scale-from", f"{self.first:03d}.jpg", f"{self.second:03d}.jpg", f"{self.metres:g}"]
+        return words
+
+
+@dataclass(frozen=True)
+class Request:
+    """A job for the worker, as plain data.
+
+    Attributes:
+        kind: "photos", "clip", "archive", or "example" for the included room.
+        files: path and name of each uploaded file.
+        folder: of the job: the worker puts its results into `room` there.
+        options: of the room.
+        limits: see `semgs.app.limits`.
+    """
+
+    kind: Literal["photos", "clip", "archive", "example"]
+    files: list[list[str]]
+    folder: str
+    options: dict[str, Any]
+    limits: dict[str, Any] = field(default_factory=dict)
+
+    def data(self) -> dict[str, Any]:
+        """The request for JSON."""
+        return asdict(self)

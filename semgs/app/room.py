@@ -1,0 +1,232 @@
+"""The page of a room: a folder of `semgs reconstruct` becomes a page with the scene in 3D, its classes, notes and downloads. It needs no server."""
+
+from __future__ import annotations
+
+import json
+import re
+import zipfile
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from semgs.app.room_scene import RoomScene, room_scene
+from semgs.export.scene_objects import place_things, things_of
+from semgs.figures.number_texts import percent
+from semgs.files.atomic import new_file, write_json, write_text
+from semgs.files.text import printable
+from semgs.robotics.objects import Objects
+from semgs.scene.scene_file import SavedScene, load_scene
+from semgs.scene.upright import up_of
+from semgs.viewer.viewer_cameras import photos_in
+
+PAGE, SCENE, RECORD, ZIP = "index.html", "scene.html", "room.json", "room.zip"
+
+DOWNLOADS = {
+    "gaussians.ply": "The room as Gaussians: opens in every splat viewer, such as SuperSplat",
+    "semantics.ply": "The same, coloured by class",
+    "points.ply": "Points with colour, class and confidence, for CloudCompare or MeshLab",
+    "gaussians.glb": "glTF with Gaussians; other programs show points",
+    "objects.json": "Things with class, box and position in metres",
+    "report.html": "The full report with all numbers, one page",
+    ZIP: "Everything, this page included: unpack it and open index.html",
+}
+"""Files to download, and what they are."""
+
+PLAIN = (
+    (
+        r"The scale of this scene is unknown.*",
+        "Photos alone do not show how large a room is, so there are no metres. Measure the distance between the places of two photos and give it under Options, Scale.",
+    ),
+    (
+        r"No parallax.*",
+        "All photos were taken from the same place, so depth is a guess. Take a step to the side between photos.",
+    ),
+    (
+        r"No overlap: (.*) shows nothing.*",
+        r"Photo \1 shares too little with the others, so its depth is a guess. Take photos that overlap more.",
+    ),
+    (r"The focal length is.*|\d+ of \d+ frames of the clip were chosen.*", ""),
+    (r"Which way is up is uncertain.*", "Which way is up is a guess here, so downloaded files may be tilted."),
+    (r"No frame is held out.*", "All photos were used, so nothing is left to check how good new views are."),
+    (r"The cameras of (\d+) of \1 photos were estimated.*", ""),
+    (
+        r"The cameras of (\d+) of (\d+) photos were estimated.*",
+        r"Only \1 of \2 photos could be placed; the others share too little with them. Take more steps to the side, and let photos overlap by half.",
+    ),
+    (r"The exposures of the input photos differ.*", "The photos differ in brightness, so they were made alike."),
+)
+"""Notes of a reconstruction, in words for somebody who sees no command line. An empty one is left out."""
+
+
+def write_room(folder: Path, title: str = "Your room", notes: Sequence[str] = ()) -> None:
+    """Write the page of a room into a folder of `semgs reconstruct`: index.html, scene.html, room.json and room.zip.
+
+    Args:
+        folder: the output of `semgs reconstruct`; files of `semgs export` in it are offered as downloads, too.
+        title: of the page.
+        notes: further notes, before those of the report.
+
+    Raises:
+        InputError: the folder has no scene that can be read.
+        ImportError: viser is not installed.
+        OSError: a file cannot be written.
+    """
+    scene = load_scene(folder)
+    report = json.loads((folder / "report.json").read_text())
+    up = up_of(scene)
+    things = things_of(scene, up) if scene.unit == "metric" and scene.classes is not None else None
+    page = room_scene(scene, photos_in(folder, scene), up, things)
+    write_text(folder / SCENE, page.html)
+    listed = [*notes, *(note for one in report["notes"] if (note := plain_note(one)))]
+    record = {
+        "title": title,
+        "metric": scene.unit == "metric",
+        "gaussians": len(scene.gaussians),
+        "classes": [{"name": group.name, "share": round(group.share, 4)} for group in page.groups]
+        if scene.classes
+        else [],
+        "things": _things(things),
+        "notes": listed,
+        "seconds": report["seconds"],
+    }
+    write_text(folder / PAGE, _page(folder, scene, report, page, record))
+    _write_zip(folder)
+    # Sizes of the downloads are only known now.
+    write_text(folder / PAGE, _page(folder, scene, report, page, record))
+    write_json(folder / RECORD, record)
+
+
+def plain_note(note: str) -> str:
+    """A note of a reconstruction in words for somebody who sees no command line; empty if it says nothing new there."""
+    for pattern, replacement in PLAIN:
+        found = re.fullmatch(pattern, note, re.DOTALL)
+        if found:
+            return found.expand(replacement)
+    return "" if " --" in note else note
+
+
+def _page(
+    folder: Path, scene: SavedScene, report: Mapping[str, Any], page: RoomScene, record: Mapping[str, Any]
+) -> str:
+    """The text of index.html."""
+    from jinja2 import Environment, StrictUndefined
+
+    web = files("semgs.app").joinpath("web")
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    template = environment.from_string(web.joinpath("room.html.j2").read_text(encoding="utf-8"))
+    views = _views(folder, report)
+    data = {
+        "metric": record["metric"],
+        "classes": [{"name": printable(entry["name"])} for entry in record["classes"]],
+        "things": record["things"],
+        "camera": (scene.cameras.centres[0] + scene.cameras.centres.new_tensor(scene.origin)).tolist(),
+    }
+    height, width = scene.cameras.size
+    return template.render(
+        title=record["title"],
+        lead=_lead(report, page),
+        style=web.joinpath("room.css").read_text(encoding="utf-8"),
+        script=web.joinpath("room.js").read_text(encoding="utf-8"),
+        data=json.dumps(data).replace("<", "\\u003c"),
+        classes=[
+            {"name": printable(group.name), "colour": group.colour, "share": percent(group.share)}
+            for group in page.groups
+        ]
+        if scene.classes
+        else [],
+        things=record["things"],
+        inputs=[view for view in views if view["number"] is not None],
+        views=views,
+        notes=[printable(note) for note in record["notes"]],
+        before=_before(folder, report),
+        files=[
+            {"name": name, "what": what, "size": _size(folder / name)}
+            for name, what in DOWNLOADS.items()
+            if (folder / name).exists() or name == ZIP
+        ],
+        height=height,
+        width=width,
+    )
+
+
+def _lead(report: Mapping[str, Any], page: RoomScene) -> str:
+    """The sentence below the title."""
+    used = sum(view["role"] == "context" for view in report["views"])
+    of = report["scene"]["usable_frames"]
+    which = f"Made from {used} of {of} photos" if of > used else f"Made from {used} photos"
+    shown = "" if page.shown == report["gaussians"] else f", {page.shown:,} of them in this page"
+    return f"{which}: {report['gaussians']:,} Gaussians{shown}."
+
+
+def _views(folder: Path, report: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Photo, rendering and class map of each view."""
+    views = []
+    for number, view in enumerate(report["views"]):
+        held_out = view["role"] == "target"
+        stem = f"renders/{view['role']}_{view['position']:03d}"
+        title = f"Held-out photo, for comparison ({_name(view)})" if held_out else f"Photo {number + 1} ({_name(view)})"
+        shots = [("truth" if held_out else "input", "Photo"), ("image", "Rendered"), ("classes", "Classes")]
+        listed = [
+            {"file": f"{stem}_{kind}.png", "name": name, "alt": f"{name}: {title}"}
+            for kind, name in shots
+            if (folder / f"{stem}_{kind}.png").exists()
+        ]
+        views.append({"title": title, "number": None if held_out else number, "shots": listed})
+    return views
+
+
+def _name(view: Mapping[str, Any]) -> str:
+    """The name of a view's photo, without folders."""
+    return printable(str(view["name"]).rsplit("/", 1)[-1])
+
+
+def _before(folder: Path, report: Mapping[str, Any]) -> dict[str, str] | None:
+    """A view before and after refinement; None without one."""
+    if not report["refinement"]:
+        return None
+    roles = {
+        role: f"renders/{role}_{view['position']:03d}" for view in reversed(report["views"]) for role in [view["role"]]
+    }
+    stem = roles.get("target") or roles["context"]
+    if not (folder / f"{stem}_before.png").exists():
+        return None
+    role = "target" if "target" in roles else "context"
+    old, new = report["refinement"]["before"].get(role), report["means"].get(role)
+    text = ""
+    if old and new and old["psnr"] and new["psnr"]:
+        what = "photos that were not used" if role == "target" else "the photos"
+        text = f"PSNR on {what}: {old['psnr']:.1f} dB before, {new['psnr']:.1f} dB after."
+    return {"before": f"{stem}_before.png", "after": f"{stem}_image.png", "text": text}
+
+
+def _things(things: Objects | None) -> dict[str, Any]:
+    """Things by number, for clicks."""
+    if things is None:
+        return {}
+    return {
+        str(one.thing.instance): {
+            "class": one.thing.name,
+            "confidence": round(one.thing.confidence, 3),
+            "size": [round(float(side), 3) for side in one.thing.box.size],
+            "centre": [round(float(side), 3) for side in one.centre],
+        }
+        for one in place_things(things)
+    }
+
+
+def _size(path: Path) -> str:
+    """The size of a file, for people."""
+    if not path.exists():
+        return ""
+    size = path.stat().st_size
+    return f"{size / 1e6:.1f} MB" if size >= 100_000 else f"{max(1, round(size / 1000))} kB"
+
+
+def _write_zip(folder: Path) -> None:
+    """Write everything in a folder into a zip in it."""
+    with new_file(folder / ZIP) as file, zipfile.ZipFile(file, "w") as archive:
+        for path in sorted(folder.rglob("*")):
+            inside = path.relative_to(folder)
+            if path.is_file() and not path.name.startswith(".") and inside.name != ZIP and inside.parts[0] != "cameras":
+                archive.write(path, Path("room") / inside)

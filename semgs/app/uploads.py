@@ -1,0 +1,282 @@
+"""From uploaded files to what `semgs reconstruct` takes: a folder of photos, a clip, or the folder of a scene.
+
+Names of uploaded files are never used as paths. Archives are unpacked member by member, after the whole list was checked: nothing is written outside the folder,
+no links, no more bytes than the list says.
+"""
+
+from __future__ import annotations
+
+import io
+import stat
+import zipfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Literal
+
+from semgs.app.limits import MIB, Limits
+from semgs.files.atomic import write_bytes
+from semgs.files.text import printable
+
+PICTURES = (".jpg", ".jpeg", ".png", ".heic")
+CLIPS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm")
+ARCHIVES = (".zip",)
+ACCEPTED = (*PICTURES, *CLIPS, *ARCHIVES)
+"""Endings of files that can be dropped."""
+
+LONGEST_SIDE = 1024
+"""Photos without cameras are reduced to this [px]: their cameras are found three times as fast, and the network sees less than 76,800 pixels anyway."""
+
+QUALITY = 95
+
+ORIENTATION, EXIF_FOLDER, FOCAL_35_MM, CUSTOM_RENDERED = 0x0112, 0x8769, 0xA405, 0xA401
+
+Kind = Literal["photos", "clip", "archive"]
+
+
+class UnusableUploadError(Exception):
+    """What was dropped cannot be used; its text is the sentence that the page shows."""
+
+
+@dataclass(frozen=True)
+class Upload:
+    """An uploaded file.
+
+    Attributes:
+        path: where it is.
+        name: as the user has it.
+    """
+
+    path: Path
+    name: str
+
+    @property
+    def ending(self) -> str:
+        """The ending of its name, in lower case."""
+        return PurePosixPath(self.name).suffix.lower()
+
+    @property
+    def shown(self) -> str:
+        """The name for messages."""
+        name = " ".join(printable(PurePosixPath(self.name.replace("\\", "/")).name).split())
+        return name if len(name) <= 60 else f"{name[:40]}…{name[-12:]}"
+
+
+def check_uploads(uploads: Sequence[Upload], limits: Limits) -> Kind:
+    """What files are together, from their names and sizes.
+
+    Raises:
+        UnusableUploadError: they cannot be used, or are too many or too large.
+    """
+    if not uploads:
+        raise UnusableUploadError("Nothing was dropped. Add two or more photos, a clip, or a zip of a scene.")
+    if not all(one.path.is_file() for one in uploads):
+        raise UnusableUploadError("The files are no longer on the server. Drop them again.")
+    for one in uploads:
+        size = one.path.stat().st_size
+        if one.ending not in ACCEPTED:
+            what = f"{one.ending} files" if one.ending else "files without an ending"
+            raise UnusableUploadError(
+                f"{one.shown}: {what} cannot be read. Use JPEG, PNG or HEIC photos, a clip (MP4, MOV), or a zip of a scene."
+            )
+        if size == 0:
+            raise UnusableUploadError(f"{one.shown} is empty. It may not have been copied completely.")
+        if size > limits.file_bytes:
+            raise UnusableUploadError(
+                f"{one.shown} has {size // MIB:,} MB; at most {limits.file_bytes // MIB:,} MB are accepted."
+            )
+    total = sum(one.path.stat().st_size for one in uploads)
+    if total > limits.total_bytes:
+        raise UnusableUploadError(
+            f"The files have {total // MIB:,} MB together; at most {limits.total_bytes // MIB:,} MB are accepted."
+        )
+    special = [one for one in uploads if one.ending not in PICTURES]
+    if special:
+        if len(uploads) > 1:
+            raise UnusableUploadError(
+                f"Drop {special[0].shown} alone: one clip, one zip, or several photos, but not a mixture."
+            )
+        return "clip" if special[0].ending in CLIPS else "archive"
+    if len(uploads) == 1:
+        raise UnusableUploadError("One photo is not enough. Take at least two that overlap, a step to the side apart.")
+    if len(uploads) > limits.photos:
+        raise UnusableUploadError(
+            f"{len(uploads)} photos are too many; use at most {limits.photos}. Two to twelve that overlap are best."
+        )
+    return "photos"
+
+
+def prepare(
+    kind: Kind, uploads: Sequence[Upload], folder: Path, limits: Limits, say: Callable[[str], object]
+) -> tuple[Path, list[str]]:
+    """Write uploaded files in the form that `semgs reconstruct` takes.
+
+    Args:
+        kind, uploads: as checked by `check_uploads`.
+        folder: an existing, empty one.
+        limits: of photos and archives.
+        say: takes the title of each stage.
+
+    Returns:
+        the scene, and notes on what was left out.
+
+    Raises:
+        UnusableUploadError: a file cannot be used.
+    """
+    if kind == "photos":
+        return _photos(uploads, folder / "photos", limits, say)
+    if kind == "clip":
+        clip = folder / f"clip{uploads[0].ending}"
+        uploads[0].path.rename(clip)
+        return clip, []
+    say("Unpacking the zip")
+    unpacked = folder / "scene"
+    unpack(uploads[0], unpacked, limits)
+    scene = _inner(unpacked)
+    pictures = sorted(path for path in scene.rglob("*") if path.suffix.lower() in PICTURES)
+    for path in pictures:
+        _check_pixels(Upload(path, path.name), limits)
+    from semgs.sfm.photos import has_only_photos
+
+    if pictures and has_only_photos(scene):
+        listed = [Upload(path, path.name) for path in pictures if path.parent in (scene, scene / "images")]
+        if len(listed) > limits.photos:
+            raise UnusableUploadError(f"The zip has {len(listed)} photos without cameras; use at most {limits.photos}.")
+        return _photos(listed, folder / "photos", limits, say)
+    return scene, []
+
+
+def unpack(upload: Upload, folder: Path, limits: Limits) -> None:
+    """Unpack a zip archive into a new folder.
+
+    Raises:
+        UnusableUploadError: it is damaged, too large, or has members that an honest archive does not have.
+    """
+    folder.mkdir()
+    try:
+        with zipfile.ZipFile(upload.path) as archive:
+            members = [one for one in archive.infolist() if not one.is_dir()]
+            _check_members(upload, members, limits)
+            left = limits.unpacked_bytes
+            for member in members:
+                target = folder.joinpath(*PurePosixPath(member.filename).parts)
+                if _is_clutter(target):
+                    continue
+                with archive.open(member) as source:
+                    content = source.read(member.file_size + 1)
+                left -= len(content)
+                if len(content) != member.file_size or left < 0:
+                    raise UnusableUploadError(f"{upload.shown} contains more than it says. It may be damaged.")
+                target.parent.mkdir(parents=True, exist_ok=True)
+                write_bytes(target, content)
+    except (zipfile.BadZipFile, EOFError, NotImplementedError, ValueError, RuntimeError) as error:
+        raise UnusableUploadError(
+            f"{upload.shown} is not a zip that can be read. It may be damaged; make it again."
+        ) from error
+    except OSError as error:
+        raise UnusableUploadError(f"{upload.shown} cannot be unpacked: {error.strerror or error}.") from error
+
+
+def _check_members(upload: Upload, members: Sequence[zipfile.ZipInfo], limits: Limits) -> None:
+    """Check the list of an archive.
+
+    Raises:
+        UnusableUploadError: it has too many or too large members, or one that an honest archive does not have.
+    """
+    if not members:
+        raise UnusableUploadError(f"{upload.shown} is an empty zip.")
+    if len(members) > limits.members:
+        raise UnusableUploadError(
+            f"{upload.shown} contains {len(members):,} files; at most {limits.members:,} are accepted."
+        )
+    unpacked = sum(one.file_size for one in members)
+    if unpacked > limits.unpacked_bytes:
+        raise UnusableUploadError(
+            f"{upload.shown} would unpack to {unpacked // MIB:,} MB; at most {limits.unpacked_bytes // MIB:,} MB are accepted."
+        )
+    for one in members:
+        path = PurePosixPath(one.filename)
+        outside = path.is_absolute() or ".." in path.parts or "\\" in one.filename or ":" in path.parts[0]
+        if outside or "\0" in one.orig_filename:
+            raise UnusableUploadError(f"{upload.shown} contains a path that leads outside of it. It was not unpacked.")
+        if stat.S_ISLNK(one.external_attr >> 16):
+            raise UnusableUploadError(f"{upload.shown} contains a link. Pack the files themselves.")
+        if one.flag_bits & 0x1:
+            raise UnusableUploadError(f"{upload.shown} has a password. Make a zip without one.")
+
+
+def _is_clutter(path: Path) -> bool:
+    """Whether a member is what systems add to archives."""
+    return "__MACOSX" in path.parts or path.name in (".DS_Store", "Thumbs.db")
+
+
+def _inner(folder: Path) -> Path:
+    """The folder with the content, where an archive has it in one folder."""
+    while len(inside := list(folder.iterdir())) == 1 and inside[0].is_dir() and inside[0].name != "images":
+        folder = inside[0]
+    return folder
+
+
+def _photos(
+    uploads: Sequence[Upload], folder: Path, limits: Limits, say: Callable[[str], object]
+) -> tuple[Path, list[str]]:
+    """Write photos upright and reduced."""
+    folder.mkdir()
+    say(f"Reading {len(uploads)} photos")
+    damaged: list[str] = []
+    for number, one in enumerate(uploads, 1):
+        _check_pixels(one, limits)
+        data = _reduced(one)
+        if data is None:
+            damaged.append(one.shown)
+            continue
+        write_bytes(folder / f"{number:03d}.jpg", data)
+    if len(uploads) - len(damaged) < 2:
+        names = ", ".join(damaged[:3]) + (", …" if len(damaged) > 3 else "")
+        raise UnusableUploadError(f"Fewer than two photos can be read. Damaged: {names}.")
+    return folder, [f"{name} is damaged and was left out." for name in damaged]
+
+
+def _check_pixels(upload: Upload, limits: Limits) -> None:
+    """Check the size in a picture's header, before it is decoded.
+
+    Raises:
+        UnusableUploadError: it is too large.
+    """
+    from semgs.files.errors import InputError
+    from semgs.files.images.pictures import read_header
+
+    try:
+        height, width = read_header(upload.path).size
+    except InputError:
+        return  # a damaged one is left out when it is decoded
+    if height * width > limits.pixels:
+        raise UnusableUploadError(
+            f"{upload.shown} has {width}x{height} pixels; at most {limits.pixels // 1_000_000} megapixels are accepted."
+        )
+
+
+def _reduced(upload: Upload) -> bytes | None:
+    """A photo as an upright JPEG of at most `LONGEST_SIDE`, with its focal length; None if it is damaged."""
+    from PIL import Image
+
+    from semgs.files.errors import InputError
+    from semgs.files.images.pictures import read_optics, read_upright
+
+    try:
+        optics, pixels = read_optics(upload.path), read_upright(upload.path)
+    except InputError:
+        return None
+    height, width = pixels.shape[:2]
+    image = Image.fromarray(pixels)
+    exif = Image.Exif()
+    if optics.focal_px is not None:
+        exif.get_ifd(EXIF_FOLDER)[FOCAL_35_MM] = max(
+            1, round(optics.focal_px * 43.2666 / (height**2 + width**2) ** 0.5)
+        )
+    if optics.panorama:
+        exif.get_ifd(EXIF_FOLDER)[CUSTOM_RENDERED] = 6
+    image.thumbnail((LONGEST_SIDE, LONGEST_SIDE), Image.Resampling.LANCZOS, reducing_gap=3.0)
+    buffer = io.BytesIO()
+    image.save(buffer, "JPEG", quality=QUALITY, exif=exif)
+    return buffer.getvalue()

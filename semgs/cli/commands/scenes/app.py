@@ -1,0 +1,128 @@
+"""`semgs app`: a page in the browser that makes rooms from photos."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from semgs.app.jobs import Jobs
+from semgs.app.limits import Limits
+from semgs.app.page import check_page_library
+from semgs.cli.options.types import at_least, one_word
+from semgs.cli.progress import show_stage
+from semgs.cli.usage_errors import UsageError
+from semgs.files.cache import cache_folder
+from semgs.files.errors import InputError
+from semgs.viewer.server import EVERY_ADDRESS, LOOPBACK, check_viewer_library
+
+LAST_PORT = 65535
+
+
+@dataclass(frozen=True)
+class App:
+    """Open a page in the browser: drop photos, and get a labelled room in 3D.
+
+    The page takes photos (JPEG, PNG, HEIC) without cameras, a clip, or a zip of a scene, and shows each stage. The room can be looked at, measured and
+    downloaded. Rooms are made by semgs reconstruct in a process of its own, one at a time; others wait. Photos are deleted once the room is ready. The app runs
+    until Ctrl-C.
+
+    Examples
+    - semgs app
+    - semgs app --port 8000 --folder rooms
+    - semgs app --segmenter segformer.onnx
+    - semgs app --host 0.0.0.0
+    """
+
+    host: str = LOOPBACK
+    """Address to listen on. Only this machine can reach the default. With another, the page needs the token in the printed address, but the connection
+    is not encrypted."""
+    port: Annotated[int, one_word("INT", at_least(0))] = 7860
+    """Port to listen on; 0 is any free one."""
+    folder: Annotated[
+        Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(default: in the user's cache)")
+    ] = None
+    """Where rooms are kept."""
+    keep_hours: Annotated[float, one_word("HOURS", at_least(0.0, more=True))] = 24.0
+    """Rooms are deleted after this time."""
+    minutes: Annotated[float, one_word("MINUTES", at_least(0.0, more=True))] = 15.0
+    """A room may take this long."""
+    segmenter: Annotated[tuple[str, ...], tyro.conf.arg(metavar="SEGMENTER [...]", help_behavior_hint="")] = ()
+    """Segmenters that the page offers beside the included classes, as for semgs reconstruct."""
+    depth: Annotated[tuple[str, ...], tyro.conf.arg(metavar="SOURCE [...]", help_behavior_hint="")] = ()
+    """Sources of depth that the page offers, as for semgs reconstruct."""
+
+    def run(self) -> None:
+        """Serve until an interrupt.
+
+        Raises:
+            InputError: it is not possible to listen on this address, or the folder cannot be used.
+            UsageError: an option is invalid.
+            ImportError: gradio or viser is not installed.
+        """
+        if self.port > LAST_PORT:
+            raise UsageError(f"--port is {self.port}; expected at most {LAST_PORT}")
+        check_viewer_library()
+        with show_stage("Starting"):
+            check_page_library()
+        local = self.host in (LOOPBACK, "localhost", "::1")
+        token = None if local else secrets.token_urlsafe(18)
+        folder = (self.folder or cache_folder() / "app").absolute()
+        with _sole_user(folder):
+            self._serve(folder, local, token)
+
+    def _serve(self, folder: Path, local: bool, token: str | None) -> None:
+        """Serve rooms in a folder until an interrupt."""
+        from semgs.app.serving import application, serve
+
+        limits = Limits(seconds=60 * self.minutes, kept_seconds=3600 * self.keep_hours)
+        worker = [sys.executable, "-m", "semgs.cli.app_worker"]
+        jobs = Jobs(folder / "rooms", worker, limits, self.segmenter, self.depth, uploads=folder / "uploads")
+        try:
+            app = application(jobs, local=local, token=token)
+            with suppress(KeyboardInterrupt):
+                serve(app, self.host, self.port, lambda port: self._say(port, token))
+        except OSError as error:
+            raise InputError(
+                self.host, f"an address of this machine, with port {self.port} free", str(error.strerror or error)
+            ) from error
+        finally:
+            jobs.close()
+
+    def _say(self, port: int, token: str | None) -> None:
+        """Print the address."""
+        if token is None:
+            print(f"Open http://{self.host}:{port} in a browser. Ctrl-C stops the app.", flush=True)
+            return
+        print(
+            f"semgs: everyone who can reach {self.host} and has the token can use this app; the connection is not encrypted",
+            file=sys.stderr,
+        )
+        name = socket.gethostname() if self.host == EVERY_ADDRESS else self.host
+        print(f"Open http://{name}:{port}/?token={token} in a browser. Ctrl-C stops the app.", flush=True)
+
+
+@contextmanager
+def _sole_user(folder: Path) -> Iterator[None]:
+    """Keep a folder for this app: two would delete each other's work.
+
+    Raises:
+        InputError: another app uses it, or it cannot be made.
+    """
+    from filelock import FileLock, Timeout
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with FileLock(folder / ".lock", timeout=0):
+            yield
+    except Timeout as error:
+        raise InputError(
+            folder, "a folder that no other semgs app uses", "one in use", advice="choose another --folder"
+        ) from error

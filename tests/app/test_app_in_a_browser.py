@@ -1,0 +1,240 @@
+"""The app in a real browser: from dropped files to a room, and everything that can go wrong on the way."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import time
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from app_server import App, drop, make_room, page_at, room_in, running_app, sentence_on
+from dropped_files import picture, with_link, written, zipped
+from ply import read_ply
+from turned_cameras import write_scene
+
+SECONDS = 60.0
+"""From dropped photos to a labelled room, on two cores."""
+
+
+@pytest.fixture(scope="module")
+def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
+    with running_app(tmp_path_factory.mktemp("app")) as running:
+        yield running
+
+
+@pytest.fixture
+def fox(shared: Path, tmp_path: Path) -> list[Path]:
+    """The photos of `fox`, without their cameras."""
+    return [Path(shutil.copy(path, tmp_path)) for path in sorted((shared / "data/fox/images").glob("*.jpg"))]
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    """A zip of a small scene with cameras."""
+    folder = write_scene(tmp_path / "scene")
+    with zipfile.ZipFile(tmp_path / "scene.zip", "w") as archive:
+        for path in folder.rglob("*"):
+            archive.write(path, path.relative_to(folder.parent))
+    return tmp_path / "scene.zip"
+
+
+def test_the_page_opens_and_says_what_is_wrong_with_one_photo(tmp_path: Path):
+    with running_app(tmp_path / "app") as app, page_at(app, (600, 390)) as page:
+        drop(page, [picture(tmp_path / "a.jpg").path])
+        make_room(page)
+        assert sentence_on(page).startswith("One photo is not enough")
+        assert page.evaluate("document.documentElement.scrollWidth") == 390
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_photos_without_cameras_become_a_room_that_can_be_used(app: App, fox: list[Path], tmp_path: Path):
+    time.sleep(20)  # as a user, who does not drop photos in the second in which the app starts
+    with page_at(app) as page:
+        drop(page, fox)
+        start = time.monotonic()
+        make_room(page)
+        page.locator("#status .now").first.wait_for()
+        room = room_in(page)
+        print(f"{time.monotonic() - start:.1f} s from dropping to the room")
+        scene = room.locator("#scene")
+        scene.click()
+        room.locator("#info").get_by_text("Confidence").wait_for()
+        first = room.locator(".legend input").first
+        first.uncheck()
+        room.locator("#shown").filter(has_text="is shown", has_not_text="100 %").wait_for()
+        with page.expect_download() as download:
+            room.get_by_role("link", name="gaussians.ply").click()
+        download.value.save_as(tmp_path / "gaussians.ply")
+        assert len(read_ply(tmp_path / "gaussians.ply")) > 10_000
+        page.reload()
+        room_in(page)
+        assert room.get_by_text("Photos alone do not show how large a room is").count() == 1
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_the_included_room_has_boxes_sizes_and_a_refinement(app: App):
+    with page_at(app) as page:
+        page.get_by_role("button", name="Options").click()
+        page.get_by_label("Refine").check()
+        page.get_by_role("button", name="Try the included room").click()
+        room = room_in(page)
+        room.get_by_role("button", name="Boxes").click()
+        room.get_by_text("Before and after refinement").wait_for()
+        scene = room.locator("#scene")
+        box = scene.bounding_box()
+        assert box is not None
+        scene.click(position={"x": 0.62 * box["width"], "y": 0.5 * box["height"]})
+        room.locator("#info").get_by_text("(length × width × height)").wait_for()
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_two_jobs_wait_for_one_another_and_one_can_be_cancelled(app: App, scene: Path, tmp_path: Path):
+    with page_at(app) as page:
+        other = page.context.new_page()
+        other.goto(app.url)
+        page.get_by_role("button", name="Try the included room").click()
+        page.get_by_text("Working on").wait_for()
+        drop(other, [scene])
+        make_room(other)
+        other.get_by_text("1 room is before yours").wait_for()
+        page.get_by_role("button", name="Cancel").click()
+        page.get_by_text("Cancelled").wait_for()
+        assert "room=" not in page.url
+        room_in(other)
+        other.get_by_role("button", name="Make another room").click()
+        other.get_by_role("button", name="Make the room").wait_for()
+
+
+def cut_off_clip(path: Path) -> Path:
+    path.write_bytes(b"\0\0\0\x18ftypmp42" + bytes(1000))
+    return path
+
+
+def copies(folder: Path) -> list[Path]:
+    """One photo three times."""
+    first = picture(folder / "a.jpg", (400, 300)).path
+    return [first, *(Path(shutil.copy(first, folder / f"{n}.jpg")) for n in range(2))]
+
+
+def noise(folder: Path) -> list[Path]:
+    """Photos that share nothing."""
+    return [picture(folder / f"{n}.jpg", (400, 300), n).path for n in range(3)]
+
+
+def blank(folder: Path) -> list[Path]:
+    from PIL import Image
+
+    for n in range(2):
+        Image.new("RGB", (300, 200), (0, 0, n)).save(folder / f"{n}.png")
+    return [folder / f"{n}.png" for n in range(2)]
+
+
+def cameras_as(folder: Path, change) -> list[Path]:  # type: ignore[no-untyped-def]
+    """A zip of a scene with a changed description."""
+    scene = write_scene(folder / "scene", change)
+    with zipfile.ZipFile(folder / "a.zip", "w") as archive:
+        for path in scene.rglob("*"):
+            archive.write(path, path.relative_to(scene.parent))
+    return [folder / "a.zip"]
+
+
+def set_in(key: str, value: object):  # type: ignore[no-untyped-def]
+    return lambda description: description.__setitem__(key, value)
+
+
+WRONG = {
+    "text": lambda folder: [written(folder / "a.txt", b"hello").path],
+    "one photo": lambda folder: [picture(folder / "a.jpg").path],
+    "broken photos": lambda folder: [written(folder / f"{n}.jpg", b"junk").path for n in range(2)],
+    "copies of one photo": copies,
+    "photos that share nothing": noise,
+    "black photos": blank,
+    "panoramas": lambda folder: [picture(folder / f"{n}.jpg", (900, 100), n).path for n in range(2)],
+    "tiny photos": lambda folder: [picture(folder / f"{n}.jpg", (3, 2), n).path for n in range(2)],
+    "a clip that is none": lambda folder: [written(folder / "a.mp4", b"junk" * 100).path],
+    "a clip that is cut off": lambda folder: [cut_off_clip(folder / "a.mov")],
+    "a photo and a clip": lambda folder: [picture(folder / "a.jpg").path, written(folder / "b.mp4", b"x").path],
+    "a zip that is none": lambda folder: [written(folder / "a.zip", b"junk").path],
+    "a zip of nothing": lambda folder: [zipped(folder / "a.zip", {}).path],
+    "a zip of texts": lambda folder: [zipped(folder / "a.zip", {"a.txt": b"x"}).path],
+    "a zip with a link": lambda folder: [with_link(folder / "a.zip").path],
+    "a zip that leads outside": lambda folder: [zipped(folder / "a.zip", {"../a": b"x"}).path],
+    "no frames": lambda folder: cameras_as(folder, set_in("frames", [])),
+    "frames of another type": lambda folder: cameras_as(folder, set_in("frames", "none")),
+    "a negative focal length": lambda folder: cameras_as(folder, set_in("fl_x", -1.0)),
+    "a description that is no JSON": lambda folder: [zipped(folder / "a.zip", {"transforms.json": b"{"}).path],
+    "photos that are missing": lambda folder: [zipped(folder / "a.zip", {"transforms.json": b'{"frames": [{"file_path": "a.jpg"}]}'}).path],
+}  # fmt: skip
+"""What is wrong, and the files."""
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+def test_wrong_inputs_get_a_sentence_and_never_a_traceback(app: App, tmp_path: Path):
+    sentences = {}
+    for name, make in WRONG.items():
+        folder = tmp_path / name.replace(" ", "_")
+        folder.mkdir()
+        with page_at(app) as page:
+            drop(page, make(folder))
+            make_room(page)
+            sentences[name] = sentence_on(page)
+    print(*(f"{name}: {sentence}" for name, sentence in sentences.items()), sep="\n")
+    for name, sentence in sentences.items():
+        assert sentence.endswith((".", "!", "?")), (name, sentence)
+        assert not any(
+            word in sentence for word in ("Traceback", "Error", str(tmp_path), str(app.folder), "bug", "--")
+        ), (name, sentence)
+    assert list((app.folder / "rooms").glob("*/work")) == []
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+def test_fifty_jobs_in_a_row_leave_memory_flat_and_no_files(app: App, scene: Path):
+    status = Path(f"/proc/{app.process.pid}/status")
+    if not status.exists():
+        pytest.skip("memory is read from /proc, which is not here")
+    memory = []
+    before = {path for path in (app.folder / "rooms").iterdir() if path.is_dir()}
+    with page_at(app) as page:
+        for number in range(50):
+            drop(page, [scene])
+            make_room(page)
+            if number % 2:
+                page.get_by_role("button", name="Cancel").click()
+                page.get_by_text("Cancelled").wait_for()
+                page.reload()
+            else:
+                page.locator("iframe.room").wait_for()
+                page.get_by_role("button", name="Make another room").click()
+            page.get_by_role("button", name="Make the room").wait_for()
+            memory.append(int(re.findall(r"VmRSS:\s+(\d+) kB", status.read_text())[0]) / 1000)
+        time.sleep(5)
+    print("memory of the server [MB]:", np.round(memory[::7]))
+    assert np.median(memory[-10:]) < np.median(memory[5:15]) + 30
+    rooms = {path for path in (app.folder / "rooms").iterdir() if path.is_dir()} - before
+    assert len(rooms) == 25
+    assert all([path.name for path in room.iterdir()] == ["room"] for room in rooms)
+
+
+@pytest.mark.long
+def test_with_another_host_the_token_opens_the_page_and_nothing_else_does(tmp_path: Path):
+    from urllib.error import HTTPError
+    from urllib.request import urlopen
+
+    with running_app(tmp_path / "app", "--host", "0.0.0.0") as app:
+        address = app.url.split("/?")[0].rsplit(":", 1)
+        with pytest.raises(HTTPError, match="403"):
+            urlopen(f"http://127.0.0.1:{address[1]}/")
+        with pytest.raises(HTTPError, match="403"):
+            urlopen(f"http://127.0.0.1:{address[1]}/gradio_api/info?token=x")
+        local = App(f"http://127.0.0.1:{address[1]}/?{app.url.split('?')[1]}", app.process, app.folder)
+        with page_at(local) as page:
+            assert "token" not in page.url

@@ -1,0 +1,209 @@
+"""The queue, with workers that only pretend: order, cancelling, errors in words, and nothing left behind."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from semgs.app.jobs import BUG, Job, Jobs, plain
+from semgs.app.limits import Limits
+from semgs.app.requests import Request, RoomOptions
+from semgs.app.uploads import UnusableUploadError, Upload
+
+WORKER = """
+import json, os, pathlib, sys, time
+line = sys.stdin.readline()
+if not line: sys.exit()
+request = json.loads(line)
+def stage(title, **counts): print(json.dumps({"stage": title, **counts}), file=sys.stderr, flush=True)
+folder = pathlib.Path(request["folder"])
+(folder / "work").mkdir()
+what = request["options"]["words"]
+stage("Starting")
+if what == "sleep":
+    time.sleep(60)
+if what == "fail":
+    print("semgs: error: 001.jpg: too dark; see --size and --views", file=sys.stderr)
+    sys.exit(2)
+if what == "bug":
+    raise RuntimeError("secret")
+stage("Counting", done=1, of=2)
+(folder / "room").mkdir()
+(folder / "room" / "room.json").write_text('{"title": "Your room"}')
+"""
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[..., Jobs]]:
+    """Starts a queue with the pretended worker; it is closed at the end."""
+    opened: list[Jobs] = []
+
+    def begin(**limits: float) -> Jobs:
+        worker = [sys.executable, "-S", "-c", WORKER]
+        opened.append(Jobs(tmp_path / "rooms", worker, Limits(**limits), segmenters=("words",)))  # type: ignore[arg-type]
+        return opened[-1]
+
+    yield begin
+    for jobs in opened:
+        jobs.close()
+
+
+def asked(what: str) -> RoomOptions:
+    return RoomOptions(segmenter="words", words=what)
+
+
+def photos(folder: Path, count: int = 2) -> list[Upload]:
+    """Photos in a folder of their own each, as gradio stores them."""
+    listed = []
+    for number in range(count):
+        path = folder / f"up{number}" / f"IMG_{number}.jpg"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Image.new("RGB", (20, 30), (number, 0, 0)).save(path)
+        listed.append(Upload(path, path.name))
+    return listed
+
+
+def wait(condition: Callable[[], bool], seconds: float = 30.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_a_job_passes_its_stages_and_leaves_only_its_room(start: Callable[..., Jobs], tmp_path: Path):
+    jobs = start()
+    uploads = photos(tmp_path / "uploads")
+    job = jobs.submit(uploads)
+    wait(lambda: job.over)
+    assert job.state == "done"
+    assert [(stage.title, stage.done, stage.of) for stage in job.stages] == [("Starting", 0, 0), ("Counting", 1, 2)]
+    assert all(stage.seconds is not None for stage in job.stages)
+    wait(lambda: not uploads[0].path.parent.exists())
+    assert [path.name for path in job.folder.iterdir()] == ["room"]
+
+
+def test_jobs_run_one_at_a_time_in_order_and_those_that_wait_know_their_place(start: Callable[..., Jobs]):
+    jobs = start()
+    first, second, third = (
+        jobs.submit((), asked("sleep"), True),
+        jobs.submit((), example=True),
+        jobs.submit((), example=True),
+    )
+    wait(lambda: first.state == "working")
+    assert [jobs.ahead(second), jobs.ahead(third)] == [1, 2]
+    jobs.cancel(second)
+    jobs.cancel(first)
+    wait(lambda: third.over)
+    assert (first.state, second.state, third.state) == ("cancelled", "cancelled", "done")
+    wait(lambda: not first.folder.exists())
+    assert not second.folder.exists()
+
+
+def test_an_error_becomes_a_sentence_and_the_photos_stay_for_another_try(start: Callable[..., Jobs], tmp_path: Path):
+    jobs = start()
+    uploads = photos(tmp_path / "uploads")
+    job = jobs.submit(uploads, asked("fail"))
+    wait(lambda: job.over)
+    assert job.sentence == "IMG_0.jpg: too dark; use fewer views or smaller photos."
+    assert uploads[0].path.exists()
+    again = jobs.submit(uploads)
+    wait(lambda: again.over)
+    assert again.state == "done"
+
+
+def test_a_bug_shows_no_traceback_to_the_user_but_to_who_runs_the_app(
+    start: Callable[..., Jobs], capsys: pytest.CaptureFixture[str]
+):
+    job = start().submit((), asked("bug"), True)
+    wait(lambda: job.over)
+    assert job.sentence == BUG
+    assert "RuntimeError: secret" in capsys.readouterr().err
+
+
+def test_a_job_that_takes_too_long_is_stopped(start: Callable[..., Jobs]):
+    job = start(seconds=0.3).submit((), asked("sleep"), True)
+    wait(lambda: job.over)
+    assert job.sentence.startswith("This took more than")
+
+
+def test_a_full_queue_refuses_more(start: Callable[..., Jobs]):
+    jobs = start(waiting=1)
+    first = jobs.submit((), asked("sleep"), True)
+    wait(lambda: first.state == "working")
+    jobs.submit((), example=True)
+    with pytest.raises(UnusableUploadError, match="waiting already"):
+        jobs.submit((), example=True)
+
+
+def test_rooms_expire_and_others_survive_a_restart(start: Callable[..., Jobs]):
+    jobs = start(kept_seconds=3600.0)
+    job = jobs.submit((), example=True)
+    wait(lambda: job.over)
+    jobs.close()
+    (jobs.folder / ("a" * 20)).mkdir()  # what a killed app leaves
+    second = start(kept_seconds=3600.0)
+    found = second.find(job.identifier)
+    assert found is not None
+    assert found.state == "done"
+    assert not (jobs.folder / ("a" * 20)).exists()
+    found.ended -= 3601
+    second.expire()
+    assert second.find(job.identifier) is None
+    assert not job.folder.exists()
+
+
+@pytest.mark.parametrize(
+    ("sentence", "expected"),
+    [
+        ("photos: expected two or more photos, found 1", "Your photos: fewer than two can be used."),
+        (
+            "photos: expected photos whose cameras can be estimated, found too little overlap (3 photos); take more",
+            "Your photos: it cannot be found where they were taken: too little overlap. Take more.",
+        ),
+        ("a.zip is not a zip that can be read.", "a.zip is not a zip that can be read."),
+        ("photos/002.jpg cannot be read", "B.jpg cannot be read."),
+        ("out/cameras/images/001.jpg is dark", "A.jpg is dark."),
+        ("there is too little memory; see --size and --views", "There is too little memory; use fewer views or smaller photos."),
+        ("/rooms/x/work: it; reconstruct it with --scale-from", "Your files/work: it; reconstruct it with scale from."),
+    ],
+)  # fmt: skip
+def test_errors_of_the_command_line_name_neither_folders_nor_options(sentence: str, expected: str):
+    request = Request(
+        "photos", [["/rooms/x/files/000.jpg", "A.jpg"], ["/rooms/x/files/001.jpg", "B.jpg"]], "/rooms/x", {}
+    )
+    assert plain(sentence, Job("x", Path("/rooms/x"), request, "2 photos")) == expected
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"views": 9}, {"segmenter": "/etc/passwd"}, {"depth": "hf:a/b"}, {"words": "mug"}, {"segmenter": "words", "words": "mug, --out"},
+        {"first": 1}, {"first": 1, "second": 1, "metres": 1.0}, {"first": 1, "second": 2, "metres": 1e9},
+    ],
+)  # fmt: skip
+def test_options_that_the_page_does_not_offer_are_refused(options: dict):
+    with pytest.raises(UnusableUploadError):
+        RoomOptions(**options).check(("words",), ())
+
+
+def test_options_become_those_of_the_command_line():
+    options = RoomOptions(3, True, "seg.onnx", "mug, power socket", "sensor", 1, 4, 1.25)
+    words = [
+        "--views",
+        "3",
+        "--refine",
+        "--segmenter",
+        "seg.onnx",
+        "--words",
+        "mug",
+        "power socket",
+        "--depth",
+        "sensor",
+    ]
+    assert options.arguments(photos=False) == words
+    assert options.arguments(photos=True)[-4:] == ["--scale-from", "001.jpg", "004.jpg", "1.25"]

@@ -1,0 +1,125 @@
+"""What can be dropped: wrong files get a sentence, archives cannot write elsewhere, photos come out upright and small."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from dropped_files import picture, with_link, written, zipped
+from PIL import Image
+
+from semgs.app.limits import Limits
+from semgs.app.uploads import LONGEST_SIDE, UnusableUploadError, Upload, check_uploads, prepare, unpack
+from semgs.files.images.pictures import read_optics, read_rgb
+
+SMALL = Limits(file_bytes=40_000, total_bytes=60_000, photos=3, pixels=10_000, members=5, unpacked_bytes=50_000)
+
+
+def lying(path: Path) -> Upload:
+    """An archive whose list says one byte for a member of a thousand."""
+    upload = zipped(path, {"a.txt": bytes(1000)})
+    data = bytearray(path.read_bytes())
+    at = data.index(b"PK\1\2")
+    data[at + 24 : at + 28] = (1).to_bytes(4, "little")
+    path.write_bytes(data)
+    return upload
+
+
+WRONG: dict[str, tuple[Callable[[Path], list[Upload]], str]] = {
+    "nothing": (lambda folder: [], "Nothing was dropped"),
+    "one photo": (lambda folder: [picture(folder / "a.jpg")], "One photo is not enough"),
+    "four photos": (lambda folder: [picture(folder / f"{n}.jpg", seed=n) for n in range(4)], "4 photos are too many"),
+    "text": (lambda folder: [written(folder / "notes.txt", b"hello")], "notes.txt: .txt files cannot be read"),
+    "no ending": (lambda folder: [written(folder / "photo", b"hello")], "files without an ending"),
+    "webp": (lambda folder: [picture(folder / "a.webp"), picture(folder / "b.webp")], ".webp files"),
+    "empty": (lambda folder: [written(folder / "a.jpg", b""), picture(folder / "b.jpg")], "a.jpg is empty"),
+    "large": (lambda folder: [written(folder / "a.jpg", bytes(50_000))], "at most 0 MB"),
+    "large together": (lambda folder: [written(folder / f"{n}.jpg", bytes(30_000)) for n in range(3)], "together"),
+    "a mixture": (lambda folder: [picture(folder / "a.jpg"), written(folder / "b.mp4", b"x")], "b.mp4 alone"),
+    "two zips": (lambda folder: [zipped(folder / f"{n}.zip", {"a": b""}) for n in range(2)], "alone"),
+    "broken photos": (lambda folder: [written(folder / f"{n}.jpg", b"junk") for n in range(2)], "Fewer than two photos"),
+    "cut off": (
+        lambda folder: [written(folder / f"{n}.jpg", picture(folder / "x.jpg").path.read_bytes()[:900]) for n in range(2)],
+        "Damaged: 0.jpg, 1.jpg",
+    ),
+    "many pixels": (lambda folder: [picture(folder / f"{n}.jpg", (120, 100), n, quality=10) for n in range(2)], "120x100 pixels"),
+    "no zip": (lambda folder: [written(folder / "a.zip", b"junk")], "is not a zip that can be read"),
+    "an empty zip": (lambda folder: [zipped(folder / "a.zip", {})], "an empty zip"),
+    "a zip of many": (lambda folder: [zipped(folder / "a.zip", {str(n): b"" for n in range(6)})], "contains 6 files"),
+    "a bomb": (lambda folder: [zipped(folder / "a.zip", {"a": bytes(1_000_000)})], "would unpack to"),
+    "traversal": (lambda folder: [zipped(folder / "a.zip", {"../a": b"x"})], "leads outside"),
+    "an absolute path": (lambda folder: [zipped(folder / "a.zip", {"/a": b"x"})], "leads outside"),
+    "a drive": (lambda folder: [zipped(folder / "a.zip", {"C:/a": b"x"})], "leads outside"),
+    "a link": (lambda folder: [with_link(folder / "a.zip")], "contains a link"),
+    "a lie": (lambda folder: [lying(folder / "a.zip")], "a.zip"),
+    "a zip in which a file is a folder": (lambda folder: [zipped(folder / "a.zip", {"a": b"x", "a/b": b"x"})], "cannot be unpacked"),
+    "vanished": (lambda folder: [Upload(folder / "a.jpg", "a.jpg"), picture(folder / "b.jpg")], "no longer on the server"),
+}  # fmt: skip
+"""What users drop by mistake or on purpose, and the sentence that they get."""
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_cannot_be_used_gets_a_sentence_and_leaves_nothing_outside(tmp_path: Path, name: str):
+    make, expected = WRONG[name]
+    (tmp_path / "dropped").mkdir()
+    (tmp_path / "work").mkdir()
+    uploads = make(tmp_path / "dropped")
+    with pytest.raises(UnusableUploadError) as raised:
+        prepare(check_uploads(uploads, SMALL), uploads, tmp_path / "work", SMALL, lambda title: None)
+    sentence = str(raised.value)
+    assert expected in sentence
+    assert sentence.endswith(".")
+    assert str(tmp_path) not in sentence
+    assert {path.name for path in tmp_path.iterdir()} == {"dropped", "work"}
+
+
+def test_photos_come_out_upright_small_and_with_their_focal_length(tmp_path: Path):
+    exif = Image.Exif()
+    exif[0x0112] = 6  # to be turned clockwise
+    exif.get_ifd(0x8769)[0xA405] = 26
+    uploads = [picture(tmp_path / "a.jpg", (2048, 1024), exif=exif), picture(tmp_path / "b.png", (30, 50), 1)]
+    before = read_optics(uploads[0].path).focal_px
+    scene, notes = prepare("photos", uploads, tmp_path, Limits(), lambda title: None)
+    assert notes == []
+    assert [read_rgb(path).shape for path in sorted(scene.iterdir())] == [(LONGEST_SIDE, 512, 3), (50, 30, 3)]
+    assert before is not None
+    assert read_optics(scene / "001.jpg").focal_px == pytest.approx(before / 2, rel=0.03)
+
+
+def test_a_damaged_photo_among_good_ones_is_left_out_and_named(tmp_path: Path):
+    uploads = [picture(tmp_path / "a.jpg"), written(tmp_path / "b.jpg", b"junk"), picture(tmp_path / "c.jpg", seed=1)]
+    scene, notes = prepare("photos", uploads, tmp_path, Limits(), lambda title: None)
+    assert sorted(path.name for path in scene.iterdir()) == ["001.jpg", "003.jpg"]
+    assert notes == ["b.jpg is damaged and was left out."]
+
+
+def test_a_zip_of_photos_is_photos_and_clutter_is_ignored(tmp_path: Path):
+    buffer = io.BytesIO()
+    Image.new("RGB", (30, 20), "red").save(buffer, "PNG")
+    archive = zipped(
+        tmp_path / "a.zip",
+        {
+            "trip/a.png": buffer.getvalue(),
+            "trip/b.png": buffer.getvalue(),
+            "__MACOSX/trip/._a.png": b"x",
+            "trip/.DS_Store": b"x",
+        },
+    )
+    scene, _ = prepare("archive", [archive], tmp_path, Limits(), lambda title: None)
+    assert scene.name == "photos"
+    assert len(list(scene.iterdir())) == 2
+
+
+def test_an_honest_archive_keeps_its_folders(tmp_path: Path):
+    upload = zipped(tmp_path / "a.zip", {"room/transforms.json": b"{}", "room/images/0.jpg": b"x"})
+    unpack(upload, tmp_path / "out", Limits())
+    assert (tmp_path / "out/room/images/0.jpg").read_bytes() == b"x"
+
+
+@pytest.mark.parametrize("name", ["../../etc/passwd", "a" * 300 + ".jpg", "C:\\photos\\x.jpg", "line\nbreak.jpg"])
+def test_names_from_a_browser_are_shown_short_and_without_folders(tmp_path: Path, name: str):
+    shown = Upload(tmp_path, name).shown
+    assert len(shown) <= 60
+    assert not {"/", "\\", "\n"} & set(shown)
