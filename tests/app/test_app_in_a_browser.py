@@ -60,7 +60,9 @@ def test_photos_without_cameras_become_a_room_that_can_be_used(app: App, fox: li
         make_room(page)
         page.locator("#status .now").first.wait_for()
         room = room_in(page)
-        print(f"{time.monotonic() - start:.1f} s from dropping to the room")
+        print(
+            f"{time.monotonic() - start:.1f} s from dropping to the room. {page.locator('.status.done').inner_text()}"
+        )
         scene = room.locator("#scene")
         scene.click()
         room.locator("#info").get_by_text("Confidence").wait_for()
