@@ -74,14 +74,20 @@ def test_the_ply_seen_from_the_cameras_that_its_matrix_gives_looks_like_the_scen
     (matrix,) = {json.dumps(file["scene_from_file"]) for file in json.loads((out / "export.json").read_text())["files"]}
     cameras = move_cameras(inverse_rigid(torch.tensor(json.loads(matrix), dtype=torch.float64)), scene.cameras)
     assert (cameras.centres - scene.cameras.centres).norm(dim=-1).min() > 1, "the file is in another frame"
+    found = read_ply(out / "gaussians.ply")
+    scene_from_file = torch.tensor(json.loads(matrix), dtype=torch.float64)
+    moved = found.means.double() @ scene_from_file[:3, :3].mT + scene_from_file[:3, 3]
+    assert torch.cdist(moved, scene.gaussians.means.double()).min(1).values.max() < 1e-5
     with torch.no_grad():
         expected = render(scene.gaussians, scene.cameras, near=scene.near)
-        read = render(read_ply(out / "gaussians.ply"), cameras, near=scene.near)
-    # A Gaussian whose alpha is within a rounding error of 1/255 may be drawn from one file and skipped from the other.
+        read = render(found, cameras, near=scene.near)
+    # A Gaussian whose alpha is within a rounding error of 1/255 may be drawn from one file and skipped from the other, and of Gaussians at
+    # the same depth, which convex upsampling makes within a texel, either may be the first.
     for one, other in ((expected.images, read.images), (expected.alphas, read.alphas)):
         difference = (one - other).abs()
-        assert difference.max() < 1 / 255
-        assert (difference > 1e-3).double().mean() < 1e-4
+        assert difference.max() < 0.02
+        assert (difference > 1e-3).double().mean() < 0.02
+        assert difference.mean() < 1e-4
     assert ((expected.depths - read.depths).abs() / expected.depths.clamp(min=0.1)).max() < 1e-3
     assert len(read_ply(out / "semantics.ply")) == len(scene.gaussians)
 
