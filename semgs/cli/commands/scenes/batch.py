@@ -154,10 +154,12 @@ class Batch:
         ours = tasks[part - 1 :: parts]
         lock = self.out / FOLDER / (f".lock_{part}_of_{parts}" if self.shard else ".lock")
         with lock_folder(lock, "a folder that no other batch is filling", "one that another process is filling"):
-            remove_leftovers(self.out, [task.name for task in ours], shared=self.shard is not None)
+            clear = partial(remove_leftovers, self.out, [task.name for task in ours], shared=self.shard is not None)
+            clear()  # of an earlier call
             try:
                 return self._work(ours, given)
             finally:
+                clear()  # of workers that were killed
                 self._write_overview(tasks)
 
     def _check(self) -> None:
