@@ -28,16 +28,13 @@ from typing import Any, Literal
 from semgs.app.limits import Limits
 from semgs.app.requests import Request, RoomOptions
 from semgs.app.uploads import UnusableUploadError, Upload, check_uploads
+from semgs.files.errors import ERROR_LINE
 from semgs.files.strict_json import parse_json
 from semgs.files.text import printable
 
 State = Literal["waiting", "working", "done", "failed", "cancelled"]
 
-ERROR = "semgs: error: "
 FILES, WORK, ROOM = "files", "work", "room"
-
-SPINS = "3000"
-"""How often an idle thread of OpenMP in a worker looks for work before it sleeps, as for `semgs` itself."""
 
 LOG_LINES = 200
 SWEEP_SECONDS = 60.0
@@ -245,7 +242,7 @@ class Jobs:
                 stderr=subprocess.PIPE,
                 text=True,
                 errors="replace",
-                env={"GOMP_SPINCOUNT": SPINS, **os.environ, "SEMGS_PROGRESS": "json"},
+                env={**os.environ, "SEMGS_PROGRESS": "json"},
                 start_new_session=True,
             )
 
@@ -296,8 +293,8 @@ class Jobs:
             for line in process.stderr:
                 if not _note_stage(job, line):
                     log.append(line)
-                if line.startswith(ERROR):
-                    sentence = line.removeprefix(ERROR).strip()
+                if line.startswith(ERROR_LINE):
+                    sentence = line.removeprefix(ERROR_LINE).strip()
             code = process.wait()
         finally:
             timer.cancel()

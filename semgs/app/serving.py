@@ -11,7 +11,6 @@ from urllib.parse import parse_qs
 from semgs.app.jobs import Jobs
 from semgs.app.page import check_page_library, mount_page
 
-LOOPBACK = "127.0.0.1"
 COOKIE = "semgs_token"
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "[::1]")
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semgs._version import __version__
+from semgs.runtime.stamps import stamps
 
 CAMERAS = "transforms.json"
 """A scene in one file, whose photos are beside it."""
@@ -49,21 +50,17 @@ def fingerprint(options: Sequence[str], inputs: Sequence[Path]) -> str:
         inputs: files and folders of the scene.
     """
     named = [Path(word) for word in options if not word.startswith("-") and Path(word).exists()]
-    contents = [stamps(path) for path in (*inputs, *named)]
+    contents = [_changes(path) for path in (*inputs, *named)]
     text = json.dumps([__version__, list(options), contents])
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def stamps(path: Path) -> list[tuple[str, int, int]]:
-    """Name, size [bytes] and time of change [ns] of a file, or of every file in a folder, in the order of names.
+def _changes(path: Path) -> tuple[tuple[str, int, int], ...]:
+    """The stamps of a scene's files; a transforms.json counts with its folder.
 
-    A transforms.json counts with its folder. Contents are not read: a scan has gigabytes, and a batch a thousand scans.
+    Contents are not read: a scan has gigabytes, and a batch a thousand scans.
     """
-    if path.is_file() and path.name == CAMERAS:
-        path = path.absolute().parent
-    files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
-    found = [(one, one.stat()) for one in files]
-    return [(str(one.relative_to(path.parent)), stat.st_size, stat.st_mtime_ns) for one, stat in found]
+    return stamps(path.absolute().parent if path.is_file() and path.name == CAMERAS else path)
 
 
 def scene_names(paths: Sequence[Path]) -> list[str]:

@@ -16,6 +16,7 @@ from tempfile import TemporaryDirectory
 from semgs.cli.main import main, run_guarded
 from semgs.cli.progress import VARIABLE, report_stage
 from semgs.cli.usage_errors import UsageError
+from semgs.runtime.idle_threads import let_idle_threads_sleep
 
 
 def import_slow_modules() -> None:
@@ -109,6 +110,7 @@ def work(line: str) -> int:
 
 def serve() -> int:
     """Wait for one request and do it. Returns the exit code."""
+    let_idle_threads_sleep()
     import_slow_modules()
     if "--cold" not in sys.argv:
         warm_up()

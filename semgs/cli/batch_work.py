@@ -14,8 +14,7 @@ from time import perf_counter
 from semgs.batch.records import FOLDER, PICTURES, Record, write_record
 from semgs.batch.tasks import Task
 from semgs.files.atomic import partial_name
-
-ERROR = "semgs: error: "
+from semgs.files.errors import ERROR_LINE
 
 MOST_NOTES = 10
 """Lines of what a command printed that are kept as notes."""
@@ -36,13 +35,10 @@ def begin(folder: str) -> None:
 
 def settle(folder: str) -> None:
     """Let this process work as the run does: in its folder, with one thread, and with networks that stay loaded."""
-    import cv2
-    import torch
-
     from semgs.runtime.kept import keep_loaded
+    from semgs.runtime.workers import use_one_thread
 
-    torch.set_num_threads(1)
-    cv2.setNumThreads(1)
+    use_one_thread()
     os.chdir(folder)
     keep_loaded()
 
@@ -60,15 +56,15 @@ def work(task: Task) -> Record:
             code = _run(task)
     except Exception:  # a fault of ours must not stop the batch
         code = 1
-        errors.write(f"{ERROR}a fault of semgs: {traceback.format_exc().strip().splitlines()[-1]}")
+        errors.write(f"{ERROR_LINE}a fault of semgs: {traceback.format_exc().strip().splitlines()[-1]}")
     if code >= 128:  # a signal
         os._exit(code)
     record = Record(task.name, task.fingerprint, code, seconds=round(perf_counter() - start, 3))
     if record.succeeded:
         record = _described(task, record, printed.getvalue())
     else:
-        lines = [line for line in errors.getvalue().splitlines() if line.startswith(ERROR)]
-        record = replace(record, why=lines[-1].removeprefix(ERROR) if lines else f"exit code {code}")
+        lines = [line for line in errors.getvalue().splitlines() if line.startswith(ERROR_LINE)]
+        record = replace(record, why=lines[-1].removeprefix(ERROR_LINE) if lines else f"exit code {code}")
     write_record(task.out, record)
     return record
 

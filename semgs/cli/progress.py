@@ -61,7 +61,7 @@ def show_progress(title: str, total: int) -> Iterator[Callable[..., None]]:
     """
     if report_stage(title, done=0, of=total):
 
-        def report(count: int) -> None:
+        def report(count: int, words: str = "") -> None:
             report_stage(title, done=count, of=total)
 
         yield report

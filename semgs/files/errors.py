@@ -9,6 +9,9 @@ from pathlib import Path
 from semgs.files.stored import Stored
 from semgs.files.text import printable
 
+ERROR_LINE = "semgs: error: "
+"""How the line begins that the command line prints on stderr for an error; programs that start it look for this."""
+
 
 class InputError(ValueError):
     """A file or folder that cannot be used: which one, what was expected, and what was found, in one printable line (or more: `lines`).

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
+from semgs.runtime.stamps import stamps
+
 Loaded = TypeVar("Loaded")
 
 _kept: dict[Any, Any] | None = None
@@ -29,14 +31,7 @@ def kept(load: Callable[..., Loaded], *arguments: Any) -> Loaded:
     """
     if _kept is None:
         return load(*arguments)
-    key = (load, arguments, tuple(_stamps(one) for one in arguments if isinstance(one, str | Path)))
+    key = (load, arguments, tuple(stamps(Path(one)) for one in arguments if isinstance(one, str | Path)))
     if key not in _kept:
         _kept[key] = load(*arguments)
     return _kept[key]
-
-
-def _stamps(path: str | Path) -> tuple[tuple[str, int, int], ...]:
-    """Name, size [bytes] and time of change [ns] of a file, or of those in a folder; none if there is no such file."""
-    files = sorted(Path(path).rglob("*")) if Path(path).is_dir() else [Path(path)] if Path(path).is_file() else []
-    found = [(str(file), file.stat()) for file in files]
-    return tuple((name, stat.st_size, stat.st_mtime_ns) for name, stat in found)

@@ -60,14 +60,19 @@ def outcomes(
 
 def settle_worker(index: int = 0) -> None:
     """Set up a worker process: one thread, ignore signals meant for the run, and end with the run."""
+    use_one_thread()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    threading.Thread(target=end_with_the_run, daemon=True).start()
+
+
+def use_one_thread() -> None:
+    """Let this process compute with one thread."""
     import cv2
     import torch  # takes seconds, which the run may not need
 
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    threading.Thread(target=end_with_the_run, daemon=True).start()
 
 
 def finished(

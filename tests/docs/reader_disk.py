@@ -30,8 +30,6 @@ from semgs.cli.main import main
 from semgs.data.resampling import resized
 from semgs.data.scenes import open_scene
 from semgs.model.weights.index import shipped_folder
-from semgs.model.weights.initial_weights import initial_network
-from semgs.model.weights.weights_file import save
 from semgs.rooms.assets.lock import make_lock, write_lock
 from semgs.rooms.sets.demo_room import demo_scene
 from semgs.rooms.sets.room_scenes import write_views
@@ -150,13 +148,9 @@ def _write_networks(disk: Path) -> None:
         disk / "segformer.onnx", weight, np.zeros(2), shape=(1, 3, "height", "width"), outputs={"logits": "float32"}
     )
     (disk / "segformer.json").write_text(json.dumps(described))
-    for run in ("runs/small", "runs/photos", "runs/scannet", "work/runs/scannet", "work/ablation/seed_0/camera/run"):
+    for run in ("runs/small", "runs/photos", "runs/scannet", "runs/sharp", "runs/both", "work/runs/scannet", "work/ablation/seed_0/camera/run"):  # fmt: skip
         (disk / run).mkdir(parents=True)
         shutil.copy(shipped_folder() / "small.safetensors", disk / run / "weights.safetensors")
-    sharp = initial_network("small", "small")
-    for run in ("runs/sharp", "runs/both"):
-        (disk / run).mkdir()
-        save(disk / run / "weights.safetensors", sharp, {})
 
 
 def _write_answers(disk: Path, labels: np.ndarray) -> None:

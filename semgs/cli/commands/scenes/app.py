@@ -5,8 +5,7 @@ from __future__ import annotations
 import secrets
 import socket
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -21,6 +20,7 @@ from semgs.cli.progress import show_stage
 from semgs.cli.usage_errors import UsageError
 from semgs.files.cache import cache_folder
 from semgs.files.errors import InputError
+from semgs.files.folders import lock_folder
 from semgs.viewer.server import EVERY_ADDRESS, LOOPBACK, check_viewer_library
 
 LAST_PORT = 65535
@@ -75,7 +75,8 @@ class App:
         local = self.host in (LOOPBACK, "localhost", "::1")
         token = None if local else secrets.token_urlsafe(18)
         folder = (self.folder or cache_folder() / "app").absolute()
-        with _sole_user(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        with lock_folder(folder / ".lock", "a folder that no other semgs app uses", "one in use"):
             self._serve(folder, local, token)
 
     def _serve(self, folder: Path, local: bool, token: str | None) -> None:
@@ -107,22 +108,3 @@ class App:
         )
         name = socket.gethostname() if self.host == EVERY_ADDRESS else self.host
         print(f"Open http://{name}:{port}/?token={token} in a browser. Ctrl-C stops the app.", flush=True)
-
-
-@contextmanager
-def _sole_user(folder: Path) -> Iterator[None]:
-    """Keep a folder for this app: two would delete each other's work.
-
-    Raises:
-        InputError: another app uses it, or it cannot be made.
-    """
-    from filelock import FileLock, Timeout
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with FileLock(folder / ".lock", timeout=0):
-            yield
-    except Timeout as error:
-        raise InputError(
-            folder, "a folder that no other semgs app uses", "one in use", advice="choose another --folder"
-        ) from error

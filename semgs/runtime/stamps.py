@@ -1,0 +1,12 @@
+"""Stamps of files: whether something changed, without reading it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def stamps(path: Path) -> tuple[tuple[str, int, int], ...]:
+    """Name, size [bytes] and time of change [ns] of a file, or of every file in a folder, in the order of names; none if there is no such file."""
+    files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path] * path.is_file()
+    found = [(one, one.stat()) for one in files]
+    return tuple((str(one.relative_to(path.parent)), stat.st_size, stat.st_mtime_ns) for one, stat in found)
