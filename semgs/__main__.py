@@ -5,14 +5,14 @@ from __future__ import annotations
 import signal
 import sys
 
-from semgs.runtime.idle_threads import let_idle_threads_sleep
-
 
 def run() -> int:
     """The command of this process. Before `main` handles Ctrl-C, and after it, Ctrl-C ends the process without a traceback."""
-    let_idle_threads_sleep()
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from semgs.runtime.idle_threads import let_idle_threads_sleep
+
+    let_idle_threads_sleep()
     from semgs.cli.main import main
 
     return main()
