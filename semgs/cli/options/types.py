@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable
 from contextlib import suppress
@@ -189,11 +188,6 @@ Probability = Annotated[float, one_word("FLOAT", _probability)]
 
 Minutes = Annotated[float | None, one_word("FLOAT", at_least(0.0, more=True))]
 """More than 0; None for no limit."""
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 Passes = Annotated[int, optional_number("PASSES", at_least(1), -1)]
