@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from tyro.constructors import PrimitiveConstructorSpec
 
@@ -136,6 +136,9 @@ AutoSize = Annotated[
 
 Device = Annotated[str, one_word("{auto,cpu,cuda}", _device)]
 """Where to compute: "auto", "cpu" or "cuda"; `chosen_device` decides."""
+
+PrecisionOrAuto = Literal["auto", "float32", "bf16"]
+"""Of the layers of a network; `chosen_precision` decides what "auto" is."""
 
 Weights = Annotated[str, one_word("WEIGHTS", _weights)]
 """Weights: a name of included ones, a file, or a hub id."""
