@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 from chromium import page_of
-from viser_canvas import KNOWN
 
 if TYPE_CHECKING:
     from playwright.sync_api import FrameLocator, Page
 
-UNKNOWN = rf"{KNOWN}|Failed to load resource: the server responded with a status of 404"
+UNKNOWN = r"Failed to load resource: the server responded with a status of 404"
 
 
 @dataclass(frozen=True)
