@@ -129,8 +129,9 @@ def test_the_camera_of_a_page_stays_near_the_photos_until_it_is_freed_and_return
             page.mouse.up()
 
         drag(-50)
-        # 200 px of 720 are 100 degrees around a point 10 units ahead at viser's speed, 25 degrees at ours: 4.3 units aside without a limit.
-        assert 0.5 < min(distance_from(canvas, 0), distance_from(canvas, 1)) <= 2.01
+        # 200 px of 720 are 100 degrees around a point 10 units ahead at viser's speed, 25 degrees at ours, which would be 4.3 units aside:
+        # at most 2 are allowed, and what that is along the optical axis.
+        assert 0.5 < min(distance_from(canvas, 0), distance_from(canvas, 1)) < 2.3
         page.get_by_role("button", name="Back to the photos").click()
         assert min(distance_from(canvas, 0), distance_from(canvas, 1)) < 1e-3
         page.get_by_role("button", name="Photo 2").click()
