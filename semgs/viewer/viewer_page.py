@@ -135,8 +135,7 @@ def _inside(data: Any, script: str) -> str:
 
 def _legend_entry(group: Group) -> dict[str, Any]:
     """A class as the legend shows it."""
-    share = percent(group.share) if group.share >= 0.01 else "< 1 %"
-    return {"name": printable(group.name), "colour": list(group.colour), "share": share}
+    return {"name": printable(group.name), "colour": list(group.colour), "share": percent(group.share)}
 
 
 def _per_gaussian(splats: SceneSplats, order: Int64[np.ndarray, " n"]) -> dict[str, str]:

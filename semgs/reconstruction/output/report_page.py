@@ -164,7 +164,7 @@ def _keys(result: Reconstruction, limits: tuple[float, float]) -> tuple[page.Leg
     return page.Legend(legend(result.label_maps, result.classes), unseen, unknown), scale
 
 
-def _galleries(result: Reconstruction, part: RenderedViews, limits: tuple[float, float]) -> tuple[page.Block, ...]:
+def _galleries(result: Reconstruction, part: RenderedViews, limits: tuple[float, float]) -> tuple[page.Gallery, ...]:
     """Photo, render, classes and depth of each view, with the truth folded below."""
     labels, classes, truth = part.labels, result.classes, part.views
     earlier = () if result.refinement is None else result.refinement.before
