@@ -233,7 +233,7 @@ def _options(gr: Any, jobs: Jobs, local: bool) -> list[Any]:
         refine = gr.Checkbox(False, label="Refine", info="Sharper images, for some seconds more.")
     with gr.Row():
         segmenter = gr.Dropdown(
-            [OWN, *jobs.segmenters],
+            [(_source_name(one), one) for one in (OWN, *jobs.segmenters)],
             value=OWN,
             label="Classes from",
             info="More with semgs app --segmenter." if local else None,
@@ -245,7 +245,7 @@ def _options(gr: Any, jobs: Jobs, local: bool) -> list[Any]:
             placeholder="chair, mug, power socket",
         )
         depth = gr.Dropdown(
-            [("network", "network"), ("depth camera", "sensor"), ("both", "both"), *((one, one) for one in jobs.depths)],
+            [("network", "network"), ("depth camera", "sensor"), ("both", "both"), *((_source_name(one), one) for one in jobs.depths)],
             value=DEPTHS[0], label="Depth from", info="A depth camera needs depth maps in the zip.",
         )  # fmt: skip
     gr.HTML(
@@ -256,6 +256,11 @@ def _options(gr: Any, jobs: Jobs, local: bool) -> list[Any]:
         second = gr.Number(0, label="Second photo", info="its number in the list", precision=0, minimum=0)
         metres = gr.Number(0, label="Metres between them", info="0 if you do not know", minimum=0)
     return [views, refine, segmenter, words, depth, first, second, metres]
+
+
+def _source_name(source: str) -> str:
+    """The name of a segmenter or a source of depth: of a file, without its folder."""
+    return source if source.startswith("hf:") else Path(source).name
 
 
 def _chosen(values: Sequence[Any], example: bool = False) -> RoomOptions:
