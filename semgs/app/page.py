@@ -124,6 +124,8 @@ def _theme() -> Any:
         button_secondary_background_fill_dark="#24282e",
         button_secondary_border_color="#d5d1c8",
         button_secondary_border_color_dark="#3d424b",
+        input_background_fill="#f4f3f0",
+        input_background_fill_dark="#2b3037",
     )
 
 
@@ -142,7 +144,7 @@ def _build(jobs: Jobs, local: bool) -> Any:
                 make = gr.Button("Make the room", variant="primary", elem_id="make")
                 example = gr.Button("Try the included room", elem_id="example")
             with gr.Accordion("Options", open=False, elem_id="options"):
-                options = _options(gr, jobs, local)
+                options = _options(gr, jobs)
         status = gr.HTML("", elem_id="status")
         with gr.Row(elem_id="after"):
             cancel = gr.Button("Cancel", visible=False, elem_id="cancel")
@@ -224,7 +226,7 @@ def _build(jobs: Jobs, local: bool) -> Any:
     return page
 
 
-def _options(gr: Any, jobs: Jobs, local: bool) -> list[Any]:
+def _options(gr: Any, jobs: Jobs) -> list[Any]:
     """The folded options, in the order of `_chosen`."""
     with gr.Row():
         views = gr.Radio(
@@ -236,7 +238,7 @@ def _options(gr: Any, jobs: Jobs, local: bool) -> list[Any]:
             [(_source_name(one), one) for one in (OWN, *jobs.segmenters)],
             value=OWN,
             label="Classes from",
-            info="More with semgs app --segmenter." if local else None,
+            info="Whoever starts the app can offer more.",
         )
         words = gr.Textbox(
             "",
@@ -305,6 +307,8 @@ def status_text(job: Job | None, ahead: int = 0, sentence: str = "") -> str:
             lines.append(f'<li class="now"><span>{title}</span>{share}</li>')
         else:
             lines.append(f"<li><span>{title}</span><time>{stage.seconds:.1f} s</time></li>")
+    if not lines:
+        lines.append('<li class="now"><span>Getting ready</span></li>')
     started = f"{time.time() - job.started:.0f} s"
     return (
         f'<div class="status" role="status" aria-live="polite"><p><b>Working on {escape(job.title)}</b> '
