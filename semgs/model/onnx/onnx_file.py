@@ -119,15 +119,14 @@ def _example(views: int, size: tuple[int, int]) -> Views:
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Hide what PyTorch's exporter reports about its own work."""
-    logger = logging.getLogger("torch.onnx")
-    before = logger.level
-    logger.setLevel(logging.ERROR)
+    before = logging.root.manager.disable
+    logging.disable(logging.ERROR)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
     finally:
-        logger.setLevel(before)
+        logging.disable(before)
 
 
 def _finished(content: bytes, metadata: Mapping[str, str]) -> bytes:

@@ -78,7 +78,11 @@ class StandardOperations(TorchFunctionMode):
     def __torch_function__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         """The result of one call."""
         args, kwargs = tree_map(_single, (args, kwargs or {}))
-        return self.replacements.get(func, func)(*args, **kwargs)
+        replacement = self.replacements.get(func)
+        if replacement is None:
+            return func(*args, **kwargs)
+        with self:  # it may call others
+            return replacement(*args, **kwargs)
 
 
 def replacements() -> dict[Any, Callable[..., Any]]:

@@ -38,9 +38,7 @@ def filled(name: str, **switches: object) -> SemGS:
     return fill_golden(preset(name, **switches)).eval().requires_grad_(False)
 
 
-@pytest.mark.parametrize(
-    ("name", "views"), [("small", 2), ("small", 3), ("small_plain", 2), ("base", 2), ("base_text", 2), ("mvsplat", 2)]
-)
+@pytest.mark.parametrize(("name", "views"), [("small", 2), ("small", 3), ("small_plain", 2)])
 def test_the_form_gives_the_arrays_of_the_network(name: str, views: int):
     network, given = filled(name), posed_views(views, SIZE)
     expected = arrays(network(given, WHOLE))
@@ -53,8 +51,20 @@ def test_the_form_gives_the_arrays_of_the_network(name: str, views: int):
         assert (found[array] - expected[array]).abs().max() < limit, array
 
 
+@pytest.mark.parametrize("name", ["base", *(pytest.param(one, marks=pytest.mark.long) for one in ("base_text", "mvsplat"))])
+def test_the_form_is_as_precise_as_the_network_where_float32_itself_costs_a_millimetre(name: str):
+    network, given = filled(name), posed_views(2, SIZE)
+    expected = arrays(network(given, WHOLE))
+    with float32_cameras():
+        found = TensorForm(network)(*arguments(given))
+    exact = arrays(network.double()(given.changed(images=given.images.double()), WHOLE))
+    for array in expected:
+        own, others = ((one[array] - exact[array]).abs().max() for one in (expected, found))
+        assert others < 4 * own + 1e-5, array
+
+
 def test_the_form_changes_no_bit_of_what_the_network_gives_afterwards():
-    network, given = filled("mvsplat"), posed_views(2, SIZE)
+    network, given = filled("small_plain"), posed_views(2, SIZE)
     before = arrays(network(given, WHOLE))
     with float32_cameras():
         TensorForm(network)(*arguments(given))
@@ -71,7 +81,7 @@ def test_no_operation_of_the_form_sees_float64():
             seen.update({result.dtype} if isinstance(result, torch.Tensor) else ())
             return result
 
-    form, inputs = TensorForm(filled("small")), arguments(posed_views(2, SIZE))
+    form, inputs = TensorForm(filled("small_plain")), arguments(posed_views(2, SIZE))
     with float32_cameras(), Watch():
         form(*inputs)
     assert torch.float32 in seen
