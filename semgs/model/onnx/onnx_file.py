@@ -12,7 +12,6 @@ from typing import Any
 
 import torch
 
-
 from semgs._version import __version__
 from semgs.data.views import Views
 from semgs.files.extras import needs_extra

@@ -82,7 +82,9 @@ def simplified(graph: bytes) -> bytes:
     with needs_extra("onnx", "simplifying an ONNX file needs onnxruntime", "onnxruntime"):
         import onnxruntime
     options = onnxruntime.SessionOptions()
-    options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_BASIC  # later levels use their own operators
+    options.graph_optimization_level = (
+        onnxruntime.GraphOptimizationLevel.ORT_ENABLE_BASIC
+    )  # later levels use their own operators
     options.log_severity_level = 4
     with TemporaryDirectory() as folder:
         path = Path(folder) / "simplified.onnx"

@@ -107,7 +107,9 @@ def test_a_file_has_standard_operators_in_float32_and_fixed_shapes(tiny: tuple[T
     model = onnx.load_model_from_string(tiny[1])
     assert [(one.domain, one.version) for one in model.opset_import] == [("", 20)]
     assert {node.domain for node in model.graph.node} == {""}
-    assert [node.op_type for node in model.graph.node if node.op_type in ("SplitToSequence", "SequenceAt", "Loop", "If")] == []
+    assert [
+        node.op_type for node in model.graph.node if node.op_type in ("SplitToSequence", "SequenceAt", "Loop", "If")
+    ] == []
     kinds = {one.data_type for one in model.graph.initializer}
     assert onnx.TensorProto.DOUBLE not in kinds
     assert all(
