@@ -19,10 +19,12 @@ from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras
 from semgs.model.layers.chunks import WHOLE
 from semgs.model.semgs import SemGS
-from semgs.model.sweep.cost_volume import correlate
 
 INPUTS = ("images", "world_from_camera", "intrinsics", "depth_range")
 """Names of the inputs of a `TensorForm`."""
+
+LARGEST_PRODUCT = 2**25
+"""Numbers in a product of texels: 134 MB. With more, it is computed in parts."""
 
 Arguments = tuple[Tensor, Tensor, Tensor, Tensor]
 """The inputs."""
@@ -86,14 +88,13 @@ class StandardOperations(TorchFunctionMode):
 
 
 def replacements() -> dict[Any, Callable[..., Any]]:
-    """The operations of the network that ONNX or TensorRT lacks, with functions that give the same."""
+    """The operations of the network that ONNX lacks, with functions that give the same."""
     from semgs.model.sweep import correlation  # noqa: F401  (it registers the operation)
 
     return {
         torch.linalg.inv: inverse_intrinsics,
         torch.cdist: distances,
-        torch.split: split,
-        torch.ops.semgs.correlate.default: correlate_channels_last,
+        torch.ops.semgs.correlate.default: correlate_all_texels,
     }
 
 
@@ -112,15 +113,52 @@ def distances(a: Float[Tensor, "*batch n 3"], b: Float[Tensor, "*batch m 3"], **
     return (a[..., :, None, :] - b[..., None, :, :]).square().sum(-1).sqrt()
 
 
-def split(tensor: Tensor, size: int, dim: int = 0) -> tuple[Tensor, ...]:
-    """Parts of `size` along an axis, as `torch.split`, which becomes a sequence in ONNX; TensorRT has none."""
-    count = tensor.shape[dim]
-    return tuple(tensor.narrow(dim, start, min(size, count - start)) for start in range(0, count, size))
+def correlate_all_texels(
+    reference: Float[Tensor, "n h w c"],
+    source: Float[Tensor, "n h w c"],
+    matrices: Float[Tensor, "n 3 3"],
+    offsets: Float[Tensor, "n 3"],
+    depths: Float[Tensor, "n l"],
+    smallest: Float[Tensor, " n"],
+    mask_unseen: bool,
+) -> tuple[Float[Tensor, "n l h w"], Float[Tensor, "n l h w"]]:
+    """The plane sweep's compiled operation; `semgs.model.sweep.cost_volume.correlate` is the specification of both.
+
+    The product with a bilinear sample is the bilinear sample of the products. So all texels are multiplied with all others, and the products are
+    sampled: with ONNX Runtime that takes a fraction of the time of `grid_sample`, which samples every channel.
+    """
+    n, h, w, _ = reference.shape
+    like = {"device": depths.device, "dtype": depths.dtype}
+    rows, columns = torch.meshgrid(torch.arange(h, **like), torch.arange(w, **like), indexing="ij")
+    texels = torch.stack((columns, rows, torch.ones_like(rows)), dim=-1).flatten(0, 1)
+    points = (texels @ matrices.mT)[:, :, None] * depths[:, None, :, None] + offsets[:, None, None]
+    limit = smallest[:, None, None]
+    z = points[..., 2]
+    u, v = (points[..., axis] / torch.maximum(z, limit) for axis in (0, 1))
+    seen = ((z > limit) & (u >= -0.5) & (u <= w - 0.5) & (v >= -0.5) & (v <= h - 0.5)).to(depths.dtype)
+    x, y = (u.clamp(0, w - 1), v.clamp(0, h - 1)) if mask_unseen else (u.clamp(-1, w), v.clamp(-1, h))
+    taps = [_tap(x, y, right, below, (h, w)) for right in (0, 1) for below in (0, 1)]
+    step = max(LARGEST_PRODUCT // (h * w), 1)
+    parts = []
+    for pair in range(n):
+        own, other = reference[pair].flatten(0, 1), source[pair].flatten(0, 1).mT
+        for start in range(0, h * w, step):
+            at = slice(start, min(start + step, h * w))
+            products = own[at] @ other
+            parts.append(sum(products.gather(1, place[pair, at]) * weight[pair, at] for place, weight in taps))
+    sums = torch.cat(parts).reshape(n, h * w, -1)
+    sums = sums * seen if mask_unseen else sums
+    return tuple(torch.unflatten(maps.mT, 2, (h, w)) for maps in (sums, seen))  # type: ignore[return-value]
 
 
-def correlate_channels_last(reference: Tensor, source: Tensor, *others: Any) -> tuple[Tensor, Tensor]:
-    """The plane sweep's compiled operation, as the plain function that specifies it."""
-    return correlate(reference.permute(0, 3, 1, 2), source.permute(0, 3, 1, 2), *others)
+def _tap(x: Tensor, y: Tensor, right: int, below: int, size: tuple[int, int]) -> tuple[Tensor, Tensor]:
+    """The number of one of the four texels around positions, row by row, and its bilinear weight, 0 outside the map."""
+    (h, w), left, top = size, x.floor(), y.floor()
+    column, row = left + right, top + below
+    weight = (x - left if right else 1 - (x - left)) * (y - top if below else 1 - (y - top))
+    inside = (column >= 0) & (column < w) & (row >= 0) & (row < h)
+    place = row.clamp(0, h - 1) * w + column.clamp(0, w - 1)
+    return place.long(), weight * inside
 
 
 def _single(value: Any) -> Any:

@@ -11,14 +11,14 @@ from posed import posed_cameras, posed_views
 from torch.overrides import TorchFunctionMode
 
 from semgs.model.layers.chunks import WHOLE
+from semgs.model.onnx import tensor_form
 from semgs.model.onnx.tensor_form import (
     StandardOperations,
     TensorForm,
     arguments,
-    correlate_channels_last,
+    correlate_all_texels,
     distances,
     inverse_intrinsics,
-    split,
 )
 from semgs.model.semgs import SemGS
 from semgs.model.sweep.correlation import correlate_fused
@@ -105,24 +105,38 @@ def test_distances_are_those_of_cdist():
     assert torch.allclose(distances(a[None], b[None]), torch.cdist(a[None], b[None]))
 
 
-@pytest.mark.parametrize(("size", "dim"), [(2, 0), (3, 1), (5, 1), (9, -1)])
-def test_parts_are_those_of_split(size: int, dim: int):
-    whole = torch.arange(35).reshape(5, 7)
-    expected = torch.split(whole, size, dim)
-    found = split(whole, size, dim)
-    assert len(found) == len(expected)
-    assert all(torch.equal(one, other) for one, other in zip(found, expected, strict=True))
-
-
 @pytest.mark.parametrize("mask_unseen", [False, True])
-def test_the_plain_correlation_is_that_of_the_compiled_operation(mask_unseen: bool):
+@pytest.mark.parametrize("largest", [2**25, 100])
+def test_products_of_all_texels_give_the_correlation_of_the_compiled_operation(
+    mask_unseen: bool, largest: int, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(tensor_form, "LARGEST_PRODUCT", largest)  # 100: two texels at a time
     generator = torch.Generator().manual_seed(0)
-    reference, source = torch.randn(2, 2, 6, 8, 5, generator=generator).unbind()
-    matrices = torch.eye(3).repeat(2, 1, 1) + 0.05 * torch.randn(2, 3, 3, generator=generator)
-    offsets, depths = torch.randn(2, 3, generator=generator), torch.linspace(8, 0.5, 20).repeat(2, 1)
-    inputs = (reference, source, matrices, offsets, depths, torch.full((2,), 0.01), mask_unseen)
-    for found, expected in zip(correlate_channels_last(*inputs), correlate_fused(*inputs), strict=True):
-        assert torch.allclose(found, expected, atol=1e-4)
+    reference, source = torch.randn(2, 3, 6, 8, 5, generator=generator).unbind()
+    matrices = torch.eye(3).repeat(3, 1, 1) + 0.05 * torch.randn(3, 3, 3, generator=generator)
+    offsets, depths = 2 * torch.randn(3, 3, generator=generator), torch.linspace(8, 0.5, 20).repeat(3, 1)
+    inputs = (reference, source, matrices, offsets, depths, torch.full((3,), 0.3), mask_unseen)
+    (sums, seen), (expected, visible) = correlate_all_texels(*inputs), correlate_fused(*inputs)
+    assert 0.1 < visible.mean() < 0.9
+    assert torch.equal(seen, visible)
+    assert (sums - expected).abs().max() < 1e-4
+
+
+def test_a_sample_between_two_texels_is_the_mean_of_their_products():
+    """Everything moves half a texel to the right: product 1 x 2 with the first and 1 x 4 with the second texel."""
+    reference, source = torch.ones(1, 1, 2, 1), torch.tensor([2.0, 4.0]).reshape(1, 1, 2, 1)
+    inputs = (
+        reference,
+        source,
+        torch.eye(3)[None],
+        torch.tensor([[0.5, 0.0, 0.0]]),
+        torch.ones(1, 1),
+        torch.tensor([0.1]),
+    )
+    sums, seen = correlate_all_texels(*inputs, True)
+    assert sums.flatten().tolist() == [3, 4]  # beyond the last texel's centre is its own value, to the edge
+    assert seen.flatten().tolist() == [1, 1]
+    assert correlate_all_texels(*inputs, False)[0].flatten().tolist() == [3, 2]  # beyond it are zeros
 
 
 def test_operations_that_onnx_lacks_are_replaced_inside_only():
