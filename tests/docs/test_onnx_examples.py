@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -215,6 +216,25 @@ def check_room(path: Path, views: Views) -> None:
     ):
         assert ((one - other).abs() > limit).float().mean() < 1e-3
     assert {SCANNET20.names[label] for label in np.unique(labels)} >= {"wall", "floor"}
+
+
+@pytest.mark.long
+def test_the_page_lists_the_operators_of_the_included_network_and_they_are_as_it_says(exported: Path):
+    page = (ROOT / "docs" / "onnx.md").read_text().partition("| operators |")[2]
+    listed = [name for row in re.findall(r"^\| ([A-Z].*?) \|", page, re.MULTILINE) for name in row.split(", ")]
+    graph = onnx.load(exported / "small.onnx").graph
+    assert sorted(listed) == sorted({node.op_type for node in graph.node})
+    constant = {one.name for one in graph.initializer}
+    for node in graph.node:
+        told = {one.name: onnx.helper.get_attribute_value(one) for one in node.attribute}
+        if node.op_type in ("ReduceL2", "ReduceMax", "ReduceMean", "ReduceMin", "ReduceSum", "Squeeze", "Unsqueeze"):
+            assert set(node.input[1:]) <= constant
+        if node.op_type == "ScatterND":
+            assert told["reduction"] == b"none"
+        if node.op_type == "Resize":
+            modes = {(b"nearest", b"asymmetric"), (b"linear", b"half_pixel")}
+            assert (told["mode"], told["coordinate_transformation_mode"]) in modes
+            assert told["antialias"] == 0
 
 
 @pytest.mark.long
