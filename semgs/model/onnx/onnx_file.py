@@ -76,7 +76,7 @@ def onnx_bytes(
     """The content of an ONNX file with the network from `TensorForm`'s inputs to its arrays.
 
     Args:
-        network: in evaluation mode, on the CPU.
+        network: in evaluation mode, on the CPU, with a `precision` of float32.
         views: number of input views, 2 or more.
         size: (height, width) of the images, multiples of 16 [px].
         metadata: more entries for the file's metadata.

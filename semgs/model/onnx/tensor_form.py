@@ -19,6 +19,7 @@ from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras
 from semgs.model.layers.chunks import WHOLE
 from semgs.model.semgs import SemGS
+from semgs.scene.encoding import Encoding
 
 INPUTS = ("images", "world_from_camera", "intrinsics", "depth_range")
 """Names of the inputs of a `TensorForm`."""
@@ -34,7 +35,7 @@ class TensorForm(nn.Module):
     """From images and cameras of one scene to the arrays of its Gaussians, and depth. The arrays have the names of scene.safetensors.
 
     Args:
-        network: in evaluation mode.
+        network: in evaluation mode, with a `precision` of float32.
     """
 
     def __init__(self, network: SemGS) -> None:
@@ -59,7 +60,7 @@ class TensorForm(nn.Module):
         with StandardOperations():
             cameras = Cameras.trusted(world_from_camera, intrinsics, (images.shape[-2], images.shape[-1]))
             views = Views.trusted(images=images, cameras=cameras, depth_range=depth_range)
-            encoding = self.network(views, WHOLE)
+            encoding: Encoding = self.network(views, WHOLE)
             maps = {name: getattr(encoding, name) for name in ("depths", "confidences", "depth_spread")}
             return encoding.gaussians.tensors() | maps
 
@@ -128,8 +129,7 @@ def correlate_all_texels(
     sampled: with ONNX Runtime that takes a fraction of the time of `grid_sample`, which samples every channel.
     """
     n, h, w, _ = reference.shape
-    like = {"device": depths.device, "dtype": depths.dtype}
-    rows, columns = torch.meshgrid(torch.arange(h, **like), torch.arange(w, **like), indexing="ij")
+    rows, columns = torch.meshgrid(torch.arange(h).to(depths), torch.arange(w).to(depths), indexing="ij")
     texels = torch.stack((columns, rows, torch.ones_like(rows)), dim=-1).flatten(0, 1)
     points = (texels @ matrices.mT)[:, :, None] * depths[:, None, :, None] + offsets[:, None, None]
     limit = smallest[:, None, None]
@@ -145,10 +145,11 @@ def correlate_all_texels(
         for start in range(0, h * w, step):
             at = slice(start, min(start + step, h * w))
             products = own[at] @ other
-            parts.append(sum(products.gather(1, place[pair, at]) * weight[pair, at] for place, weight in taps))
+            sampled = [products.gather(1, place[pair, at]) * weight[pair, at] for place, weight in taps]
+            parts.append(torch.stack(sampled).sum(0))
     sums = torch.cat(parts).reshape(n, h * w, -1)
     sums = sums * seen if mask_unseen else sums
-    return tuple(torch.unflatten(maps.mT, 2, (h, w)) for maps in (sums, seen))  # type: ignore[return-value]
+    return torch.unflatten(sums.mT, 2, (h, w)), torch.unflatten(seen.mT, 2, (h, w))
 
 
 def _tap(x: Tensor, y: Tensor, right: int, below: int, size: tuple[int, int]) -> tuple[Tensor, Tensor]:
