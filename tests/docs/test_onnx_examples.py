@@ -21,7 +21,7 @@ from semgs.data.views import Views
 from semgs.figures.view_images import as_bytes
 from semgs.rooms.sets.demo_room import demo_scene
 
-onnx = pytest.importorskip("onnx", reason="the extra onnx is not installed")
+onnx = pytest.importorskip("onnx", minversion="1.20", reason="the extra onnx is not installed")
 pytest.importorskip("onnxruntime", reason="the extra onnx is not installed")
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -28,7 +28,7 @@ from semgs.model.sweep.cost_volume import cost_volume
 from semgs.rendering.temperatures import Temperatures
 from semgs.scene.encoding import Encoding
 
-onnx = pytest.importorskip("onnx", reason="the extra onnx is not installed")
+onnx = pytest.importorskip("onnx", minversion="1.20", reason="the extra onnx is not installed")
 pytest.importorskip("onnxscript", reason="the extra onnx is not installed")
 onnxruntime = pytest.importorskip("onnxruntime", reason="the extra onnx is not installed")
 
