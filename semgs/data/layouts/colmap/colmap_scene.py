@@ -13,8 +13,9 @@ import numpy as np
 from semgs.data.frames import Frame
 from semgs.data.layouts.colmap.colmap_files import PARAMETERS, ColmapPoints, read_cameras, read_images, read_points
 from semgs.data.layouts.parts.pose_files import checked_poses
-from semgs.data.layouts.parts.sentences import note_lacking, note_transparent
+from semgs.data.layouts.parts.sentences import note_damaged_points, note_lacking, note_transparent
 from semgs.data.scene import Scene
+from semgs.files.errors import InputError
 from semgs.files.images.pictures import is_turned, read_header
 
 PLACES = ("sparse/0", "sparse", "colmap/sparse/0", "")
@@ -54,7 +55,7 @@ def open_colmap(path: Path) -> Scene:
     listed = model / f"images{ending}"
     images = sorted(read_images(listed, cameras), key=lambda image: image.name)
     poses = checked_poses(listed, [image.world_from_camera for image in images], [image.place for image in images])
-    points = _points(model / f"points3D{ending}", {image.number for image in images})
+    points, damage = _points(model / f"points3D{ending}", {image.number for image in images})
     pictures = _pictures_folder(model, [image.name for image in images])
     frames, absent, transparent = [], [], 0
     for image, pose in zip(images, poses, strict=True):
@@ -75,7 +76,7 @@ def open_colmap(path: Path) -> Scene:
         unit="unknown",
         frames=tuple(frames),
         absent=tuple(absent),
-        notes=tuple(_notes(model, pictures, absent, len(images), transparent)),
+        notes=(*_notes(model, pictures, absent, len(images), transparent), *note_damaged_points(damage)),
         points=points.positions if len(points.positions) else None,
     )
 
@@ -93,9 +94,13 @@ def _ending(folder: Path) -> str | None:
     )
 
 
-def _points(path: Path, images: Collection[int]) -> ColmapPoints:
-    """The sparse points of a model, empty if it has no such file."""
-    return read_points(path, images, POINTS_FOR_DEPTH) if path.is_file() else ColmapPoints(np.zeros((0, 3)), {})
+def _points(path: Path, images: Collection[int]) -> tuple[ColmapPoints, InputError | None]:
+    """The sparse points of a model, empty if it has no such file; or empty, too, and why they cannot be read."""
+    none = ColmapPoints(np.zeros((0, 3)), {})
+    try:
+        return (read_points(path, images, POINTS_FOR_DEPTH) if path.is_file() else none), None
+    except InputError as error:
+        return none, error
 
 
 def _picture(folder: Path, name: str) -> Path | None:

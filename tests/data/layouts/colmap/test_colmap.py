@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import struct
 import sys
 from pathlib import Path
@@ -228,7 +229,7 @@ def test_other_camera_models_are_refused_by_name(tmp_path, form, place):
         open_scene(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["cameras", "images", "points3D"])
+@pytest.mark.parametrize("name", ["cameras", "images"])
 @pytest.mark.parametrize("part", [0.0, 0.1, 0.5, 0.99])
 def test_binaries_cut_short_are_refused_by_name(tmp_path, name, part):
     write_pictures(tmp_path / "images", "PINHOLE")
@@ -247,7 +248,6 @@ def test_binaries_cut_short_are_refused_by_name(tmp_path, name, part):
         ("cameras.txt", "150.0", "0.0"),
         ("cameras.txt", "7 ", "8 "),
         ("images.txt", " 7 c.png", " x c.png"),
-        ("points3D.txt", "9 8 7", "nine"),
     ],
 )
 def test_damaged_models_are_refused(tmp_path, name, old, new):
@@ -258,6 +258,18 @@ def test_damaged_models_are_refused(tmp_path, name, old, new):
     path.write_text(path.read_text().replace(old, new))
     with pytest.raises(InputError, match="sparse/0"):
         open_scene(tmp_path)
+
+
+@pytest.mark.parametrize("form", WRITERS)
+def test_damaged_points_are_left_out_and_the_scene_opens(tmp_path, form):
+    write_pictures(tmp_path / "images", "PINHOLE")
+    WRITERS[form](tmp_path / "sparse", "PINHOLE")
+    path = next((tmp_path / "sparse").glob("points3D.*"))
+    path.write_bytes(path.read_bytes()[:-1] + (b" x" if form == "text" else b""))
+    scene = open_scene(tmp_path)
+    assert len(scene) == 3
+    assert scene.points is None
+    assert re.search(rf"sparse points are left out: .*points3D\{path.suffix}: .*expected", scene.notes[-1])
 
 
 @pytest.mark.parametrize("form", WRITERS)
