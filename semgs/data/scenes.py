@@ -8,6 +8,7 @@ from pathlib import Path
 
 from semgs.data.layouts import labelled_images, transforms_json
 from semgs.data.layouts.colmap import colmap_scene as colmap
+from semgs.data.layouts.parts.readable_depths import without_unreadable_depth
 from semgs.data.layouts.parts.usable_frames import PICTURES
 from semgs.data.layouts.phones import polycam, record3d
 from semgs.data.layouts.predictions import prediction_scene as predictions
@@ -23,7 +24,7 @@ from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.data.scene_lists import SceneList, scenes_by_name
 from semgs.files.errors import InputError, readable
-from semgs.files.paths import existing_folder, typed_path
+from semgs.files.paths import existing_folder, typed_path, without_dots
 
 
 @dataclass(frozen=True)
@@ -240,7 +241,7 @@ def _open_known(
     layout = ZOO if details.scenezoo else next((known for known in LAYOUTS if known.recognises(path)), None)
     if layout is None:
         return None
-    scene = layout.scene(path, as_peers, details)
+    scene = without_unreadable_depth(layout.scene(without_dots(path), as_peers, details))
     if needs_cameras and not scene.posed:
         raise InputError(
             path, "images with cameras", f"{scene.layout}, which have none",

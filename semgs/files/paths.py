@@ -29,6 +29,15 @@ def typed_path(path: str | Path) -> Path:
         ) from error
 
 
+def without_dots(path: Path) -> Path:
+    """A path without `..`, so that its parts are names; the rest is as typed."""
+    if ".." not in path.parts:
+        return path
+    after = path.parts[::-1].index("..")
+    rest = path.parts[len(path.parts) - after :]
+    return Path(*path.parts[: len(path.parts) - after]).resolve().joinpath(*rest)
+
+
 def existing_folder(path: str | Path) -> Path:
     """The folder of a scene, given the folder or a file in it.
 
