@@ -21,7 +21,7 @@ from semgs.data.layouts.scannetpp import scannetpp_scan as scannetpp
 from semgs.data.layouts.zoo import zoo_scenes as zoo
 from semgs.data.paper_variants import check_applicable, check_readings
 from semgs.data.scene import Scene
-from semgs.data.scene_details import SceneDetails
+from semgs.data.scene_details import SceneDetails, Unit
 from semgs.data.scene_lists import SceneList, scenes_by_name
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import existing_folder, typed_path, without_dots
@@ -53,6 +53,8 @@ class Layout:
         """
         options = {"as_peers": as_peers} if self.readings else {}
         scene = self.open(path, **options, **({"details": details} if self.details_used else {}))
+        if details.unit is not None:
+            scene = replace(scene, unit=details.unit)
         check_applicable(path, scene.layout, as_peers, self.readings)
         details.only(path, scene.layout, *self.details_used)
         return scene
@@ -60,7 +62,7 @@ class Layout:
 
 LAYOUTS = (
     Layout(transforms_json.recognises, transforms_json.open_transforms, transforms_json.LOOKED_FOR),
-    Layout(colmap.recognises, colmap.open_colmap, colmap.LOOKED_FOR),
+    Layout(colmap.recognises, colmap.open_colmap, colmap.LOOKED_FOR, details_used=colmap.DETAILS),
     Layout(replica.recognises, replica.open_replica, replica.LOOKED_FOR, replica.APPLICABLE, replica.DETAILS),
     Layout(tum.recognises, tum.open_tum, tum.LOOKED_FOR, details_used=tum.DETAILS),
     Layout(rgbd.recognises, rgbd.open_rgbd, rgbd.LOOKED_FOR, details_used=rgbd.DETAILS),  # not what only ScanNet has
@@ -97,6 +99,8 @@ def open_scene(
     intrinsics: Sequence[float] | None = None,
     depth_unit: float | None = None,
     scenezoo: str | None = None,
+    images: str | Path | None = None,
+    unit: Unit | None = None,
     needs_labels: bool = True,
     needs_cameras: bool = True,
 ) -> Scene:
@@ -105,7 +109,7 @@ def open_scene(
     Args:
         path: a folder of one of the known layouts, or the file that describes the scene.
         as_peers: names from `semgs.data.paper_variants.READINGS`: read files the way another paper's code does.
-        camera, world, body, intrinsics, depth_unit, scenezoo: details that the files may not state, see `semgs.data.scene_details.SceneDetails`.
+        camera, world, body, intrinsics, depth_unit, scenezoo, images, unit: details that the files may not state, see `semgs.data.scene_details.SceneDetails`.
         needs_labels: whether labels that cannot be read are an error; if not, they are left out and a note says why.
         needs_cameras: whether labelled images without cameras are an error.
 
@@ -114,7 +118,8 @@ def open_scene(
             table of its labels is unknown or damaged (if they are needed), or the layout does not support a reading or a detail.
         ValueError: a reading is unknown, or a detail is invalid.
     """
-    details = SceneDetails(camera, world, body, intrinsics, depth_unit, scenezoo)
+    folder = None if images is None else existing_folder(images)
+    details = SceneDetails(camera, world, body, intrinsics, depth_unit, scenezoo, folder, unit)
     return open_with_details(path, as_peers, details, needs_labels, needs_cameras)
 
 
