@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+from os import PathLike
 from pathlib import Path
 from typing import Literal
 
@@ -14,7 +15,10 @@ def typed_path(path: str | Path) -> Path:
 
     Raises:
         InputError: it is empty, or there is no user NAME.
+        TypeError: it is no path.
     """
+    if not isinstance(path, str | PathLike):
+        raise TypeError(f"a path is {type(path).__name__}; expected text or pathlib.Path")
     if path == "":
         raise InputError('""', "a path", "an empty one", advice="use . for the current folder")
     try:
