@@ -22,6 +22,7 @@ from semgs.data.layouts.parts.sentences import note_damaged_points, note_lacking
 from semgs.data.layouts.parts.sparse_points import points_in_view, read_ply_points
 from semgs.data.maps import ClassMap, DepthMap, MaskMap
 from semgs.data.scene import Scene
+from semgs.data.spread import spread
 from semgs.data.tables.class_files import read_class_file
 from semgs.data.tables.classes import IGNORE, ClassTable, class_table
 from semgs.files.archives import Archive, Member, members
@@ -45,6 +46,9 @@ OTHER_LENSES = ("is_fisheye", "ftheta_p0", "ftheta_p1", "ftheta_p2", "ftheta_p3"
 
 DEPTH_UNIT = 0.001
 """Default of nerfstudio's `depth_unit_scale_factor`: millimetres."""
+
+JUDGED, DENSE, ROOM_DEPTH = 3, 0.2, (0.4, 15.0)
+"""If the file does not say its unit, so many depth maps are judged: lengths are metres if this share of their pixels is known, with a median between these [m]."""
 
 DEPTHS = (".png", ".npy", ".pgm")
 DEPTH_OF_NGP, SCALE_OF_NGP, ENABLED_OF_NGP = "depth_path", "integer_depth_scale", "enable_depth_loading"
@@ -123,18 +127,19 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
     except InputError as error:
         unread = error
     points, about_points = _points(shared, beside)
+    unit, about_unit = _unit(shared, frames)
     if points is not None:
         frames = [replace(frame, points=points_in_view(frame, points)) for frame in frames]
     return Scene(
         path=path,
         name=name_of_scene,
         layout="transforms.json",
-        unit=_unit(shared, listed),
+        unit=unit,
         frames=tuple(frames),
         classes=classes,
         unread_labels=unread,
         absent=tuple(absent),
-        notes=(*notes.sentences(absent, len(listed)), *about_points),
+        notes=(*notes.sentences(absent, len(listed)), *about_points, *about_unit),
         points=points if points is not None and len(points) else None,
         applied_transform=_applied_transform(shared),
         applied_scale=shared.positive("applied_scale"),
@@ -300,14 +305,43 @@ def _focal(fields: Fields, axis: str, side: int) -> float | None:
     return 0.5 * side / math.tan(0.5 * radians)
 
 
-def _unit(shared: Fields, listed: Sequence[Fields]) -> str:
-    """Metric if the file says so. If it does not say, then metric if there are depth files, as these have a unit."""
+def _unit(shared: Fields, frames: Sequence[Frame]) -> tuple[str, list[str]]:
+    """Metric if the file says so, or if it does not say and a sensor seems to have measured a room in metres. With a note if depth maps leave it open."""
     metric = shared.value("metric")
+    if isinstance(metric, str) and metric.strip().lower() in ("true", "false"):
+        metric = shared.flag("metric")
     if metric is None:
-        metric = any(frame.value("depth_file_path") for frame in listed)
+        doubt = _doubt([frame.depth for frame in frames if isinstance(frame.depth, DepthMap)])
+        if doubt is None:
+            return "metric", []
+        advice = 'if they are, use --unit metric, or write "metric": true'
+        return "unknown", [
+            f"Lengths are not taken for metres, as the file does not say so and {doubt}; {advice}."
+        ] if doubt else []
     if not isinstance(metric, bool):
         raise shared.refused("metric", "true or false", repr(metric))
-    return "metric" if metric else "unknown"
+    return "metric" if metric else "unknown", []
+
+
+def _doubt(maps: Sequence[DepthMap]) -> str | None:
+    """Why depth maps do not show that lengths are metres: sparse ones are no sensor's, and those of COLMAP have any unit. "" if there are none, None if they do."""
+    if not maps:
+        return ""
+    shares, depths = [], [np.zeros(0, np.float32)]
+    for one in spread(maps, JUDGED):
+        try:
+            metres = one.metres()
+        except InputError:
+            continue  # it is refused when it is read
+        shares.append(float((metres > 0).mean()))
+        depths.append(metres[metres > 0])
+    if not shares:
+        return "none of its depth maps can be read"
+    if np.median(shares) < DENSE:
+        return "its depth maps are too sparse to be a sensor's"
+    median = float(np.median(np.concatenate(depths)))
+    low, high = ROOM_DEPTH
+    return None if low <= median <= high else f"the median of its depth maps, {median:.2g}, is none of a room in metres"
 
 
 def _classes(shared: Fields, beside: Beside) -> tuple[ClassTable, tuple[int | None, ...] | None]:

@@ -550,11 +550,16 @@ def test_the_black_border_of_a_photo_is_hidden(tmp_path):
         ({"metric": True}, False, "metric"),
         ({}, True, "metric"),
         ({"metric": False}, True, "unknown"),
+        ({"metric": "true"}, False, "metric"),
+        ({"metric": "False"}, True, "unknown"),
     ],
 )
-def test_a_scene_is_metric_if_it_says_so_or_has_depths(tmp_path, shared, depth, unit):
+def test_a_scene_is_metric_if_it_says_so_or_has_depths_of_a_room(tmp_path, shared, depth, unit):
     frames = [{"depth_file_path": f"{n}.png"} if depth else {} for n in range(3)]
-    assert open_scene(write(tmp_path, {**PINHOLE, **shared}, frames)).unit == unit
+    folder = write(tmp_path, {**PINHOLE, **shared}, frames)
+    for number in range(3):
+        cv2.imwrite(str(folder / f"{number}.png"), DEPTHS)
+    assert open_scene(folder).unit == unit
 
 
 def test_nerfstudios_transform_of_the_world_is_kept_beside_the_poses(tmp_path):
