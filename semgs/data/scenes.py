@@ -25,6 +25,7 @@ from semgs.data.scene_details import SceneDetails, Unit
 from semgs.data.scene_lists import SceneList, scenes_by_name
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import existing_folder, typed_path, without_dots
+from semgs.files.text import listed
 
 
 @dataclass(frozen=True)
@@ -85,8 +86,12 @@ ZOO = Layout(lambda path: False, zoo.open_zoo, "", details_used=zoo.DETAILS)
 SINGLE_FILES = (".zip", record3d.ENDING, *ros.ENDINGS)
 """Endings of files in a folder that may be scenes."""
 
-VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv")
+VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm")
 """Endings of videos, for advice."""
+
+
+SPLATS, OUTPUT = (".ply", ".spz", ".splat"), "scene.safetensors"
+"""Endings of splats, and what shows that a folder is a result, for advice."""
 
 
 def open_scene(
@@ -282,14 +287,27 @@ def _unknown_layout(path: Path, expected: str) -> InputError:
 def _hint(path: Path) -> str | None:
     """What to do about a path without a known layout: the likeliest remedy."""
     if path.is_file():
+        if path.suffix.lower() in SPLATS:
+            return "a splat is a result and has no photos; semgs view, render and export open it"
         return _NO_VIDEOS if path.suffix.lower() in VIDEOS else "name the scene's folder"
+    if (path / OUTPUT).is_file():
+        return "this is a result of semgs reconstruct; semgs view, render, query and export open it"
     inside = next((child for child in _children(path) if _is_known(child)), None)
     if inside is not None:
         return f"there is one in {inside}"
     files = list(path.iterdir())
-    kinds = {file.suffix.lower() for place in (path, *files) if place.is_dir() for file in place.iterdir()}
-    if kinds.intersection(PICTURES):
+    below = [place.name for place in sorted(files) if place.is_dir() and _kinds(place).intersection(PICTURES)]
+    if _kinds(path).intersection(PICTURES) or len(below) == 1:
         return "images alone have no poses; semgs poses FOLDER OUT estimates them, and OUT is a scene"
-    if kinds.intersection(VIDEOS):
+    if below:
+        return f"there are only images, in {listed(below)}; semgs poses estimates the poses of those in one folder"
+    if _kinds(path).intersection(VIDEOS) or any(
+        _kinds(place).intersection(VIDEOS) for place in files if place.is_dir()
+    ):
         return _NO_VIDEOS
     return None if files else "the folder is empty"
+
+
+def _kinds(folder: Path) -> set[str]:
+    """The endings of the files in a folder, in lower case."""
+    return {file.suffix.lower() for file in folder.iterdir()}
