@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from semgs.data.layouts import labelled_images, transforms_json
+from semgs.data.layouts import labelled_images, llff, metashape, transforms_json
 from semgs.data.layouts.colmap import colmap_scene as colmap
 from semgs.data.layouts.parts.readable_depths import without_unreadable_depth
 from semgs.data.layouts.parts.usable_frames import PICTURES
@@ -76,6 +76,8 @@ LAYOUTS = (
         frame_files.recognises, frame_files.open_frame_files, frame_files.LOOKED_FOR, details_used=frame_files.DETAILS
     ),
     Layout(predictions.recognises, predictions.open_predictions, predictions.LOOKED_FOR),
+    Layout(llff.recognises, llff.open_llff, llff.LOOKED_FOR),
+    Layout(metashape.recognises, metashape.open_metashape, metashape.LOOKED_FOR),
     Layout(labelled_images.recognises, labelled_images.open_labelled_images, labelled_images.LOOKED_FOR),
 )
 """The known layouts. If a folder has several, the first one counts."""

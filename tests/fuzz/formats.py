@@ -25,6 +25,7 @@ from fuzz.scenes import (
     POSED,
     bag,
     colmap,
+    other_cameras,
     phone,
     predictions,
     prepared,
@@ -79,6 +80,10 @@ FORMATS = {
         Format(
             "sparse-points", (transforms_with_points("ascii"), transforms_with_points("binary_little_endian")), ("*.ply", "*.json"), read_scene,
             (f"{LAYOUTS}/transforms_json.py", f"{LAYOUTS}/parts/sparse_points.py", "semgs/data/ply_tables.py"),
+        ),
+        Format(
+            "other-cameras", (other_cameras("frame"), other_cameras("fisheye"), other_cameras("llff")), ("*.xml", "*.npy"), read_scene,
+            (f"{LAYOUTS}/metashape.py", f"{LAYOUTS}/llff.py"),
         ),
         Format("splats-ply", PLAIN, ("*",), read_splat, ("semgs/splats/*ply*.py", "semgs/data/ply_tables.py", "semgs/splats/splat.py")),
         Format("splats-spz", SPZ, ("*",), read_splat, ("semgs/splats/spz.py", "semgs/splats/splat.py")),

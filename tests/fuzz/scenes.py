@@ -63,6 +63,18 @@ def transforms_with_points(form: str) -> Seed:
     return write
 
 
+def other_cameras(program: str) -> Seed:
+    def write(folder: Path) -> Path:
+        from other_cameras import FISHEYE, write_llff, write_metashape
+
+        if program == "llff":
+            return write_llff(folder / "scene")
+        text = "<transform><rotation>0 0 1 1 0 0 0 1 0</rotation><translation>10 0 0</translation><scale>2</scale></transform>"
+        return write_metashape(folder / "scene", *((program, FISHEYE) if program == "fisheye" else ()), component=text)
+
+    return write
+
+
 def transforms_in_a_zip(folder: Path) -> Path:
     from phone_captures import zipped
 
