@@ -18,7 +18,7 @@ from semgs.sfm.pycolmap_library import pycolmap
 FEWEST = 4
 """Fewer photos do not show a focal length for each."""
 
-SAME = 1.15
+SAME = 1.2
 """Focal lengths that differ by less than this factor from the next one are of one lens."""
 
 BETTER = 0.85

@@ -48,6 +48,12 @@ UNSURE = 1.25
 PLAUSIBLE = (0.3, 3.0)
 """Solved focal lengths over the longer side: 118 to 19 degrees across. Those of EXIF or the user may be shorter or longer."""
 
+NEARLY_ALL = 0.9
+"""A model that fits better explains at least this share of the observations of the other."""
+
+REGROUPED = 3
+"""Photos are grouped by their focal lengths at most so often."""
+
 NEAR_KNOWN = 1.4
 """Solved focal lengths may differ from those of EXIF by this factor."""
 
@@ -170,40 +176,40 @@ def _with_several_lenses(
     each = best(_models(work / "each.db", folder, work, False, listed))
     if not each or (shared and not _fits_better(each[0], shared[0])):
         return list(shared), None
-    groups = group_by_focal(each[0], listed)
+    found, groups = each, group_by_focal(each[0], listed)
+    for number in range(REGROUPED):
+        copy = work / f"groups{number}.db"
+        copy_with_cameras(database, copy, folder, groups, _focal_of(found[0], groups))
+        found = best(_models(copy, folder, work, False, listed))
+        if not found or (shared and not _fits_better(found[0], shared[0])):
+            return list(shared), None
+        again = group_by_focal(found[0], listed)
+        if len(set(again.values())) == len(set(groups.values())):
+            break
+        groups = again  # together, groups may turn out to have the same focal length
     if shared and len(set(groups.values())) == len({(photo.size, photo.focal_px) for photo in listed}):
         return list(shared), None
-    named = {
-        image.name: each[0].cameras[image.camera_id].params[0] for image in each[0].images.values() if image.has_pose
-    }
-    focal = {
-        group: float(
-            np.median(
-                [named[name] for name, other in groups.items() if other == group and name in named]
-                or [GUESS * max(group[0])]
-            )
-        )
-        for group in set(groups.values())
-        if len(group) > 2
-    }
-    copy_with_cameras(database, work / "groups.db", folder, groups, focal)
-    found = best(_models(work / "groups.db", folder, work, False, listed))
-    if (
-        found
-        and found[0].num_reg_images() >= each[0].num_reg_images()
-        and (not shared or _fits_better(found[0], shared[0]))
-    ):
-        return found[:1], groups if len(set(groups.values())) > 1 else None
-    return list(shared), None
+    return found[:1], groups
+
+
+def _focal_of(model: Any, groups: Mapping[str, tuple]) -> dict[tuple, float]:
+    """The median focal length in a model of each group of photos whose focal length is not known [px]."""
+    focal: dict[tuple, list[float]] = {}
+    for image in model.images.values():
+        if image.has_pose and len(groups[image.name]) > 2:
+            focal.setdefault(groups[image.name], []).append(model.cameras[image.camera_id].params[0])
+    return {group: float(np.median(values)) for group, values in focal.items()}
 
 
 def _fits_better(model: Any, other: Any) -> bool:
-    """Whether a model has more photos than another, or as many with clearly smaller reprojection errors and not fewer observations."""
+    """Whether a model has more photos than another, or as many with clearly smaller reprojection errors and nearly as many observations."""
     photos, others = model.num_reg_images(), other.num_reg_images()
     if photos != others:
         return bool(photos > others)
     error, before = (one.compute_mean_reprojection_error() for one in (model, other))
-    return bool(error <= BETTER * before and model.compute_num_observations() >= other.compute_num_observations())
+    return bool(
+        error <= BETTER * before and model.compute_num_observations() >= NEARLY_ALL * other.compute_num_observations()
+    )
 
 
 def posed_photos(model: Any, names: Sequence[str]) -> tuple[PosedPhoto, ...]:

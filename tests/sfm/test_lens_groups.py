@@ -36,9 +36,9 @@ def photos(names: str, size: tuple[int, int] = SIZE, focal: float | None = None)
     return [UprightPhoto(name, size, focal) for name in names]
 
 
-def test_photos_are_grouped_where_focal_lengths_jump_by_more_than_15_percent():
-    """250, 255 and 290 px are one lens, as 290 / 255 = 1.137; 340 / 290 = 1.17 is another, and 134 too."""
-    model = Model({"a": 290.0, "b": 134.0, "c": 250.0, "d": 340.0, "e": 255.0})
+def test_photos_are_grouped_where_focal_lengths_jump_by_more_than_20_percent():
+    """250, 255 and 300 px are one lens, as 300 / 255 = 1.18; 365 / 300 = 1.22 is another, and 134 too."""
+    model = Model({"a": 300.0, "b": 134.0, "c": 250.0, "d": 365.0, "e": 255.0})
     groups = group_by_focal(model, photos("abcdef"))
     assert groups["a"] == groups["c"] == groups["e"]
     assert len({groups["a"], groups["b"], groups["d"]}) == 3
