@@ -10,9 +10,9 @@ def run() -> int:
     """The command of this process. Before `main` handles Ctrl-C, and after it, Ctrl-C ends the process without a traceback."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    from semgs.runtime.idle_threads import let_idle_threads_sleep
+    from semgs.runtime.threads import prepare_threads
 
-    let_idle_threads_sleep()
+    prepare_threads()
     from semgs.cli.main import main
 
     return main()

@@ -28,6 +28,9 @@ _names = [
 ]
 install_import_hook(_names, "beartype.beartype")
 
+# Commands that tests start would compute with as many threads as cores are free, and rounding depends on their number.
+os.environ.setdefault("OMP_NUM_THREADS", str(torch.get_num_threads()))
+
 
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Ctrl-C works in tests and what they start, also in the background of a shell, which makes it ignored. Where tests go to

@@ -23,6 +23,9 @@ STAGES = ("cnn", "transformer_colour", "transformer_semantic", "cost_volume", "d
 BATCH = 8
 """Batch size of the rows with batches."""
 
+COMPETITORS = 8
+"""Programs that compute at the same time in the rows of a busy machine."""
+
 
 @dataclass(frozen=True)
 class BenchRow:
@@ -40,6 +43,7 @@ class BenchRow:
         precision: of the layers.
         device: "cpu" or "cuda".
         batch: batch size.
+        beside: other processes that compute meanwhile.
         quick: whether `--quick` includes it.
     """
 
@@ -53,6 +57,7 @@ class BenchRow:
     precision: Precision = "float32"
     device: Literal["cpu", "cuda"] = "cpu"
     batch: int = 1
+    beside: int = 0
     quick: bool = False
 
     @property
@@ -105,6 +110,7 @@ def _others() -> Iterator[BenchRow]:
     yield BenchRow("render_n2", "render", "both", quick=True)
     yield BenchRow("render_n2_colour", "render", "colour", quick=True)
     yield BenchRow("render_n2_backward", "render", "backward", quick=True)
+    yield BenchRow("total_small_n2_busy", "network", "total", "small", beside=COMPETITORS)
     yield BenchRow("refine_small_n2", "refine", "passes", "small")
     yield BenchRow("train_small_n2", "train", "step", "small")
     yield BenchRow("command_small_n2", "command", "reconstruct", "small")

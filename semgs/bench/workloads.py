@@ -5,8 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -42,6 +42,10 @@ PROGRAM_WITH_PEAK = (
 """The same; writes its peak memory to the file given first [10^6 bytes]."""
 
 
+COMPETITOR = "import os; parent = os.getppid(); print(flush=True)\nwhile os.getppid() == parent: sum(range(100_000))"
+"""A program that computes as long as the one that started it lives."""
+
+
 def prepare(row: BenchRow) -> Run:
     """Prepare the run of a row, with its number of threads.
 
@@ -54,9 +58,26 @@ def prepare(row: BenchRow) -> Run:
 
     def run(watch: Watch) -> None:
         torch.set_num_threads(row.threads)
-        made(watch)
+        with competitors(row.beside):
+            made(watch)
 
     return run
+
+
+@contextmanager
+def competitors(count: int) -> Iterator[None]:
+    """Let other processes compute until the end of the block, each as much as one core can."""
+    command = [sys.executable, "-c", COMPETITOR]
+    others = [subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) for _ in range(count)]
+    try:
+        for other in others:
+            assert other.stdout is not None
+            other.stdout.readline()
+        yield
+    finally:
+        for other in others:
+            other.kill()
+            other.communicate()
 
 
 def compile_kernels() -> None:

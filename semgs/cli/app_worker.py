@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from semgs.cli.main import main, run_guarded
 from semgs.cli.progress import VARIABLE, report_stage
 from semgs.cli.usage_errors import UsageError
-from semgs.runtime.idle_threads import let_idle_threads_sleep
+from semgs.runtime.threads import adapt_threads, prepare_threads
 
 
 def import_slow_modules() -> None:
@@ -110,11 +110,12 @@ def work(line: str) -> int:
 
 def serve() -> int:
     """Wait for one request and do it. Returns the exit code."""
-    let_idle_threads_sleep()
+    prepare_threads()
     import_slow_modules()
     if "--cold" not in sys.argv:
         warm_up()
     line = sys.stdin.readline()
+    adapt_threads()  # from here on, what counts is how busy the machine is during this request
     return work(line) if line else 0
 
 

@@ -38,6 +38,7 @@ from semgs.files.folders import own_folder
 from semgs.files.hashes import sha256
 from semgs.model.semgs import SemGS
 from semgs.model.weights.load import find, load, table_of
+from semgs.runtime.precision import Precision
 from semgs.scene.nearest import NearestViews
 from semgs.segmenters.labelling import Labelling
 
@@ -169,6 +170,7 @@ def load_candidate(
     nearest: int | None = None,
     passes: int = 0,
     depth: Callable[[Scene], DepthMaps] | None = None,
+    precision: Precision = "float32",
 ) -> Candidate:
     """Weights to evaluate.
 
@@ -181,20 +183,24 @@ def load_candidate(
         nearest: render each target with the Gaussians of only so many input views, the nearest; None for all.
         passes: refine the Gaussians with so many steps for each input view; 0 for none.
         depth: gives depth maps of the frames of a scene, which the network's depth is weighed with; None for none.
+        precision: of the network's layers.
 
     Raises:
         ValueError: there are no included weights of that name, or `nearest` is not positive.
         InputError: the file cannot be used, or has another class table.
     """
-    model, subject = open_network(weights, None if labelling else classes, name)
+    model, subject = open_network(weights, None if labelling else classes, name, precision)
     chosen = None if nearest is None else NearestViews(nearest, model.placer.shrink_seen)
     return Candidate(NetworkMethod(model, device, subject.name, labelling, chosen, passes, depth), subject, device)
 
 
-def open_network(weights: str | Path, classes: ClassTable | None, name: str = "") -> tuple[SemGS, EvaluatedMethod]:
+def open_network(
+    weights: str | Path, classes: ClassTable | None, name: str = "", precision: Precision = "float32"
+) -> tuple[SemGS, EvaluatedMethod]:
     """A network in evaluation mode, and its description; arguments and errors as for `load_candidate`."""
     network, path = find(weights)
     model = load(network, path, classes=classes or table_of(path))
+    model.precision = precision
     parameters = sum(parameter.numel() for parameter in model.parameters())
     return model.eval(), EvaluatedMethod(name or model.name, "weights", model.origin, sha256(path), parameters)
 

@@ -27,6 +27,7 @@ from semgs.model.stages import STAGES, Stage
 from semgs.model.sweep.depth import PlaneSweepDepth
 from semgs.rendering.temperatures import Temperatures
 from semgs.runtime.kernels import check_not_forked
+from semgs.runtime.precision import Precision, in_own_precision
 from semgs.scene.coarse_depth import SHRINK, CoarseDepth, FinerDepth
 from semgs.scene.encoding import Encoding
 
@@ -75,6 +76,7 @@ class SemGS(nn.Module):
         class_count: number of classes, 0 without a class table.
         stride: pixels per Gaussian along each side.
         origin: one sentence on where the weights come from.
+        precision: of the layers, "float32" or "bf16"; depth, cameras and Gaussians stay in float32 or better.
         temperatures: calibrate the class distributions; None if the weights have none. The network itself never applies them.
         fuses: whether, outside training, input views agree on the classes of points that several of them see.
     """
@@ -94,6 +96,7 @@ class SemGS(nn.Module):
         self.classes = classes
         self.class_count = 0 if classes is None else len(classes)
         self.origin = "untrained"
+        self.precision: Precision = "float32"
         self.temperatures: Temperatures | None = None
         self.cnn = cnn
         self.colour = colour
@@ -109,10 +112,11 @@ class SemGS(nn.Module):
         super().train(mode)  # some parts choose their own memory format
         return self
 
+    @in_own_precision
     def forward(self, views: Views, chunks: Chunks | None = None, stage: Stage = nullcontext) -> Encoding:
         """The Gaussians of N >= 2 views, and depth at their full size. Gaussians of hidden pixels have no opacity.
 
-        Within autocast the layers compute in half precision; depth, cameras and Gaussians stay in float32 or better.
+        Within autocast the layers compute in half precision, as with `precision` "bf16"; depth, cameras and Gaussians stay in float32 or better.
 
         Args:
             views: of one scene, or of a batch of scenes.
@@ -177,6 +181,7 @@ class SemGS(nn.Module):
         maps = self.class_maps(views, alone).distributions
         return widen(maps, self.stride)[..., : views.size[0], : views.size[1]]
 
+    @in_own_precision
     def class_maps(self, views: Views, alone: bool = False) -> ClassMaps:
         """The distributions of `classify`, one for each Gaussian; this is cheaper for training with labels.
 

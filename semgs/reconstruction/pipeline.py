@@ -27,6 +27,7 @@ from semgs.reconstruction.scores import scores
 from semgs.rendering.depth_spread import render_depth_spread
 from semgs.rendering.rendering import check_may_be_unknown, confidence_maps, label_maps
 from semgs.runtime.stopwatch import Stages
+from semgs.runtime.threads import adapt_threads
 from semgs.scene.encoding import Encoding
 from semgs.scene.exposure import ExposureChoice, Exposures, fit_exposures
 from semgs.scene.photo_refinement import refine_until
@@ -108,6 +109,7 @@ class ViewEncoder:
             NotEnoughMemoryError: it would not fit in memory.
             ValueError: there are fewer than two views; or as `Labelling`.
         """
+        adapt_threads()
         with self._stages("encode", f"Encoding {len(views)} views with {self._network.name}"):
             encoded = encode(self._network, views, target)
         encoding = replace(encoded.encoding, classes=self._network.classes)

@@ -1,18 +1,17 @@
 """Free memory for this process, within the limits of the system, of every container around it, and of the process itself.
 
-A container is a Linux control group. Groups are nested, and the one with the least free memory counts. A group's cached file pages are
-released before memory runs out, so they count as free.
+Containers are nested, and the one with the least free memory counts. A container's cached file pages are released before memory runs out, so they count as
+free.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 
-KIBIBYTE = 1024
+from semgs.runtime.control_groups import ROOT, control_groups, file_lines
 
-ROOT = Path("/")
+KIBIBYTE = 1024
 
 LIMITS = ("memory.max", "memory.high", "memory.limit_in_bytes")
 """Files with a group's memory limit: of version 2, and of version 1."""
@@ -30,7 +29,7 @@ def free_bytes(root: Path = ROOT) -> float:
     Args:
         root: the folder with `proc` and the control groups.
     """
-    groups = (_left_in(group) for group in control_groups(root))
+    groups = (_left_in(group) for group in control_groups("memory", root))
     return max(0.0, min((_available(root), _address_space_left(root), *groups), default=math.inf))
 
 
@@ -49,42 +48,6 @@ def process_bytes(name: str, root: Path = ROOT) -> float | None:
     """
     kibibytes = _numbers(root / "proc/self/status").get(name)
     return None if kibibytes is None else KIBIBYTE * kibibytes
-
-
-def control_groups(root: Path = ROOT) -> Iterator[Path]:
-    """The folders of the memory groups of this process, from its own to the outermost visible one."""
-    for kind, mounted, top in _mounts(root):
-        own = _own_group(root, kind)
-        if own is None:
-            continue
-        # Inside a container the path may be the one seen from outside, which does not exist here.
-        inside = Path(own).relative_to(mounted) if Path(own).is_relative_to(mounted) else Path()
-        folder = top / inside
-        while not folder.is_dir() and folder != top:
-            folder = folder.parent
-        yield folder
-        while folder != top:
-            folder = folder.parent
-            yield folder
-
-
-def _mounts(root: Path) -> Iterator[tuple[str, str, Path]]:
-    """Every mount of memory groups: its type, its top group, and its folder."""
-    for line in _lines(root / "proc/self/mountinfo"):
-        before, _, after = line.partition(" - ")
-        fields, (kind, *rest) = before.split(), after.split() or [""]
-        of_memory = kind == "cgroup2" or (kind == "cgroup" and "memory" in rest[-1].split(","))
-        if of_memory and len(fields) > 4:
-            yield kind, fields[3], root / fields[4].lstrip("/")
-
-
-def _own_group(root: Path, kind: str) -> str | None:
-    """The path of this process's memory group."""
-    for line in _lines(root / "proc/self/cgroup"):
-        _, controllers, path = (*line.split(":", 2), "", "")[:3]
-        if (controllers == "") if kind == "cgroup2" else ("memory" in controllers.split(",")):
-            return path
-    return None
 
 
 def _left_in(group: Path) -> float:
@@ -117,7 +80,7 @@ def _address_space_left(root: Path) -> float:
 def _numbers(path: Path) -> dict[str, float]:
     """The lines of a file with a name and a number."""
     found = {}
-    for line in _lines(path):
+    for line in file_lines(path):
         name, *rest = line.replace(":", " ").split() or [""]
         if rest and rest[0].isdigit():
             found[name] = float(rest[0])
@@ -126,13 +89,5 @@ def _numbers(path: Path) -> dict[str, float]:
 
 def _number(path: Path) -> float:
     """The number in a file; infinite if it is `max`, or if there is no file."""
-    lines = _lines(path)
+    lines = file_lines(path)
     return float(lines[0]) if lines and lines[0].strip().isdigit() else math.inf
-
-
-def _lines(path: Path) -> list[str]:
-    """The lines of a file; none if it cannot be read."""
-    try:
-        return path.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        return []

@@ -1,16 +1,50 @@
-"""Precision: geometry computes in float32 or better, even within autocast."""
+"""Precision: layers may compute in bfloat16; geometry computes in float32 or better, even within autocast."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from pathlib import Path
+from typing import Any, Literal, ParamSpec, TypeVar
 
 import torch
 from torch import Tensor, nn
 
+from semgs.runtime.control_groups import ROOT, file_lines
+
+Precision = Literal["float32", "bf16"]
+"""Of the layers of a network."""
+
+BFLOAT16_UNITS = {"avx512_bf16", "amx_bf16"}
+"""Flags of processors that compute in bfloat16; others imitate it and take 5 to 20 times as long."""
+
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
+
+
+def has_bfloat16_units(root: Path = ROOT) -> bool:
+    """Whether the processor computes in bfloat16, as far as the system says.
+
+    Args:
+        root: the folder with `proc`.
+    """
+    flags = next((line for line in file_lines(root / "proc/cpuinfo") if line.startswith("flags")), "")
+    return not BFLOAT16_UNITS.isdisjoint(flags.split())
+
+
+def in_own_precision(forward: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """Let a method of a network compute in its `precision`. In float32 an autocast around it stays in force, as in training."""
+
+    @wraps(forward)
+    def computed(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        network: Any = args[0]
+        half = network.precision == "bf16"
+        device = next(network.parameters()).device.type
+        with torch.autocast(device, torch.bfloat16) if half else nullcontext():
+            return forward(*args, **kwargs)
+
+    return computed
 
 
 class FullPrecisionConv2d(nn.Conv2d):

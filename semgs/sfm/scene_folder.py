@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from semgs.runtime.cores import usable_cores
 from semgs.sfm.clips import copy_frames
 from semgs.sfm.photos import copy_photos, with_focal
 from semgs.sfm.pycolmap_library import pycolmap
@@ -53,7 +53,7 @@ def write_photo_scene(
     images.mkdir()
     photos = copy_frames(path, images, known.frames) if path.is_file() else copy_photos(path, images)
     listed = photos.photos if known.focal_px is None else with_focal(photos, known.focal_px)
-    seconds = expected_seconds(listed, photos.ordered, os.cpu_count() or 1)
+    seconds = expected_seconds(listed, photos.ordered, usable_cores())
     say(f"Estimating the cameras of {len(listed)} photos: about {seconds:.0f} s")
     solution = solve(photos, listed, known.focal_px is not None)
     if known.distance is not None:

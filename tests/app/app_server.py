@@ -20,7 +20,10 @@ from viser_canvas import KNOWN
 if TYPE_CHECKING:
     from playwright.sync_api import FrameLocator, Page
 
-UNKNOWN = rf"{KNOWN}|Failed to load resource: the server responded with a status of 404"
+LEFT = "BodyStreamBuffer was aborted|Connection errored out"
+"""What gradio says when a page is left while it listens to the server."""
+
+UNKNOWN = rf"{KNOWN}|{LEFT}|Failed to load resource: the server responded with a status of 404"
 
 
 @dataclass(frozen=True)

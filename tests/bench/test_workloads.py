@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import gc
+import os
+import time
 from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
@@ -14,7 +17,7 @@ from semgs.bench.measure import WHOLE, CannotMeasureError
 from semgs.bench.peak_memory import PeakWatch, forget_peak, peak_mb
 from semgs.bench.rows import STAGES, BenchRow, every_row
 from semgs.bench.watches import Stopwatch
-from semgs.bench.workloads import command, prepare
+from semgs.bench.workloads import command, competitors, prepare
 from semgs.geometry.cameras import project
 from semgs.model.gaussians.placing import SIGMA_UNIT
 
@@ -47,6 +50,31 @@ def test_the_other_rows_run(name: str) -> None:
     watch = Stopwatch()
     prepare(tiny(name))(watch)
     assert watch.seconds[WHOLE] > 0
+
+
+def test_other_processes_compute_during_a_row_of_a_busy_machine_and_none_afterwards() -> None:
+    with competitors(3):
+        first = _children()
+        time.sleep(0.3)
+        assert len(first) == 3
+        assert all(_ticks(process) > 0 for process in first)
+    assert not _children() & first
+    watch = Stopwatch()
+    prepare(tiny("total_small_n2_busy", beside=1))(watch)
+    assert watch.seconds[WHOLE] > 0
+
+
+def _children() -> set[int]:
+    """Processes that this one started."""
+    listed = Path("/proc/self/task", str(os.getpid()), "children")
+    if not listed.exists():
+        pytest.skip("processes are read from /proc, which is not here")
+    return set(map(int, listed.read_text().split()))
+
+
+def _ticks(process: int) -> int:
+    """Time that a process has computed, in ticks of 10 ms."""
+    return int(Path(f"/proc/{process}/stat").read_text().split()[13])
 
 
 def test_a_row_that_needs_more_threads_than_there_are_says_so() -> None:

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from semgs.runtime.free_memory import control_groups, free_bytes, held_bytes, process_bytes
+from semgs.runtime.control_groups import control_groups
+from semgs.runtime.free_memory import free_bytes, held_bytes, process_bytes
 
 GIB = 2**30
 
@@ -67,7 +68,7 @@ def test_the_outer_container_counts_where_it_has_less_left(root: Path) -> None:
     assert free_bytes(root) == 2 * GIB
     version_2(top / "pod/job", str(GIB), GIB // 4)
     assert free_bytes(root) == 0.75 * GIB
-    assert list(control_groups(root)) == [top / "pod/job", top / "pod", top]
+    assert list(control_groups("memory", root)) == [top / "pod/job", top / "pod", top]
 
 
 def test_what_slows_a_container_down_is_a_limit_too(root: Path) -> None:

@@ -9,6 +9,7 @@ from networks import preset
 from posed import posed_cameras, posed_views
 
 from semgs import load, open_scene
+from semgs.cli.device import chosen_precision
 from semgs.data.resampling import resized
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras, project
@@ -16,6 +17,7 @@ from semgs.geometry.plane_sweep import depth_candidates
 from semgs.model.attention.camera_attention import token_transforms
 from semgs.model.sweep.cost_volume import cost_volume
 from semgs.rooms.sets.demo_room import demo_scene
+from semgs.runtime.precision import has_bfloat16_units
 from semgs.scene.encoding import Encoding
 
 SIZE = (32, 48)
@@ -158,3 +160,64 @@ def test_gradients_on_cuda_equal_the_cpus(cuda) -> None:
         gradients.append([one.grad.cpu() for one in model.parameters() if one.grad is not None])
     for on_cpu, on_cuda in zip(*gradients, strict=True):
         assert difference(on_cuda, on_cpu) < 1e-2 or on_cpu.norm() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("flags", "expected"),
+    [
+        ("fpu sse avx2 avx512f avx512_bf16", True),
+        ("fpu amx_bf16 amx_tile", True),
+        ("fpu avx2 avx512f avx512bw", False),
+        ("fpu avx512_bf16x", False),
+    ],
+)
+def test_the_processor_says_whether_it_computes_in_bfloat16(tmp_path, flags: str, expected: bool) -> None:
+    (tmp_path / "proc").mkdir()
+    (tmp_path / "proc/cpuinfo").write_text(f"processor\t: 0\nbugs\t\t: bf16\nflags\t\t: {flags}\n\nprocessor\t: 1\n")
+    assert has_bfloat16_units(tmp_path) == expected
+
+
+def test_a_processor_that_says_nothing_computes_in_float32(tmp_path) -> None:
+    assert not has_bfloat16_units(tmp_path)
+
+
+@torch.no_grad()
+def test_a_network_in_bf16_gives_what_autocast_around_it_gives(room: Views) -> None:
+    model = preset("small_plain")
+    exact = model(room)
+    with torch.autocast("cpu", torch.bfloat16):
+        around, alone = model(room), model.classify(room)
+    model.precision = "bf16"
+    assert farthest(model(room), around) == 0.0
+    assert torch.equal(model.classify(room), alone)
+    assert 0.0 < farthest(around, exact)
+    model.precision = "float32"
+    assert farthest(model(room), exact) == 0.0
+
+
+@torch.no_grad()
+def test_float32_of_a_network_leaves_an_autocast_around_it_in_force(room: Views) -> None:
+    model = preset("small_plain")
+    with torch.autocast("cpu", torch.bfloat16):
+        inside = model(room)
+    assert farthest(inside, model(room)) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("asked", "device", "units", "expected"),
+    [
+        ("auto", "cpu", True, "bf16"),
+        ("auto", "cpu", False, "float32"),
+        ("auto", "cuda", True, "float32"),
+        ("float32", "cpu", True, "float32"),
+        ("bf16", "cpu", False, "bf16"),
+        ("bf16", "cuda", False, "bf16"),
+    ],
+)
+def test_auto_is_bf16_only_on_processors_that_compute_in_it(
+    asked: str, device: str, units: bool, expected: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    monkeypatch.setattr("semgs.runtime.precision.has_bfloat16_units", lambda: units)
+    assert chosen_precision(asked, device) == expected
+    slow = (asked, device, units) == ("bf16", "cpu", False)
+    assert ("only imitates bf16" in capsys.readouterr().err) == slow

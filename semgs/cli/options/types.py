@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from tyro.constructors import PrimitiveConstructorSpec
 
@@ -138,6 +137,9 @@ AutoSize = Annotated[
 Device = Annotated[str, one_word("{auto,cpu,cuda}", _device)]
 """Where to compute: "auto", "cpu" or "cuda"; `chosen_device` decides."""
 
+PrecisionOrAuto = Literal["auto", "float32", "bf16"]
+"""Of the layers of a network; `chosen_precision` decides what "auto" is."""
+
 Weights = Annotated[str, one_word("WEIGHTS", _weights)]
 """Weights: a name of included ones, a file, or a hub id."""
 
@@ -189,11 +191,6 @@ Probability = Annotated[float, one_word("FLOAT", _probability)]
 
 Minutes = Annotated[float | None, one_word("FLOAT", at_least(0.0, more=True))]
 """More than 0; None for no limit."""
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 Passes = Annotated[int, optional_number("PASSES", at_least(1), -1)]

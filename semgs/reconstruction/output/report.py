@@ -15,6 +15,7 @@ from semgs.figures.html_page import Link
 from semgs.reconstruction.result import PhotoRefinement, Reconstruction, RenderedViews
 from semgs.reconstruction.scores import ViewScores, mean_scores
 from semgs.rendering.rendering import UNKNOWN, UNSEEN
+from semgs.runtime.precision import Precision
 from semgs.segmenters.features.scene_features import SceneFeatures
 
 
@@ -27,12 +28,14 @@ class Provenance:
         weights: where the model's weights come from, in a sentence; "" if no network of ours was used.
         parameters: of the model.
         device: where it ran.
+        precision: of its layers.
     """
 
     software: str
     weights: str
     parameters: int
     device: str
+    precision: Precision = "float32"
 
 
 SCENE_PAGE = "scene.html"
@@ -110,6 +113,7 @@ def report_numbers(result: Reconstruction, origin: Provenance, seconds: dict[str
             "classes": result.classes and result.classes.name,
             "segmenter": result.segmenter,
             "device": origin.device,
+            "precision": origin.precision,
         },
         "size": dict(zip(("height", "width"), result.size, strict=True)),
         "native_size": dict(zip(("height", "width"), result.native_size, strict=True)),

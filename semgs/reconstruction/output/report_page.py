@@ -224,7 +224,8 @@ def _makers(result: Reconstruction, origin: Provenance) -> list[tuple[str, str]]
     rows = [] if result.splat is None else [("Splat", f"{result.splat.name} ({result.splat.format})")]
     if origin.weights:
         model = result.model if result.splat is None or result.labelling is None else result.labelling.source.title
-        rows.append(("Model", f"{model}, {origin.parameters:,} parameters, on {origin.device}"))
+        precision = "" if origin.precision == "float32" else f", in {origin.precision}"
+        rows.append(("Model", f"{model}, {origin.parameters:,} parameters, on {origin.device}{precision}"))
         rows.append(("Weights", origin.weights))
     return rows
 

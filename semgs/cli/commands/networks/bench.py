@@ -21,6 +21,7 @@ class Bench:
 
     Each row of the table is one measurement, and its name describes it:
     - total_small_n2_float32: two 240x320 views to Gaussians, and one target rendered with colour, classes and depth
+    - total_small_n2_busy: the same while eight other programs compute
     - cnn_base_n2, transformer_colour_base_n2, ...: the parts of that
     - render_n2, render_n2_colour, render_n2_backward: a generated scene of 153,600 Gaussians
     - train_small_n2, command_small_n2, command_help: a training step, and the program itself

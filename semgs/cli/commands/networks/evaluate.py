@@ -8,11 +8,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from semgs.cli.device import chosen_device
+from semgs.cli.device import chosen_device, chosen_precision
 from semgs.cli.options.depth_options import DepthMeaning
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.options.segmenter_options import SegmenterOptions
-from semgs.cli.options.types import AutoSize, Count, Device, Passes, Protocol, SeveralViews, Weights, Workers
+from semgs.cli.options.types import (
+    AutoSize,
+    Count,
+    Device,
+    Passes,
+    PrecisionOrAuto,
+    Protocol,
+    SeveralViews,
+    Weights,
+    Workers,
+)
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.files.errors import InputError
@@ -27,6 +37,7 @@ if TYPE_CHECKING:
     from semgs.depth_maps.depth_source import DepthMaps
     from semgs.evaluation.frames.frame_plan import FramePlan
     from semgs.evaluation.run import Candidate
+    from semgs.runtime.precision import Precision
     from semgs.segmenters.labelling import Labelling
 
 
@@ -97,6 +108,8 @@ class Evaluate:
     """Worker processes, one thread each; 0 for none, using all threads."""
     device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
+    precision: PrecisionOrAuto = "float32"
+    """Precision of the network's layers; auto is as for semgs reconstruct, and then scores depend a little on the machine."""
     overwrite: bool = False
     """Replace an output folder from an earlier run, once the new result is complete."""
     depth: Annotated[str | None, tyro.conf.arg(metavar="SOURCE", help_behavior_hint="")] = None
@@ -126,8 +139,11 @@ class Evaluate:
         plan = self._plan(data.scenes)
         with show_stage("Loading"):
             labelling = self.segmenting.labelling()
-            candidate = self._candidate(plan, data.classes, chosen_device(self.device), labelling, self._depth_maps())
-            job = Job(data, plan, candidate, self._remarks(plan, labelling), self.workers)
+            device = chosen_device(self.device)
+            precision = chosen_precision(self.precision, device)
+            candidate = self._candidate(plan, data.classes, device, labelling, self._depth_maps(), precision)
+            remarks = (*self._remarks(plan, labelling), *self._computed(precision))
+            job = Job(data, plan, candidate, remarks, self.workers)
         with what_fits(), show_progress(f"Evaluating {candidate.subject.name}", len(plan.tasks)) as done:
             summary = run_evaluation(self.out, job, overwrite=self.overwrite, done=done)
         print(summary)
@@ -145,8 +161,11 @@ class Evaluate:
                 raise InputError(self.data, "labelled images", "none with labels")
         with show_stage("Loading"), what_the_user_gave():
             remarks = self._seen(data.scenes)
-            network, subject = open_network(self.weights, data.classes, self.name)
-            network.to(chosen_device(self.device))
+            device = chosen_device(self.device)
+            precision = chosen_precision(self.precision, device)
+            network, subject = open_network(self.weights, data.classes, self.name, precision)
+            network.to(device)
+            remarks += self._computed(precision)
         images = sum(frame.labels is not None for scene in data.scenes for frame in scene.frames)
         with what_fits(), show_progress(f"Evaluating {subject.name}", images) as done:
             tables = evaluate_single_images(
@@ -215,6 +234,7 @@ class Evaluate:
         device: str,
         labelling: Callable[[Scene], Labelling] | None,
         depth: Callable[[Scene], DepthMaps] | None,
+        precision: Precision,
     ) -> Candidate:
         """The method to evaluate, and its description for the report."""
         from semgs.evaluation.run import load_candidate, open_predictions
@@ -233,6 +253,7 @@ class Evaluate:
                 self.nearest,
                 self._passes(),
                 depth,
+                precision,
             )
 
     def _depth_maps(self) -> Callable[[Scene], DepthMaps] | None:
@@ -275,6 +296,10 @@ class Evaluate:
             first = labelling(plan.scenes[0])
             said = (f"The classes are from {first.description}.", *first.notes)
         return (*said, *self._seen(plan.scenes)) if self.weights else said
+
+    def _computed(self, precision: Precision) -> tuple[str, ...]:
+        """A remark if the layers did not compute in float32."""
+        return (f"The layers computed in {precision}.",) if self.weights and precision != "float32" else ()
 
     def _seen(self, scenes: Sequence[Scene]) -> tuple[str, ...]:
         """A remark if the weights were trained on rooms that are scored here; such rooms are refused without --allow-seen."""

@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from semgs.cli.arguments import parse
-from semgs.cli.options.types import CountOrAuto, cores, one_word
+from semgs.cli.options.types import CountOrAuto, one_word
 from semgs.cli.progress import show_progress
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError
 from semgs.files.paths import found_at, typed_path
+from semgs.runtime.cores import usable_cores
 
 if TYPE_CHECKING:
     from semgs.batch.records import Record
@@ -215,7 +216,7 @@ class Batch:
             except ConnectionError:
                 raise UsageError(f"--ray is {self.ray}; expected the address of a running Ray cluster") from None
         else:
-            workers = self.workers or demands_of(self.command, given).workers(cores(), free_bytes())
+            workers = self.workers or demands_of(self.command, given).workers(usable_cores(), free_bytes())
             yield from finished(work, tasks, workers, partial(begin, here))
 
     def _write_overview(self, tasks: Sequence[Task]) -> None:

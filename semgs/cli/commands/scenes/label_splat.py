@@ -9,10 +9,19 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from semgs._version import __version__
-from semgs.cli.device import chosen_device
+from semgs.cli.device import chosen_device, chosen_precision
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.options.segmenter_options import SegmenterOptions
-from semgs.cli.options.types import AutoSize, Count, Device, Probability, WeightsOrRandom, at_least, one_word
+from semgs.cli.options.types import (
+    AutoSize,
+    Count,
+    Device,
+    PrecisionOrAuto,
+    Probability,
+    WeightsOrRandom,
+    at_least,
+    one_word,
+)
 from semgs.cli.progress import say_compiling, show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError
@@ -67,6 +76,8 @@ class LabelSplat:
     """Pixels whose likeliest class is less likely than this are unknown in class maps: light grey, 254 in label files."""
     device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
+    precision: PrecisionOrAuto = "auto"
+    """Precision of the network's layers, as for semgs reconstruct."""
     html: bool = False
     """Also write scene.html, which shows the scene in 3D. Needs viser."""
     overwrite: bool = False
@@ -155,6 +166,7 @@ class LabelSplat:
         with stages("load", "Loading the network"), what_the_user_gave():
             name = self.weights or "small"
             model = kept(load, "small", "random") if name == "random" else kept(load, name)
+            model.precision = chosen_precision(self.precision, device)
             source = NetworkClasses(model.eval().to(device))
         parameters = sum(parameter.numel() for parameter in model.parameters())
-        return Labelling(source), Provenance(software, model.origin, parameters, device)
+        return Labelling(source), Provenance(software, model.origin, parameters, device, model.precision)

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from semgs.cli.options.scene_options import SceneOptions
-from semgs.cli.options.types import Count, Size, WorkersOrCores, cores
+from semgs.cli.options.types import Count, Size, WorkersOrCores
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.paths import existing_folder
+from semgs.runtime.cores import usable_cores
 
 if TYPE_CHECKING:
     from semgs.data.preparation.archive import Preparation
@@ -72,7 +73,7 @@ class Prepare:
                 self.src, read_list(self.scenes) if self.scenes else None, self.reading.scenezoo
             )
         reading = prepared_set.Reading(self.reading.as_peers, self.reading.asked)
-        workers = cores() if self.workers is None else self.workers
+        workers = usable_cores() if self.workers is None else self.workers
         index = prepared(self.out, found, Preparation(self.size, self.every), reading, workers)
         first = self.out / index["scenes"][0]["file"]
         print(

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from semgs.cli.device import chosen_device
+from semgs.cli.device import chosen_device, chosen_precision
 from semgs.cli.options.depth_options import DepthOptions
 from semgs.cli.options.feature_options import FeatureOptions
 from semgs.cli.options.posing_options import PosingOptions
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.options.segmenter_options import SegmenterOptions
-from semgs.cli.options.types import AutoSize, Device, Passes, Probability, Views, WeightsOrRandom
+from semgs.cli.options.types import AutoSize, Device, Passes, PrecisionOrAuto, Probability, Views, WeightsOrRandom
 from semgs.cli.progress import say_compiling, show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.files.atomic import check_file
@@ -118,6 +118,9 @@ class Reconstruct:
     hatched and 255. Scores do not change."""
     device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
+    precision: PrecisionOrAuto = "auto"
+    """Precision of the network's layers. auto is bf16 on processors that compute in it (avx512_bf16 or amx_bf16), and float32 elsewhere. See
+    docs/benchmarks.md."""
     html: bool = False
     """Also write scene.html, which shows the scene in 3D; semgs view --html has options for it. Needs viser."""
     rerun: Annotated[Path | None, tyro.conf.arg(metavar="FILE.rrd", help_behavior_hint="")] = None
@@ -292,7 +295,7 @@ class Reconstruct:
 
         model = self.load_network(device)
         parameters = sum(parameter.numel() for parameter in model.parameters())
-        return model, Provenance(f"semgs {__version__}", model.origin, parameters, device)
+        return model, Provenance(f"semgs {__version__}", model.origin, parameters, device, model.precision)
 
     def load_network(self, device: str) -> SemGS:
         """The network on a device.
@@ -305,7 +308,9 @@ class Reconstruct:
         from semgs.runtime.kept import kept
 
         with what_the_user_gave():
-            return kept(load, *self._network_and_weights()).eval().to(device)
+            network = kept(load, *self._network_and_weights()).eval().to(device)
+        network.precision = chosen_precision(self.precision, device)
+        return network
 
     def _open_segmenter(self, scene: Scene, folder: Path, stages: Stages) -> Labelling | None:
         """What gives the Gaussians their classes; None for the network's own."""

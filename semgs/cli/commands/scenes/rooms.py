@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from semgs.cli.options.types import Count, Size, WorkersOrCores, cores, shown_size
+from semgs.cli.options.types import Count, Size, WorkersOrCores, shown_size
 from semgs.cli.progress import show_progress
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.atomic import check_file
 from semgs.rooms.plans.style import Style
+from semgs.runtime.cores import usable_cores
 
 if TYPE_CHECKING:
     from semgs.rooms.assets.asset_library import Library
@@ -109,7 +110,7 @@ class Rooms:
 
         with what_the_user_gave():
             claim(out, settings, self.scenes)
-        workers = cores() if self.workers is None else self.workers
+        workers = usable_cores() if self.workers is None else self.workers
         with show_progress("Generating rooms", self.scenes) as done:
             index = write_dataset(out, settings, self.scenes, workers=workers, done=done)
         labelled = sum(pixels for name, pixels in index["pixels"].items() if name != "ignored")
