@@ -30,7 +30,18 @@ LAYOUTS = "semgs.data.layouts"
 LAYOUT_FLOORS = (
     ("parts",),
     ("colmap", "scannet"),
-    ("scannetpp", "replica", "ros", "rgbd", "phones", "predictions", "transforms_json", "labelled_images"),
+    (
+        "scannetpp",
+        "replica",
+        "ros",
+        "rgbd",
+        "phones",
+        "predictions",
+        "transforms_json",
+        "llff",
+        "metashape",
+        "labelled_images",
+    ),
     ("zoo",),
 )
 """Inside `semgs.data.layouts`: what readers share, formats that other data sets use too, the rest, which know nothing of one another, and what reads
