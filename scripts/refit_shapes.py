@@ -85,7 +85,8 @@ def main() -> None:
     parser.add_argument("old", type=Path)
     parser.add_argument("new", type=Path)
     parser.add_argument("rooms", type=Path, nargs="+")
-    parser.add_argument("--steps", type=int, default=600)
+    parser.add_argument("--steps", type=int, default=500)
+    parser.add_argument("--held-out", type=int, default=HELD_OUT)
     given = parser.parse_args()
     torch.manual_seed(0)
     old = load(str(given.old)).eval()
@@ -94,8 +95,8 @@ def main() -> None:
     kept, learned = [], []
     for folder in given.rooms:
         paths = scene_paths(folder)
-        learned += [open_scene(path) for path in paths[:-HELD_OUT]]
-        kept += [open_scene(path) for path in paths[-HELD_OUT:]]
+        learned += [open_scene(path) for path in paths[: -given.held_out]]
+        kept += [open_scene(path) for path in paths[-given.held_out :]]
     print("before:", measure(old, new, kept), flush=True)
     parameters = [*new.semantic.upsampler.parameters(), *new.semantic.head[0].parameters()]
     last = new.semantic.head[-1]

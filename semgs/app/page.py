@@ -200,8 +200,8 @@ def _build(jobs: Jobs, local: bool) -> Any:
 
         def resume(request: gr.Request) -> Iterator[list[Any]]:
             which = str(dict(request.query_params).get("room", ""))
-            if not which:
-                yield view(None)
+            if not which:  # nothing changes: what a user has typed by now must stay
+                yield [gr.skip() for _ in shown]
                 return
             job = jobs.find(which) if IDENTIFIER.fullmatch(which) else None
             if job is None:
