@@ -10,7 +10,6 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from semgs.app.room_scene import RoomScene, room_scene
 from semgs.export.scene_objects import place_things, things_of
 from semgs.figures.number_texts import percent
 from semgs.files.atomic import new_file, write_json, write_text
@@ -19,6 +18,7 @@ from semgs.robotics.objects import Objects
 from semgs.scene.scene_file import SavedScene, load_scene
 from semgs.scene.upright import up_of
 from semgs.viewer.viewer_cameras import photos_in
+from semgs.viewer.viewer_page import ScenePage, scene_page
 
 PAGE, SCENE, RECORD, ZIP = "index.html", "scene.html", "room.json", "room.zip"
 
@@ -32,6 +32,9 @@ DOWNLOADS = {
     ZIP: "Everything, this page included: unpack it and open index.html",
 }
 """Files to download, and what they are."""
+
+MOST_GAUSSIANS = 80_000
+"""More would make the page slow on phones."""
 
 PLAIN = (
     (
@@ -76,7 +79,8 @@ def write_room(folder: Path, title: str = "Your room", notes: Sequence[str] = ()
     report = json.loads((folder / "report.json").read_text())
     up = up_of(scene)
     things = things_of(scene, up) if scene.unit == "metric" and scene.classes is not None else None
-    page = room_scene(scene, photos_in(folder, scene), up, things)
+    script = files("semgs.app").joinpath("web/scene.js").read_text(encoding="utf-8")
+    page = scene_page(scene, photos_in(folder, scene), up=up, at_most=MOST_GAUSSIANS, things=things, script=script)
     write_text(folder / SCENE, page.html)
     listed = [*notes, *(note for one in report["notes"] if (note := plain_note(one)))]
     record = {
@@ -107,7 +111,7 @@ def plain_note(note: str) -> str:
 
 
 def _page(
-    folder: Path, scene: SavedScene, report: Mapping[str, Any], page: RoomScene, record: Mapping[str, Any]
+    folder: Path, scene: SavedScene, report: Mapping[str, Any], page: ScenePage, record: Mapping[str, Any]
 ) -> str:
     """The text of index.html."""
     from jinja2 import Environment, StrictUndefined
@@ -150,7 +154,7 @@ def _page(
     )
 
 
-def _lead(report: Mapping[str, Any], page: RoomScene) -> str:
+def _lead(report: Mapping[str, Any], page: ScenePage) -> str:
     """The sentence below the title."""
     used = sum(view["role"] == "context" for view in report["views"])
     of = report["scene"]["usable_frames"]

@@ -26,10 +26,11 @@ RARE = 0.01
 
 @dataclass(frozen=True)
 class Headline:
-    """A number shown large at the top: its value as text, and what it is."""
+    """A number shown large at the top: its value as text, what it is, and a sentence that explains it when the mouse is over it."""
 
     value: str
     name: str
+    meaning: str = ""
 
 
 @dataclass(frozen=True)
@@ -41,10 +42,11 @@ class Facts:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of texts; numbers are right-aligned."""
+    """A table of texts; numbers are right-aligned. `meanings` explains each column when the mouse is over its head; empty for none."""
 
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    meanings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -211,7 +213,16 @@ class Section:
     folded: bool = False
 
 
-def html_page(title: str, lead: str, headlines: Sequence[Headline], sections: Sequence[Section], foot: str) -> str:
+def html_page(
+    title: str,
+    lead: str,
+    headlines: Sequence[Headline],
+    sections: Sequence[Section],
+    foot: str,
+    *,
+    first: Gallery | None = None,
+    link: Link | None = None,
+) -> str:
     """One self-contained HTML page: style and images are inside, nothing is loaded, and a script enlarges images.
 
     Args:
@@ -220,6 +231,8 @@ def html_page(title: str, lead: str, headlines: Sequence[Headline], sections: Se
         headlines: numbers shown large.
         sections: in order.
         foot: the last line.
+        first: images above the numbers.
+        link: a button below the title.
     """
     from jinja2 import Environment, StrictUndefined
 
@@ -228,7 +241,7 @@ def html_page(title: str, lead: str, headlines: Sequence[Headline], sections: Se
     )
     template = files("semgs.figures").joinpath("templates/page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(template).render(
-        title=title, lead=lead, headlines=headlines, sections=sections, foot=foot, hatch=HATCH, grey=UNKNOWN_GREY, percent=percent,
+        title=title, lead=lead, headlines=headlines, sections=sections, foot=foot, first=first, link=link, hatch=HATCH, grey=UNKNOWN_GREY, percent=percent,
         kind=lambda block: type(block).__name__.lower(),
     )  # fmt: skip
 

@@ -23,6 +23,20 @@ MEANINGS = {
 }
 """Explanations of the metrics in the report of one scene, as phrases after the heading."""
 
+EXPLANATIONS = {
+    "psnr": "How close the render is to the photo, in decibels, over all pixels. Higher is better: below 20 is blurred or wrong, 25 is good, 30 is hard to tell from the photo.",
+    "psnr_seen": "PSNR over the pixels that an input view sees.",
+    "miou_per_image": "Mean intersection over union of each view: for each class of its true labels, the pixels that have the class in both maps, divided by those that have it in one of them; then the mean over classes. 1 is perfect.",
+    "miou_per_image_seen": "mIoU over the pixels that an input view sees.",
+    "accuracy_per_image": "Share of each view's labelled pixels that have the true class. 1 is perfect.",
+    "accuracy_per_image_seen": "The same over the pixels that an input view sees.",
+    "depth_abs_rel": "Mean of |depth - true depth| / true depth. 0.06 means that depth is wrong by 6 % on average.",
+    "depth_abs_rel_seen": "Depth error over the pixels that an input view sees.",
+    "unseen": "Share of the pixels that no input view sees: their alpha is below 0.5.",
+    "ssim": "Structural similarity of render and photo; 1 is identical.",
+}
+"""What metrics mean, as sentences for somebody who does not know them."""
+
 MOSTLY_SEEN = 0.95
 """If less of the views than this was seen, scores over all pixels mostly measure the unseen part."""
 

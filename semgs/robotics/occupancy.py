@@ -85,8 +85,8 @@ def occupancy(
         resolution: side of cells and voxels [m].
         up: the direction that is up.
         classes: the table of the Gaussians' classes, whose "floor" is the floor; None uses no classes.
-        depths: z-depth of every pixel of the input views, 0 = unknown [m]. Needed only if there is not one Gaussian for each pixel or block of
-            pixels, as in a merged scene.
+        depths: z-depth of every pixel of the input views, 0 = unknown [m]. Used only if there is not one Gaussian for each pixel or block of
+            pixels, as in a merged scene; None renders them.
         depth_spread: standard deviation of the logarithm of depth of every pixel. Rays stop this much earlier, so that an uncertain depth frees less.
         step: what is lower above the floor is no obstacle [m].
         height: of the robot; what is higher is no obstacle [m].
@@ -96,7 +96,7 @@ def occupancy(
 
     Raises:
         NoFloorError: no floor was found.
-        ValueError: an argument is out of range, or the Gaussians do not belong to pixels of the views and there are no depths.
+        ValueError: an argument is out of range.
     """
     if not (0 < step < height and resolution > 0 and reach > 0):
         raise ValueError(

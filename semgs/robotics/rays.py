@@ -11,6 +11,8 @@ from torch import Tensor
 
 from semgs.geometry.cameras import Cameras, back_project
 from semgs.geometry.gaussians import Gaussians
+from semgs.rendering.render import render
+from semgs.rendering.rendering import SEEN_ALPHA
 from semgs.scene.encoding import block_size, per_gaussian
 
 SPREADS = 1.0
@@ -39,16 +41,13 @@ def rays_of(
     depths: Float[Tensor, "v h w"] | None,
     depth_spread: Float[Tensor, "v h w"] | None,
 ) -> SightRays:
-    """From each camera to its own Gaussians, or to the points at given depths if the Gaussians do not belong to pixels."""
+    """From each camera to its own Gaussians, or, if Gaussians do not belong to pixels, to the points at the given or rendered depths."""
     (views,), count = cameras.batch, len(gaussians)
     spread = torch.zeros(views, *cameras.size) if depth_spread is None else depth_spread
     stride = block_size(count, views, *cameras.size)
     if not stride:
         if depths is None:
-            height, width = cameras.size
-            raise ValueError(
-                f"{count} Gaussians for {views} views of {height}x{width}; expected one for each pixel or block of pixels"
-            )
+            depths = _rendered_depths(gaussians, cameras)
         ends = back_project(depths.double(), cameras)
         known = depths > 0
         origins = cameras.centres[:, None, None].expand(ends.shape)[known]
@@ -60,6 +59,13 @@ def rays_of(
     found = (one.cpu().double().numpy() for one in (origins, ends))
     origins, ends = (one @ level.T for one in found)
     return SightRays(origins, ends, spread.cpu().double().numpy())
+
+
+def _rendered_depths(gaussians: Gaussians, cameras: Cameras) -> Float[Tensor, "v h w"]:
+    """The depth that each camera sees, 0 where it sees little."""
+    with torch.no_grad():
+        views = [render(gaussians, cameras[index : index + 1]) for index in range(cameras.batch[0])]
+    return torch.cat([torch.where(view.alphas >= SEEN_ALPHA, view.depths, 0) for view in views])
 
 
 def free_parts(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import dist, tan
-from typing import TYPE_CHECKING
+from math import tan
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from semgs.files.text import printable
 from semgs.robotics.boxes import EDGES, SIGNS
 from semgs.scene.upright import UpDirection
 from semgs.viewer.splat_groups import SplatArrays, thing_colours
-from semgs.viewer.viewer_cameras import InputView, Triple
+from semgs.viewer.viewer_cameras import InputView
 
 if TYPE_CHECKING:
     from semgs.viewer.server import (
@@ -26,9 +26,6 @@ if TYPE_CHECKING:
 
 FRUSTUM_DEPTH = 0.5
 """Distance from the centre of an input view to its photo [the viewer's units]."""
-
-IN_THE_WAY = 2.5
-"""Input views that are closer to the camera are hidden, because their photos would block the view [the viewer's units]."""
 
 FRUSTUM_COLOUR = (255, 196, 0)
 
@@ -45,10 +42,10 @@ def add_splats(server: ViserServer, name: str, splats: SplatArrays) -> GaussianS
 
 
 def add_input_views(server: ViserServer, views: Sequence[InputView]) -> list[CameraFrustumHandle]:
-    """Add the input views with their photos, those in the way of the first camera hidden."""
+    """Add the input views with their photos, hidden: the script in the browser shows those that are not in the way."""
     return [
         server.scene.add_camera_frustum(
-            f"/input views/{index + 1} {node_name(view.name)}",
+            view_node(index, view),
             fov=view.fov,
             aspect=view.aspect,
             # viser's frusta of the same scale have the same volume.
@@ -58,7 +55,7 @@ def add_input_views(server: ViserServer, views: Sequence[InputView]) -> list[Cam
             image=view.photo,
             wxyz=view.wxyz,
             position=view.position,
-            visible=not in_the_way(view, views[0].position),
+            visible=False,
         )
         for index, view in enumerate(views)
     ]
@@ -106,9 +103,24 @@ def set_first_camera(server: ViserServer, view: InputView, up: UpDirection) -> N
     camera.fov = view.fov
 
 
-def in_the_way(view: InputView, position: Triple) -> bool:
-    """Whether an input view blocks the view of a camera."""
-    return dist(view.position, position) < IN_THE_WAY
+def view_data(views: Sequence[InputView]) -> list[dict[str, Any]]:
+    """Input views as the script in the browser takes them."""
+    return [
+        {
+            "name": printable(view.name),
+            "position": view.position,
+            "lookAt": view.look_at,
+            "fov": view.fov,
+            "aspect": view.aspect,
+            "node": view_node(index, view),
+        }
+        for index, view in enumerate(views)
+    ]
+
+
+def view_node(index: int, view: InputView) -> str:
+    """The node of an input view."""
+    return f"/input views/{index + 1} {node_name(view.name)}"
 
 
 def node_name(name: str) -> str:

@@ -76,6 +76,13 @@ def serving(host: str = LOOPBACK, port: int = ANY_PORT) -> Iterator[ViserServer]
             server.stop()
 
 
+def run_script(target: ViserServer | ClientHandle, source: str) -> None:
+    """Run a script in a browser, or in every one, also in those that connect later."""
+    from viser._messages import RunJavascriptMessage
+
+    target.gui._websock_interface.queue_message(RunJavascriptMessage(source))
+
+
 def url_of(server: ViserServer) -> str:
     """What to open in a browser."""
     host = server.get_host()

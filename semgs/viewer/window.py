@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import json
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -28,18 +28,17 @@ from semgs.robotics.objects import Objects
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import Up, UpDirection, up_of
 from semgs.viewer import panel_texts as texts
-from semgs.viewer.nodes import add_boxes, add_input_views, add_splats, in_the_way, node_name, set_first_camera
+from semgs.viewer.nodes import add_boxes, add_input_views, add_splats, node_name, set_first_camera, view_data
 from semgs.viewer.pick import pick
-from semgs.viewer.server import ANY_PORT, LOOPBACK, serving, url_of
+from semgs.viewer.server import ANY_PORT, LOOPBACK, run_script, serving, url_of
 from semgs.viewer.splat_groups import Mode, SceneSplats
 from semgs.viewer.viewer_cameras import InputView, camera_seen_from, input_views, pixel_of
+from semgs.viewer.viewer_page import web_text
 
 if TYPE_CHECKING:
     from semgs.viewer.server import (
-        CameraHandle,
         ClientHandle,
         GuiCheckboxHandle,
-        GuiEvent,
         SceneClickEvent,
         SceneNodePointerEvent,
         ViserServer,
@@ -56,12 +55,9 @@ MODES: dict[str, Mode] = {
 }  # fmt: skip
 """Names of the modes in the panel."""
 
-HINT = "Drag to turn, right-drag to move, scroll to zoom. Click the scene to see what is there, or an input view to fly to it."
-
-FLIGHT = np.sin(np.linspace(0, np.pi / 2, 13)[1:]) ** 2
-"""The shares of the way at which a flight to an input view shows an image."""
-
-FLIGHT_SECONDS = 0.5
+HINT = (
+    "Drag to turn, right-drag to move, scroll to zoom; or use the arrow keys and W A S D. Click to see what is there."
+)
 
 
 @contextmanager
@@ -73,6 +69,7 @@ def open_window(
     min_confidence: float = 0.0,
     at_most: int | None = None,
     things: Objects | None = None,
+    near_photos: bool = True,
     host: str = LOOPBACK,
     port: int = ANY_PORT,
 ) -> Iterator[Window]:
@@ -85,6 +82,7 @@ def open_window(
         min_confidence: Gaussians and pixels whose likeliest class is less likely are unknown.
         at_most: Gaussians in the viewer: the most opaque ones. None is all.
         things: to show with their boxes.
+        near_photos: whether cameras stay where the photos saw, until a user frees them.
         host, port: as for `serving`.
 
     Raises:
@@ -94,7 +92,8 @@ def open_window(
     splats = SceneSplats.of(scene, min_confidence, at_most, None if things is None else things.instances)
     boxes = () if things is None else place_things(things)
     with serving(host, port) as server:
-        yield Window(server, splats, input_views(scene, splats.scale, photos), up_of(scene, up), min_confidence, boxes)
+        views = input_views(scene, splats.scale, photos)
+        yield Window(server, splats, views, up_of(scene, up), min_confidence, boxes, near_photos)
 
 
 class Window:
@@ -113,12 +112,15 @@ class Window:
         up: UpDirection,
         min_confidence: float,
         boxes: Sequence[PlacedThing] = (),
+        near_photos: bool = True,
     ) -> None:
         self._server, self._splats, self._views, self._min_confidence = server, splats, views, min_confidence
         self._metric = splats.scene.unit == "metric"
         self._lock = threading.Lock()  # viser calls from many threads
         self._mode: Mode = "colour"
         self._tint = 0.0
+        self._near_photos = near_photos
+        run_script(server, web_text("camera.js"))  # before the splats, for which it prepares viser's client
         self.url, self.up = url_of(server), up
         server.gui.set_panel_label(printable(splats.scene.source))
         set_first_camera(server, views[0], up)
@@ -127,13 +129,12 @@ class Window:
             group.name: add_splats(server, f"/gaussians/{node_name(group.name)}", whole.of(group.members))
             for group in splats.groups
         }
-        self._frusta = add_input_views(server, views)
         self._things = add_boxes(server, boxes, splats.scale)
         self._add_panel()
         server.scene.on_click()(self._describe_click)
-        for frustum, view in zip(self._frusta, views, strict=True):
-            frustum.on_click(partial(self._fly_to_clicked, view))
-        server.on_client_connect(self._follow_camera)
+        for number, frustum in enumerate(add_input_views(server, views)):
+            frustum.on_click(partial(self._fly_to_clicked, number))
+        run_script(server, f"semgs.start({json.dumps({'views': view_data(views), 'near': near_photos})})")
 
     def _add_panel(self) -> None:
         """Add all controls."""
@@ -173,10 +174,16 @@ class Window:
             self._click_text = gui.add_html(texts.paragraph("Nothing yet."))
         with gui.add_folder("Views"):
             numbers = [str(number + 1) for number in range(len(self._views))]
-            flights = gui.add_button_group("Fly to input", numbers)
-            flights.on_click(lambda event: self._fly(event.client, self._views[int(event.target.value) - 1]))
-            self._inputs_control = gui.add_checkbox("Show inputs", True)
-            self._inputs_control.on_update(self._toggle_inputs)
+            back = gui.add_button("Back to the photos", hint="Fly to the nearest photo")
+            back.on_click(lambda event: self._tell(event.client, "semgs.goBack()"))
+            flights = gui.add_button_group("Photo", numbers)
+            flights.on_click(lambda event: self._fly(event.client, int(event.target.value) - 1))
+            near = gui.add_checkbox("Stay where the photos saw", self._near_photos)
+            near.on_update(lambda event: run_script(self._server, f"semgs.stayNear({json.dumps(event.target.value)})"))
+            inputs = gui.add_checkbox("Show the photos", True)
+            inputs.on_update(
+                lambda event: run_script(self._server, f"semgs.showPhotos({json.dumps(event.target.value)})")
+            )
             if self._things:
                 self._things_control = gui.add_checkbox("Show boxes of things", True)
                 self._things_control.on_update(self._toggle_things)
@@ -212,25 +219,10 @@ class Window:
             box.value = visible  # type: ignore[misc]  # mypy does not see its setter
             self._nodes[name].visible = visible
 
-    def _toggle_inputs(self, event: GuiEvent) -> None:
-        """Show or hide the input views, as their checkbox says."""
-        if event.client is not None:
-            self._hide_views_in_the_way(event.client.camera)
-
     def _toggle_things(self, event: object) -> None:
         """Show or hide the boxes of things, as their checkbox says."""
         for node in self._things:
             node.visible = self._things_control.value
-
-    def _follow_camera(self, client: ClientHandle) -> None:
-        """Follow the camera of a browser."""
-        client.camera.on_update(self._hide_views_in_the_way)
-
-    def _hide_views_in_the_way(self, camera: CameraHandle) -> None:
-        """Show the input views that are not in the way of a camera, if the panel says so."""
-        x, y, z = camera.position.tolist()
-        for frustum, view in zip(self._frusta, self._views, strict=True):
-            frustum.visible = self._inputs_control.value and not in_the_way(view, (x, y, z))
 
     def _show_mode(self) -> None:
         """Replace the splats by those of the mode and the overlay that the panel says. While a slider moves, steps in between are left out."""
@@ -268,24 +260,18 @@ class Window:
         """The Gaussians of the classes that are shown."""
         return self._splats.visible([name for name, box in self._boxes.items() if not box.value])
 
-    def _fly_to_clicked(self, view: InputView, event: SceneNodePointerEvent) -> None:
+    def _fly_to_clicked(self, number: int, event: SceneNodePointerEvent) -> None:
         """Fly to an input view."""
-        self._fly(event.client, view)
+        self._fly(event.client, number)
 
-    def _fly(self, client: ClientHandle | None, view: InputView) -> None:
+    def _fly(self, client: ClientHandle | None, number: int) -> None:
         """Move a browser's camera to an input view."""
-        if client is None:
-            return
-        camera = client.camera
-        start = [np.array(camera.position), np.array(camera.look_at), camera.fov]
-        for share in FLIGHT:
-            position, look_at, fov = (
-                (1 - share) * one + share * np.asarray(other)
-                for one, other in zip(start, (view.position, view.look_at, view.fov), strict=True)
-            )
-            with client.atomic():
-                camera.position, camera.look_at, camera.fov = position, look_at, float(fov)
-            time.sleep(FLIGHT_SECONDS / len(FLIGHT))
+        self._tell(client, f"semgs.fly({number})")
+
+    def _tell(self, client: ClientHandle | None, script: str) -> None:
+        """Run a script in a browser."""
+        if client is not None:
+            run_script(client, script)
 
     def _render(self, client: ClientHandle | None) -> None:
         """Render what a browser's camera sees."""

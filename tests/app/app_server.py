@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import pytest
 from chromium import page_of
-from viser_canvas import KNOWN
 
 if TYPE_CHECKING:
     from playwright.sync_api import FrameLocator, Page
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 LEFT = "BodyStreamBuffer was aborted|Connection errored out"
 """What gradio says when a page is left while it listens to the server."""
 
-UNKNOWN = rf"{KNOWN}|{LEFT}|Failed to load resource: the server responded with a status of 404"
+UNKNOWN = rf"{LEFT}|Failed to load resource: the server responded with a status of 404"
 
 
 @dataclass(frozen=True)

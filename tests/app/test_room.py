@@ -14,7 +14,6 @@ from pathlib import Path
 import pytest
 from chromium import page_of
 from room_folders import write_reconstruction
-from viser_canvas import KNOWN
 
 from semgs.app.room import plain_note, write_room
 
@@ -68,7 +67,7 @@ def test_a_note_that_all_photos_were_placed_is_no_news():
 
 
 def test_a_room_in_a_browser_hides_classes_names_what_is_clicked_and_measures(room: Path):
-    with served(room) as address, page_of((700, 420), offline=False, known=KNOWN) as page:
+    with served(room) as address, page_of((700, 420), offline=False) as page:
         page.goto(f"{address}/index.html")
         page.locator("body[data-ready]").wait_for()
         scene, info = page.locator("#scene"), page.locator("#info")
@@ -79,6 +78,9 @@ def test_a_room_in_a_browser_hides_classes_names_what_is_clicked_and_measures(ro
         scene.click(position=on_wall)
         info.get_by_text("wall", exact=True).wait_for()
         assert "80 %" in info.inner_text()
+        page.get_by_role("button", name="Back to the photos").click()
+        page.get_by_role("button", name="Stay near").click()
+        page.get_by_role("button", name="Stay near", pressed=False).click()
         page.get_by_role("button", name="Measure").click()
         scene.click(position=on_wall)
         info.get_by_text("Click the second point.").wait_for()

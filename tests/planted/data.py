@@ -369,6 +369,9 @@ DATA = (
         "preference(baselines / depths)", "preference(baselines / typical)", OF_CHOICE,
     ),
     Mutant(
+        "close-ups count as much as other frames", CHOICE, "CLOSE_UP = 0.95", "CLOSE_UP = 0.1", OF_CHOICE,
+    ),
+    Mutant(
         "what two frames share is the larger of both directions", COVISIBILITY,
         "return np.minimum(seen, seen.T)", "return np.maximum(seen, seen.T)", OF_COVISIBILITY,
     ),

@@ -93,17 +93,26 @@ def test_a_world_that_lies_on_its_side_gives_the_same_plan_with_its_up(found: Oc
         assert (again.cells == content).sum() == pytest.approx((found.cells == content).sum(), rel=within)
 
 
-def test_uncertain_depth_frees_less_and_gaussians_in_no_order_need_depths(found: Occupancy) -> None:
+def test_uncertain_depth_frees_less_and_gaussians_in_no_order_need_no_depths(found: Occupancy) -> None:
     scene = room_of_blocks()
     spread = torch.full_like(scene.depths, 0.5)
     less = occupancy(scene.gaussians, scene.cameras, depth_spread=spread)
     assert (less.voxels == FREE).sum() < 0.6 * (found.voxels == FREE).sum()
     order = torch.randperm(len(scene.gaussians), generator=torch.Generator().manual_seed(1))[:-7]
     merged = scene.gaussians.map(lambda tensor: tensor[order])
-    with pytest.raises(ValueError, match="expected one for each pixel"):
-        occupancy(merged, scene.cameras)
     again = occupancy(merged, scene.cameras, depths=scene.depths)
     assert (again.cells != found.cells).mean() < 0.01
+    # Rendered depths blend at edges, and a wall seen at a slant has other pixels.
+    again = occupancy(merged, scene.cameras)
+    assert again.cells.shape == found.cells.shape
+    assert (again.cells != found.cells).mean() < 0.03
+    for place, content in (
+        ((1.6, -0.1), FREE),
+        ((2.03, 0.5), OCCUPIED),
+        ((4.03, -0.1), OCCUPIED),
+        ((2.9, 0.75), UNKNOWN),
+    ):
+        assert at(again, *place) == content
 
 
 def test_the_floor_is_the_fullest_level_of_its_class_and_without_classes_the_lowest_full_one() -> None:

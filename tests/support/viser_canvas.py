@@ -12,9 +12,6 @@ from chromium import page_of
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-KNOWN = r"computeBoundingSphere\(\): Computed radius is NaN"
-"""The one error in the console that viser's client always prints: its quads of splats have positions with two coordinates."""
-
 LOOK = """() => {
     const canvas = [...document.querySelectorAll("canvas")].sort((a, b) => b.width * b.height - a.width * a.height)[0];
     window.coloursAt = (places) => {
@@ -58,7 +55,7 @@ def canvas_of(url: str, size: tuple[int, int], offline: bool = False) -> Iterato
         size: (height, width) of the window [px].
         offline: without a network.
     """
-    with page_of(size, offline=offline, known=KNOWN) as page:
+    with page_of(size, offline=offline) as page:
         loaded: list[str] = []
         page.on("request", lambda request: loaded.append(request.url))
         page.goto(url)

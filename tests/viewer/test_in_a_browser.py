@@ -81,17 +81,83 @@ def test_the_controls_do_what_they_say():
 @pytest.mark.long
 def test_a_page_needs_no_network_and_shows_what_the_viewer_shows(tmp_path: Path):
     file = tmp_path / "scene.html"
-    file.write_text(scene_page(wall_and_chair(), [np.full((40, 50, 3), 255, np.uint8)] * 2, up="z"))
-    with canvas_of(file.as_uri(), SIZE, offline=True) as canvas:
+    file.write_text(scene_page(wall_and_chair(), [np.full((40, 50, 3), 255, np.uint8)] * 2, up="z").html)
+    with canvas_of(file.as_uri(), LARGE, offline=True) as canvas:
         page = canvas.page
         canvas.wait_for_colour(ON_WALL, bytes_of(RED))
-        page.locator(".tabler-icon-binary-tree-2").first.click()
-        # WorldAxes, colour, classes, input views: an eye for each.
-        page.locator(".tabler-icon-eye").first.click()
-        canvas.wait_for_colour(ON_WALL, BACKGROUND)
-        page.locator(".tabler-icon-eye-off").nth(2).click()
+        page.locator("body[data-ready]").wait_for()
+        page.get_by_role("button", name="Classes").click()
         canvas.wait_for_colour(ON_WALL, SCANNET20.colours[WALL])
+        click(canvas, ON_WALL, LARGE)
+        page.get_by_text("wall, 80 %").wait_for()
+        page.get_by_label("wall").uncheck()
+        canvas.wait_for_colour(ON_WALL, BACKGROUND)
+        canvas.wait_for_colour(ON_CHAIR, SCANNET20.colours[CHAIR])
+        page.get_by_role("button", name="all", exact=True).click()
+        canvas.wait_for_colour(ON_WALL, SCANNET20.colours[WALL])
+        assert page.locator(".mantine-ActionIcon-root:visible").count() == 0, "viser's tree, which is no legend"
         assert requests_of(canvas) == [file.as_uri()]
+
+
+def distance_from(canvas: Canvas, view: int) -> float:
+    """How far the camera will be from a photo once it is at rest [the viewer's units]."""
+    return canvas.page.evaluate(
+        """(number) => {
+            const { cameraControl, camera, nodeRefFromName } = __viserMutable;
+            const view = JSON.parse(document.getElementById("semgs").textContent).views[number];
+            const place = camera.position.clone().fromArray(view.position).applyMatrix4(nodeRefFromName[""].matrixWorld);
+            return place.distanceTo(cameraControl.getPosition(camera.position.clone(), true));
+        }""",
+        view,
+    )
+
+
+@pytest.mark.long
+def test_the_camera_of_a_page_stays_near_the_photos_until_it_is_freed_and_returns_to_them(tmp_path: Path):
+    file = tmp_path / "scene.html"
+    file.write_text(scene_page(wall_and_chair(), up="z").html)
+    with canvas_of(file.as_uri(), LARGE, offline=True) as canvas:
+        page = canvas.page
+        page.locator("body[data-ready]").wait_for()
+        assert distance_from(canvas, 0) < 1e-3, "it starts at a photo"
+
+        def drag(step: int) -> None:
+            page.mouse.move(300, 400)
+            page.mouse.down()
+            for number in range(1, 5):
+                page.mouse.move(300 + number * step, 400)
+            page.mouse.up()
+
+        drag(-50)
+        # 200 px of 720 are 100 degrees around a point 10 units ahead at viser's speed, 25 degrees at ours, which would be 4.3 units aside:
+        # at most 2 are allowed, and what that is along the optical axis.
+        assert 0.5 < min(distance_from(canvas, 0), distance_from(canvas, 1)) < 2.3
+        page.get_by_role("button", name="Back to the photos").click()
+        assert min(distance_from(canvas, 0), distance_from(canvas, 1)) < 1e-3
+        page.get_by_role("button", name="Photo 2").click()
+        assert distance_from(canvas, 1) < 1e-3
+        page.keyboard.down("KeyW")  # although the button has the focus
+        wait_until(lambda: distance_from(canvas, 1) > 0.01)
+        page.keyboard.up("KeyW")
+        page.get_by_label("Stay where the photos saw").uncheck()
+        drag(50)
+        assert min(distance_from(canvas, 0), distance_from(canvas, 1)) > 10
+        page.get_by_label("Stay where the photos saw").check()
+        assert min(distance_from(canvas, 0), distance_from(canvas, 1)) < 1e-3
+
+
+@pytest.mark.long
+def test_a_page_on_a_phone_is_as_wide_as_the_phone_and_shows_the_classes_on_request(tmp_path: Path):
+    file = tmp_path / "scene.html"
+    file.write_text(scene_page(wall_and_chair(), up="z").html)
+    with canvas_of(file.as_uri(), (844, 390), offline=True) as canvas:
+        page = canvas.page
+        assert page.evaluate("document.documentElement.scrollWidth") == 390
+        assert not page.get_by_label("wall").is_visible()
+        page.get_by_role("button", name="More").click()
+        page.get_by_label("wall").wait_for()
+        page.get_by_role("button", name="Less").click()
+        assert not page.get_by_label("wall").is_visible()
 
 
 @pytest.mark.long

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import base64
+import json
 import re
 from dataclasses import replace
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 import zstandard
-from wall_and_chair import wall_and_chair
+from wall_and_chair import CHAIR, wall_and_chair
 
 from semgs.viewer.viewer_page import MOST_GAUSSIANS, scene_page
 
@@ -22,11 +23,27 @@ def messages(page: str) -> list[dict]:
     return [message for _, message in msgspec.msgpack.decode(inner[8 : 8 + count])["messages"]]
 
 
-def test_a_page_has_a_node_for_each_class_named_by_it_and_starts_at_the_first_photo():
+def data_of(page: str) -> dict:
+    """What the page's scripts know of its scene."""
+    return json.loads(re.search('id="semgs">(.*?)</script>', page)[1])
+
+
+def test_a_page_has_a_node_for_each_step_of_each_class_and_starts_at_the_first_photo():
     scene = wall_and_chair()
-    found = messages(scene_page(scene, [np.zeros((4, 5, 3), np.uint8)] * 2, up="z"))
+    assert scene.gaussians.semantic is not None
+    features = scene.gaussians.semantic.features.reshape(2, 40, 50, -1)  # the likeliest class has 0.8
+    features[:, :, 40:] = 0.45 / (features.shape[-1] - 1)
+    features[:, :, 40:, CHAIR] = 0.55
+    page = scene_page(scene, [np.zeros((4, 5, 3), np.uint8)] * 2, up="z").html
+    found = messages(page)
     names = [message["name"] for message in found if message["type"] == "GaussianSplatsMessage"]
-    assert names == ["/colour/wall", "/colour/chair", "/classes/wall", "/classes/chair"]
+    assert names == [f"/{mode}/{part}" for mode in ("colour", "classes") for part in ("0/8", "1/5", "1/8")]
+    data = data_of(page)
+    assert [entry["name"] for entry in data["classes"]] == ["wall", "chair"]
+    assert data["steps"] == [[8], [5, 8]]
+    confidences = np.frombuffer(base64.b64decode(data["confidences"]), np.uint8)
+    # In the order of the nodes: 2 views of 40 x 30, 40 x 10 and 40 x 10 pixels; 255 x 0.8 = 204, 255 x 0.55 = 140.25.
+    assert confidences.tolist() == [204] * 2400 + [140] * 800 + [204] * 800
     visible = {
         message["name"]: message["visible"] for message in found if message["type"] == "SetSceneNodeVisibilityMessage"
     }
@@ -35,19 +52,23 @@ def test_a_page_has_a_node_for_each_class_named_by_it_and_starts_at_the_first_ph
     frusta = [message for message in found if message["type"] == "CameraFrustumMessage"]
     assert [message["name"] for message in frusta] == ["/input views/1 a-left.jpg", "/input views/2 b.jpg"]
     assert all(message["props"]["_image_data"] is not None for message in frusta)
+    assert [view["node"] for view in data["views"]] == [message["name"] for message in frusta]
+    assert not any(visible[message["name"]] for message in frusta), "photos would hide the scene before the script runs"
     first = next(message for message in found if message["type"] == "SetCameraPositionMessage")
     assert first["position"] == pytest.approx((4.0, 8.0, 6.0))
 
 
 def test_a_page_is_named_after_its_scene_as_text():
-    page = scene_page(replace(wall_and_chair((4, 5)), source="<b>wall</b>"))
-    assert "<title>&lt;b&gt;wall&lt;/b&gt;</title>" in page
-    assert "opens the tree of classes" in page
+    page = scene_page(replace(wall_and_chair((4, 5)), source="<b>wall</b></script>")).html
+    assert "<title>&lt;b&gt;wall&lt;/b&gt;&lt;/script&gt;</title>" in page
+    assert data_of(page)["title"] == "<b>wall</b></script>"
 
 
 def test_a_page_of_a_scene_without_classes_has_no_group_of_classes():
-    found = messages(scene_page(wall_and_chair((4, 5), classes=False)))
-    assert [message["name"] for message in found if message["type"] == "GaussianSplatsMessage"] == ["/colour/scene"]
+    page = scene_page(wall_and_chair((4, 5), classes=False)).html
+    names = {message["name"] for message in messages(page) if message["type"] == "GaussianSplatsMessage"}
+    assert all(name.startswith("/colour/0/") for name in names)
+    assert data_of(page)["classes"] == []
 
 
 def test_a_thinned_page_has_the_most_opaque_gaussians():
@@ -55,10 +76,11 @@ def test_a_thinned_page_has_the_most_opaque_gaussians():
     # The most opaque 10 are the last 10 columns of the last row, and all of the chair.
     names = [
         message["name"]
-        for message in messages(scene_page(scene, at_most=10))
+        for message in messages(scene_page(scene, at_most=10).html)
         if message["type"] == "GaussianSplatsMessage"
     ]
-    assert names == ["/colour/chair", "/classes/chair"]
+    assert names == ["/colour/0/8", "/classes/0/8"]
+    assert scene_page(scene, at_most=10).shown == 10
 
 
 @pytest.mark.long
@@ -79,4 +101,4 @@ def test_a_page_of_the_default_number_of_gaussians_has_at_most_10_mb():
     )
     assert len(scene.gaussians) > MOST_GAUSSIANS
     photo = np.random.default_rng(1).integers(0, 256, (240, 320, 3), np.uint8)
-    assert len(scene_page(scene, [photo, photo]).encode()) <= 10_000_000
+    assert len(scene_page(scene, [photo, photo]).html.encode()) <= 10_000_000

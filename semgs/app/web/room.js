@@ -38,6 +38,13 @@
     event.currentTarget.setAttribute("aria-pressed", state.boxes);
     change();
   });
+  find("#back").addEventListener("click", () => send({ back: true }));
+  const near = find("#near");
+  near.addEventListener("click", () => {
+    const pressed = near.getAttribute("aria-pressed") !== "true";
+    near.setAttribute("aria-pressed", pressed);
+    send({ near: pressed });
+  });
   all("[data-fly]").forEach((button) => button.addEventListener("click", () => {
     send({ fly: Number(button.dataset.fly) });
     find(".stage").scrollIntoView({ block: "nearest" });

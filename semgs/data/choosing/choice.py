@@ -1,8 +1,8 @@
 """Choice of views: which frames become input views, which become target views, and why.
 
 Frames are judged by what they see and from where, not by their position in the file. Two frames go well together if they see the
-same things with a baseline of about a tenth of the depth: a shorter one shows no depth, a longer one leaves no matches. Depths come from
-depth maps or sparse points, if the scene has them (`semgs.data.choosing.covisibility`).
+same things with a baseline of about a tenth of the depth: a shorter one shows no depth, a longer one leaves no matches. Close-ups count
+less, because they show little of the scene. Depths come from depth maps or sparse points, if the scene has them (`semgs.data.choosing.covisibility`).
 """
 
 from __future__ import annotations
@@ -28,6 +28,9 @@ STEEPNESS = 0.72
 
 LEAST_SHARED = 0.3
 """An input view has to share at least this much of what it sees with another one, in both directions."""
+
+CLOSE_UP = 0.95
+"""Pairs with a frame whose median depth is below this share of the scene's count less, by the square of the ratio, like the area that it sees."""
 
 DRAWN_FROM = 40
 """Candidates for the other frames of a training sample."""
@@ -75,7 +78,7 @@ class Choice:
 def choose(scene: Scene, count: int) -> Choice:
     """The `count` frames that go best together as input views, and frames between them as targets.
 
-    The first two are the pair with the most overlap and a baseline near 5 to 15 % of the depth. Each further frame is the one that goes
+    The first two are the pair with the most overlap and a baseline near 5 to 15 % of the depth, unless it shows little of the scene. Each further frame is the one that goes
     best with the nearest chosen frame, so views are added next to the others and show more. Frames that share less than `LEAST_SHARED` are
     never taken, so there may be fewer than `count`; a note says so.
 
@@ -91,7 +94,9 @@ def choose(scene: Scene, count: int) -> Choice:
     together = Covisibility.of(scene, few, grids.of(few, typical))
     overlaps, baselines = together.overlaps(), together.baselines
     depths = np.sqrt(together.medians[:, None] * together.medians)
-    scores = np.where(overlaps >= LEAST_SHARED, overlaps * preference(baselines / depths), -1)
+    nearer = np.minimum(together.medians[:, None], together.medians)
+    extent = np.minimum(nearer / (CLOSE_UP * np.median(together.medians)), 1)
+    scores = np.where(overlaps >= LEAST_SHARED, overlaps * preference(baselines / depths) * extent**2, -1)
     np.fill_diagonal(scores, -1)
     each_once = np.where(np.tri(len(few), dtype=bool), -1, scores)
 

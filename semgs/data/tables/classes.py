@@ -8,7 +8,7 @@ IGNORE = 255
 """The label of unlabelled pixels. They count in no semantic loss or metric."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ClassTable:
     """A class table; a label is a position in it.
 
@@ -35,6 +35,10 @@ class ClassTable:
             )
         if len(set(self.names)) != len(self.names):
             raise ValueError(f"class table {self.name} has a class name twice")
+
+    def __repr__(self) -> str:
+        """Without its lists, which would fill the pages of `help` wherever a table is a default."""
+        return f"<class table {self.name}, {len(self.names)} classes>"
 
     def __len__(self) -> int:
         return len(self.names)

@@ -10,9 +10,9 @@ from semgs.figures.depth_images import depth_bar, depth_ticks
 from semgs.figures.number_texts import decibels, duration, length, percent
 from semgs.figures.view_images import as_bytes, class_map, depth_map, heat_map, photo, please_note, true_class_map
 from semgs.files.images.colours import depth_limits
-from semgs.objectives.measures import MOSTLY_SEEN, TITLES, shown_number
+from semgs.objectives.measures import EXPLANATIONS, MOSTLY_SEEN, TITLES, shown_number
 from semgs.reconstruction.notes import note_on_refinement
-from semgs.reconstruction.output.report import Provenance, outputs
+from semgs.reconstruction.output.report import SCENE_PAGE, Provenance, outputs
 from semgs.reconstruction.output.score_table import refinement_table, score_table, scores_lead
 from semgs.reconstruction.result import PhotoRefinement, Reconstruction, RenderedViews
 from semgs.reconstruction.scores import by_measure, mean_scores
@@ -28,6 +28,13 @@ CURVE = (90, 120, 180)
 
 HELD_OUT = "The model did not get these frames: they test the reconstruction. What no input view sees stays empty."
 
+TIME = (
+    "Of this run. The first pass of a process takes longer than the next ones, and kernels are compiled once per installation; "
+    "semgs bench measures the time without both."
+)
+
+ENCODE = "One pass of the network, without reading photos and weights. The first pass of a process, as here, takes longer than the next ones."
+
 HELD_OUT_OF_LABELS = "These photos said no classes. Whether the splat was trained on them, its file does not say."
 
 
@@ -39,7 +46,7 @@ def report_page(result: Reconstruction, origin: Provenance, seconds: dict[str, f
     sections = [
         *please_note(result.notes),
         page.Section(
-            "Input views", _own_lead(result), (*_galleries(result, result.context, limits), *_keys(result, limits))
+            "Input views", _own_lead(result), (*_keys(result, limits), *_galleries(result, result.context, limits))
         ),
         *(
             [
@@ -60,7 +67,7 @@ def report_page(result: Reconstruction, origin: Provenance, seconds: dict[str, f
             (page.Links(tuple(link for link in outputs(result, page_in_3d) if link.name != "report.html")),),
         ),
         page.Section("Details", "", (_facts(result, origin),), folded=True),
-        page.Section("Time", "", (_timings(seconds),), folded=True),
+        page.Section("Time", TIME, (_timings(seconds),), folded=True),
     ]
     return page.html_page(
         title=scene.name,
@@ -69,7 +76,19 @@ def report_page(result: Reconstruction, origin: Provenance, seconds: dict[str, f
         headlines=_headlines(result, seconds),
         sections=sections,
         foot=f"Made by {origin.software}. The numbers of this page are in report.json.",
+        first=_first_row(result, limits),
+        link=page.Link(SCENE_PAGE, "Look around in 3D") if page_in_3d else None,
     )
+
+
+def _first_row(result: Reconstruction, limits: tuple[float, float]) -> page.Gallery:
+    """One view for somebody who opens the report: a held-out one, if there is one."""
+    part = result.target or result.context
+    row = _galleries(result, part, limits)[0]
+    what = "a photo that the network did not get" if part.role == "target" else "an input photo"
+    if result.splat is not None:
+        what = "a photo of the splat's scene"
+    return page.Gallery("At a glance", f"{what}, and the scene from the same camera", row.pictures)
 
 
 def _what_was_done(result: Reconstruction) -> str:
@@ -91,20 +110,29 @@ def _headlines(result: Reconstruction, seconds: dict[str, float]) -> list[page.H
     found = []
     if result.target is not None:
         held_out = mean_scores(result.target.scores)
-        found.append(page.Headline(decibels(held_out.psnr), "PSNR of held-out views"))
+        found.append(page.Headline(decibels(held_out.psnr), "PSNR of held-out views", EXPLANATIONS["psnr"]))
         if held_out.coverage < MOSTLY_SEEN:
-            found.append(page.Headline(decibels(held_out.psnr_seen), f"over the {percent(held_out.coverage)} seen"))
+            seen = f"over the {percent(held_out.coverage)} seen"
+            found.append(page.Headline(decibels(held_out.psnr_seen), seen, EXPLANATIONS["psnr_seen"]))
         for name in ("miou_per_image", "depth_abs_rel"):
             if (value := by_measure(held_out).get(name)) is not None:
-                found.append(page.Headline(shown_number(name, value, 2), f"{TITLES[name]} of held-out views"))
-    found.append(page.Headline(decibels(mean_scores(result.context.scores).psnr), "PSNR of the input views"))
-    found.append(page.Headline(f"{len(result.encoding.gaussians):,}", "Gaussians"))
+                title = f"{TITLES[name]} of held-out views"
+                found.append(page.Headline(shown_number(name, value, 2), title, EXPLANATIONS[name]))
+    psnr = decibels(mean_scores(result.context.scores).psnr)
+    found.append(page.Headline(psnr, "PSNR of the input views", EXPLANATIONS["psnr"]))
+    count = f"{len(result.encoding.gaussians):,}"
+    found.append(page.Headline(count, "Gaussians", "Soft coloured ellipsoids; the scene is made of them."))
     if result.classes is not None:
-        found.append(page.Headline(str(len(legend(result.label_maps, result.classes))), "classes present"))
+        count = str(len(legend(result.label_maps, result.classes)))
+        found.append(page.Headline(count, "classes present", "Of the class table; the legend below names them."))
     if "encode" in seconds:
-        found.append(page.Headline(duration(seconds["encode"]), "from photos to Gaussians"))
+        found.append(page.Headline(duration(seconds["encode"]), "from photos to Gaussians, first pass", ENCODE))
     if "sharpen" in seconds:
-        found.append(page.Headline(duration(seconds["sharpen"]), "to refine them"))
+        found.append(
+            page.Headline(
+                duration(seconds["sharpen"]), "to refine them", "Optimising the Gaussians on the input photos."
+            )
+        )
     return found
 
 

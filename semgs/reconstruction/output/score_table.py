@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from semgs.figures.html_page import Table
-from semgs.objectives.measures import MEANINGS, MOSTLY_SEEN, TITLES, shown_number
+from semgs.objectives.measures import EXPLANATIONS, MEANINGS, MOSTLY_SEEN, TITLES, shown_number
 from semgs.reconstruction.result import Reconstruction
 from semgs.reconstruction.scores import ViewScores, by_measure, mean_scores
 
@@ -37,7 +37,7 @@ def score_table(result: Reconstruction) -> Table:
             rows.append((f"{name} (frame {position}, {role})", *cells(score)))
         if len(part.scores) > 1:
             rows.append((f"mean, {role}", *cells(mean_scores(part.scores))))
-    return Table(("view", *[TITLES[name] for name in names]), tuple(rows))
+    return Table(("view", *[TITLES[name] for name in names]), tuple(rows), _explained(names))
 
 
 def refinement_table(result: Reconstruction) -> Table:
@@ -49,7 +49,7 @@ def refinement_table(result: Reconstruction) -> Table:
             values = by_measure(mean_scores(scores))
             shown = (shown_number(name, values.get(name), DIGITS) for name in names)
             rows.append((f"{ROLES[part.role]} views, {title}", *shown))
-    return Table(("", *[TITLES[name] for name in names]), tuple(rows))
+    return Table(("", *[TITLES[name] for name in names]), tuple(rows), _explained(names))
 
 
 def score_lines(result: Reconstruction) -> list[str]:
@@ -72,6 +72,11 @@ def _measures(result: Reconstruction) -> list[str]:
     """The measures that some view has, in the order of tables."""
     known = {name for part in result.rendered_views for score in part.scores for name in by_measure(score)}
     return [name for name in TITLES if name in known]
+
+
+def _explained(names: list[str]) -> tuple[str, ...]:
+    """What each column means, beginning with the one that has none."""
+    return ("", *(EXPLANATIONS.get(name, "") for name in names))
 
 
 def _listed(names: list[str], values: dict[str, float]) -> str:

@@ -150,11 +150,38 @@ def test_without_two_frames_that_share_enough_there_is_one_clear_error():
 
 
 def test_the_office_holds_out_what_its_input_views_cover(shared):
-    """By its depth maps, frame 3 is the only one that views beside it cover; 1 and 2, between 0 and 3, are covered to two thirds."""
+    """Frames 0 to 4 are close-ups of the table that 13 and 14 show with the room around it."""
     office = open_scene(shared / "data" / "hololens_office")
-    for count, context in ((2, (0, 4)), (3, (0, 4, 5)), (4, (0, 4, 5, 6))):
+    for count, context, targets in (
+        (2, (13, 14), (1,)),
+        (3, (13, 14, 15), (1, 2)),
+        (4, (12, 13, 14, 15), (0, 1, 2, 3)),
+    ):
         choice = choose(office, count)
-        assert (choice.context, choice.targets, choice.notes) == (context, (3,), ())
+        assert (choice.context, choice.targets, choice.notes) == (context, targets, ())
+
+
+def test_a_close_up_is_chosen_only_if_it_is_much_better():
+    """Two pairs with baselines of 9 % and the same overlap, 1 m and 3 m from a wall. The middle of 1, 1, 3 and 3 m is 2 m: near ones count (1 / 1.9)^2."""
+
+    def office(*walls: float) -> Scene:
+        poses = [
+            looking((x, 0.1, 0), (x, 0.1, 5), roll=0.0) for x in (0.0, 0.09 * walls[0], 50.0, 50.0 + 0.09 * walls[2])
+        ]
+        bare = scene(poses)
+        return replace(
+            bare,
+            frames=tuple(
+                replace(one, depth=InMemory(np.full(LENS.size, wall, np.float32)))
+                for one, wall in zip(bare.frames, walls, strict=True)
+            ),
+        )
+
+    assert choose(office(3.0, 3.0, 3.0, 3.0), 2).context == (0, 1), "the first of equal ones"
+    assert choose(office(1.0, 1.0, 3.0, 3.0), 2).context == (2, 3)
+    assert choose(office(3.0, 3.0, 1.0, 1.0), 2).context == (0, 1)
+    # 2.9 m is above 95 % of the middle, 2.95 m.
+    assert choose(office(2.9, 2.9, 3.0, 3.0), 2).context == (0, 1)
 
 
 def test_all_frames_may_be_contexts():

@@ -34,3 +34,13 @@ def test_tables_are_found_by_name_and_others_are_refused_with_the_known_ones():
 def test_tables_that_cannot_be_are_refused(change):
     with pytest.raises(ValueError, match="class table scannet20"):
         replace(SCANNET20, **change)
+
+
+def test_help_of_a_function_with_a_table_as_default_does_not_print_the_table():
+    import pydoc
+
+    from semgs.robotics.occupancy import occupancy
+
+    text = pydoc.render_doc(occupancy)
+    assert "<class table scannet20, 20 classes>" in text
+    assert "shower curtain" not in text

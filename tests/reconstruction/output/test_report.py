@@ -97,8 +97,8 @@ def test_the_page_tells_what_was_read_chosen_and_found(wall_scene: Callable[...,
         "32x48 (height x width), read from 40x56",
     ):  # fmt: skip
         assert part in text, part
-    bar, own, held_out, enlarged = 1, 2 * 9, 2 * 9, 1
-    assert html.count("<img") == bar + own + held_out + enlarged
+    first, bar, own, held_out, enlarged = 4, 1, 2 * 9, 2 * 9, 1
+    assert html.count("<img") == first + bar + own + held_out + enlarged
     more = "True classes, measured depth, classes over the photo, confidence (black 0 %, yellow 100 %), uncertainty of depth (black 0 %, yellow 30 % or more)"
     assert (text.count(more), text.count("true classes")) == (4, 4)
     assert text.count("measured depth") == 2 * 4 + 1  # once more in the reason
@@ -146,10 +146,38 @@ def test_pictures_come_first_and_details_last(wall_scene: Callable[..., Scene], 
     ]  # fmt: skip
     assert len(re.findall(r"<details>\s*<summary><h2>", html)) == 2
     captions = [re.findall(r"<figcaption>([^<]+)</figcaption>", view) for view in html.split('<div class="view">')[1:]]
-    assert [view[1:4] for view in captions] == [["render", "classes", "depth"]] * 4
+    assert [view[1:4] for view in captions] == [["render", "classes", "depth"]] * 5
+    glance, captions = captions[0], captions[1:]
+    assert glance == ["photo (held out)", "render", "classes", "depth"], "before the numbers"
+    assert (
+        html.index("At a glance")
+        < html.index('class="headlines"')
+        < html.index('class="legend"')
+        < html.index("photo (input)")
+    )
     assert captions[0][0] == "photo (input)"
     more = ["true classes", "measured depth", "classes over the photo", "confidence", "uncertainty of depth"]
     assert [[caption.split(" (")[0] for caption in view[4:]] for view in captions] == [more] * 4
+
+
+def test_each_number_says_what_it_means(wall_scene: Callable[..., Scene], oracle: Network) -> None:
+    scene = wall_scene()
+    html = report_page(reconstruct(scene, choose_named(scene, [0, 3]), oracle), ORIGIN, {"encode": 1.0})
+    headlines = html.split('<div class="headlines">')[1].split("<section>")[0]
+    names = re.findall(r"<span>(.*?)</span>", headlines)
+    assert len(names) >= 6
+    assert all(re.fullmatch(r'<abbr title="[^"]{20,}" tabindex="0">[^<]+</abbr>', name) for name in names), names
+    heads = re.findall(r"<th[^>]*>(.*?)</th>", html.split("<h2>Scores</h2>")[1].split("</thead>")[0])
+    assert all("<abbr" in head for head in heads[1:]), heads
+    assert "Of this run. The first pass of a process takes longer" in html
+
+
+def test_a_page_in_3d_is_linked_at_the_top(wall_scene: Callable[..., Scene], oracle: Network) -> None:
+    scene = wall_scene()
+    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle)
+    assert 'href="scene.html">Look around in 3D' not in report_page(result, ORIGIN, SECONDS)
+    html = report_page(result, ORIGIN, SECONDS, True)
+    assert html.index('href="scene.html">Look around in 3D') < html.index("At a glance")
 
 
 def test_all_files_but_the_page_itself_are_links(wall_scene: Callable[..., Scene], oracle: Network) -> None:

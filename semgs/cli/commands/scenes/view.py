@@ -131,10 +131,10 @@ class View:
                 min_confidence=self.min_confidence,
                 at_most=at_most,
                 things=self._things(opened),
+                near_photos=not opened.splat or bool(opened.photos),
             )
-            write_text(file, page)
-        count = min(at_most, len(scene.gaussians))
-        print(f"{file}: {count:,} of {len(scene.gaussians):,} Gaussians, {file.stat().st_size / 1e6:.1f} MB")
+            write_text(file, page.html)
+        print(f"{file}: {page.shown:,} of {len(scene.gaussians):,} Gaussians, {file.stat().st_size / 1e6:.1f} MB")
 
     def _things(self, opened: OpenedScene) -> Objects | None:
         """The things of the scene, if they are to be shown."""
@@ -166,6 +166,7 @@ class View:
             min_confidence=self.min_confidence,
             at_most=self.max_gaussians,
             things=self._things(opened),
+            near_photos=not opened.splat or bool(opened.photos),
             host=self.host,
             port=self.port,
         )
