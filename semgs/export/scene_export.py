@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -17,7 +18,7 @@ from semgs.export.gltf import save_gltf
 from semgs.export.map_files import IMAGE, VOXELS, save_map, save_voxels
 from semgs.export.ply import save_ply, save_semantic_ply
 from semgs.export.points import make_points, save_bag, save_points
-from semgs.export.scene_objects import PlacedThing, file_from_scene, occupancy_of, place_things, save_objects
+from semgs.export.scene_objects import PlacedThing, file_from_scene, floor_of, occupancy_of, place_things, save_objects
 from semgs.export.usd import FILE as USD_FILE
 from semgs.export.usd import save_usd
 from semgs.files.images.pictures import write_png
@@ -48,8 +49,15 @@ class SceneExport:
     labels: bool = False
 
     def frame(self, axes: Axes) -> FramedScene:
-        """The scene in the frame of a file in which this direction is up."""
-        return in_own_frame(self.scene) if self.up is None else upright(self.scene, axes, self.up)
+        """The scene in the frame of a file in which this direction is up; with z up, the floor is at 0 if one is found."""
+        if self.up is None:
+            return in_own_frame(self.scene)
+        return upright(self.scene, axes, self.up, self._floor if axes == "z" else None)
+
+    @cached_property
+    def _floor(self) -> float | None:
+        """The height of the floor along the direction that is up; None if there is none, or no unit in which to search it."""
+        return None if self.up is None else floor_of(self.scene, self.up)
 
     @property
     def _instances(self) -> Int64[np.ndarray, " g"] | None:

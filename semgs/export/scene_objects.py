@@ -24,8 +24,9 @@ from torch import Tensor
 from semgs.files.atomic import write_json
 from semgs.geometry.rotations import quaternion_from_matrix
 from semgs.robotics.boxes import SIGNS
+from semgs.robotics.floor import NoFloorError, floor_height
 from semgs.robotics.objects import Objects, Thing, objects
-from semgs.robotics.occupancy import Occupancy, occupancy
+from semgs.robotics.occupancy import FLOOR, Occupancy, occupancy
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import FramedScene, UpDirection
 
@@ -104,6 +105,27 @@ def occupancy_of(scene: SavedScene, up: UpDirection, **options: Any) -> Occupanc
         depth_spread=scene.depth_spread,
         **options,
     )
+
+
+def floor_of(scene: SavedScene, up: UpDirection) -> float | None:
+    """The height of the floor along the direction that is up; None if no floor was found, or the unit is unknown.
+
+    Args:
+        scene: the scene.
+        up: the direction that is up in it.
+    """
+    if scene.unit != "metric":
+        return None
+    gaussians = scene.gaussians
+    on_floor = None
+    if gaussians.semantic is not None and scene.classes is not None and FLOOR in scene.classes.names:
+        on_floor = (gaussians.semantic.features.argmax(-1) == scene.classes.index(FLOOR)).numpy()
+    heights = (gaussians.means.double() @ up.direction).numpy()
+    eyes = (scene.cameras.centres @ up.direction).numpy()
+    try:
+        return floor_height(heights, gaussians.opacities.double().numpy(), eyes, on_floor)
+    except NoFloorError:
+        return None
 
 
 def check_metric(scene: SavedScene) -> None:

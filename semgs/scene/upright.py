@@ -88,6 +88,13 @@ STEP = 2
 DIRECTIONS = 16
 """Directions that are scored at a time."""
 
+MOSTLY_FITS = 0.6
+"""With this share of level or upright surfaces a direction is certain, whatever lines say: the best direction for surfaces at random has 0.3 to 0.4."""
+
+LEVEL_FLOOR, FLOOR_PART = 0.4, 0.01
+"""A direction is also certain if this share of the floor is within 15 degrees of level, of normals at random 0.03 are, and the floor is at least this share of the
+surfaces."""
+
 EVERY = 8
 """One surface in so many is used: neighbours say the same."""
 
@@ -154,7 +161,7 @@ def up_of(scene: SavedScene, up: Up | UpDirection = "auto") -> UpDirection:
     found, score = _search(cues, ROUNDS)
     if not len(cues.surfaces) and not len(cues.lines):
         return UpDirection(found, "the cameras say it alone", certain=False)
-    return UpDirection(found, cues.fit(found), certain=score > 0)
+    return UpDirection(found, cues.fit(found), certain=score > 0 or cues.confirm(found))
 
 
 def up_near(scene: SavedScene, usual: Float64[Tensor, " 3"], reason: str) -> UpDirection:
@@ -246,6 +253,18 @@ class Cues:
             total = total + one.surfaces * likelihood.log().mean(0)
         return total
 
+    def confirm(self, up: Float64[Tensor, " 3"]) -> bool:
+        """Whether surfaces confirm a direction: most of them are level or upright, or the floor is level."""
+        if not len(self.surfaces):
+            return False
+        along = self.surfaces @ up
+        if _level_or_upright(along) >= MOSTLY_FITS:
+            return True
+        floor = ~self.may_be_upright
+        if floor.double().mean() < FLOOR_PART:
+            return False
+        return bool((along[floor].abs() > cos(radians(15))).double().mean() >= LEVEL_FLOOR)
+
     def fit(self, up: Float64[Tensor, " 3"]) -> str:
         """How much fits a direction, for the user."""
         parts = []
@@ -254,10 +273,14 @@ class Cues:
             upright = (self.lines / lengths[:, None] @ up).abs() < sin(radians(2))
             parts.append(f"{(lengths * upright).sum() / lengths.sum():.0%} of the lines are upright")
         if len(self.surfaces):
-            along = (self.surfaces @ up).abs()
-            level = ((along > cos(radians(15))) | (along < sin(radians(15)))).double().mean()
-            parts.append(f"{level:.0%} of the surfaces are level or upright")
+            parts.append(f"{_level_or_upright(self.surfaces @ up):.0%} of the surfaces are level or upright")
         return ", ".join(parts)
+
+
+def _level_or_upright(cosines: Float64[Tensor, " s"]) -> float:
+    """The share of surfaces that are within 15 degrees of level or upright, by the cosines between their normals and up."""
+    along = cosines.abs()
+    return float(((along > cos(radians(15))) | (along < sin(radians(15)))).double().mean())
 
 
 def _orthogonal(cosines: Float64[Tensor, "*n"], degrees: float) -> Float64[Tensor, "*n"]:
@@ -272,13 +295,14 @@ def _parallel(cosines: Float64[Tensor, "*n"], degrees: float) -> Float64[Tensor,
     return torch.exp(-0.5 * (1 - cosines**2) / deviation**2) / deviation**2
 
 
-def upright(scene: SavedScene, axes: Axes, up: Up | UpDirection = "auto") -> FramedScene:
+def upright(scene: SavedScene, axes: Axes, up: Up | UpDirection = "auto", floor: float | None = None) -> FramedScene:
     """The scene in the frame of a file for viewers: turned upright, with the middle of its Gaussians at the origin.
 
     Args:
         scene: in its own frame.
         axes: the direction that is up in the file.
         up: the direction that is up in the scene.
+        floor: the height of its floor along that direction, which is at 0 in the file; None centres the height, too.
     """
     found = up_of(scene, up)
     forward = scene.cameras.world_from_camera[0, :3, 2]
@@ -296,6 +320,8 @@ def upright(scene: SavedScene, axes: Axes, up: Up | UpDirection = "auto") -> Fra
     turned = torch.eye(4, dtype=torch.float64)
     turned[:3, :3] = torch.stack(rows)
     turned[:3, 3] = -(scene.gaussians.means.double() @ turned[:3, :3].T).median(0).values
+    if floor is not None:
+        turned[:3, 3] += turned[:3, :3] @ found.direction * (-floor - turned[:3, 3] @ turned[:3, :3] @ found.direction)
     moved = replace(
         scene,
         gaussians=move_gaussians(turned, scene.gaussians),

@@ -16,7 +16,7 @@ from semgs.model.weights.load import load
 from semgs.rooms.sets.demo_room import demo_scene
 from semgs.scene.own_views import lines, own_colours
 from semgs.scene.scene_file import SavedScene
-from semgs.scene.upright import Up, in_own_frame, up_of, upright
+from semgs.scene.upright import Cues, Up, in_own_frame, up_of, upright
 
 DOWN = 30.0
 """Pitch of the cameras below the horizon [degrees]."""
@@ -107,6 +107,37 @@ def test_surfaces_that_fit_no_direction_leave_it_uncertain() -> None:
     noise = torch.randn(len(scene.gaussians), 3, generator=torch.Generator().manual_seed(2))
     scattered = replace(scene, gaussians=replace(scene.gaussians, means=scene.gaussians.means + 30 * noise))
     assert not up_of(scattered).certain
+
+
+def cues_of(normals: torch.Tensor, floor: torch.Tensor) -> Cues:
+    """Surfaces alone, those of the floor marked."""
+    nothing = torch.zeros(0, 3, dtype=torch.float64)
+    return Cues(
+        nothing, normals, torch.ones(len(normals), dtype=torch.bool), ~floor, nothing, torch.eye(3, dtype=torch.float64)
+    )
+
+
+def test_most_surfaces_or_a_level_floor_confirm_a_direction() -> None:
+    """Of 100 surfaces some are 10 degrees from level, which is within 15, and the others at 45 degrees, which is neither level nor upright."""
+
+    def normal(degrees_off: float) -> list[float]:
+        return [sin(radians(degrees_off)), 0.0, cos(radians(degrees_off))]
+
+    def confirmed(level: int, floor: int = 0, off: float = 10.0) -> bool:
+        normals = torch.tensor(
+            [normal(off)] * floor + [normal(10)] * (level - floor) + [normal(45)] * (100 - level), dtype=torch.float64
+        )
+        normals[::2] *= -1  # a normal has no sign
+        return cues_of(normals, torch.arange(100) < floor).confirm(torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64))
+
+    assert confirmed(60)
+    assert not confirmed(59)
+    assert confirmed(30, floor=5)
+    assert not confirmed(30, floor=5, off=16)
+    assert not confirmed(30, floor=5, off=88), "upright is not level"
+    assert not cues_of(torch.zeros(0, 3, dtype=torch.float64), torch.zeros(0, dtype=torch.bool)).confirm(
+        torch.ones(3, dtype=torch.float64)
+    )
 
 
 @pytest.mark.parametrize(("up", "expected"), [("x", [1, 0, 0]), ("-y", [0, -1, 0]), ("z", [0, 0, 1])])

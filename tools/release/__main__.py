@@ -6,7 +6,7 @@
     python -m tools.release failures                                         update the failures in the model card
     python -m tools.release failures small --data SCENES --out look.jpg      show failures in other labelled scenes instead
     python -m tools.release notice ROOMS/ATTRIBUTION.md [...] --photos FILE   update NOTICE for the rooms and photos that weights are trained on
-    python -m tools.release demo OUT                                         update docs/images/demo.png from `semgs demo --out OUT`
+    python -m tools.release demo OUT                                         update docs/images/demo.jpg from `semgs demo --out OUT`
     python -m tools.release audit                                            vulnerabilities, hashes, licences of what is installed
     python -m tools.release platforms                                        where every package of the base set has a wheel
 

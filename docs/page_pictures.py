@@ -1,0 +1,260 @@
+"""Make the images of the pages viewer, robots, recordings, export, poses, doctor and render, and photo_to_3d.gif of the README, from the included room.
+
+python docs/page_pictures.py [NAME ...]
+
+Needs the extras viewer, sfm, objects and dev, and Chromium for `viewer`.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image, ImageDraw
+from scipy.spatial.transform import Rotation
+
+from semgs import SavedScene, load, occupancy, open_scene
+from semgs.export.scene_objects import place_things, things_of
+from semgs.figures.class_images import class_picture, overlay
+from semgs.figures.view_images import as_bytes
+from semgs.files.images.colours import depth_limits, depth_picture, heat_picture
+from semgs.geometry.camera_paths import orbit
+from semgs.rendering.rendering import confidence_maps, label_maps
+from semgs.rooms.sets.demo_room import demo_scene
+from semgs.scene.upright import axis_direction, up_of, upright
+from semgs.viewer.splat_groups import thing_colours
+from semgs.viewer.viewer_page import scene_page
+from tools.release.demo import titled
+
+IMAGES = Path(__file__).parent / "images"
+INPUTS = (5, 7)
+QUALITY = 85
+FLAGS = ("--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars")
+WINDOW = (600, 1060)
+"""(height, width) of the browser [px]."""
+
+CELL = 6
+"""Pixels of a cell of 5 cm in the floor plan."""
+
+
+def encoded(frames: tuple[int, ...] = INPUTS) -> SavedScene:
+    """The room from some of its photos."""
+    scene = open_scene(demo_scene())
+    views = scene.read(frames)
+    return SavedScene.of(load("small")(views), views, unit=scene.unit)
+
+
+def save(name: str, picture: np.ndarray) -> None:
+    """Write an image, and print its size."""
+    path = IMAGES / name
+    Image.fromarray(picture).save(path, quality=QUALITY)
+    print(f"{path}: {path.stat().st_size / 1000:.0f} kB")
+
+
+def viewer() -> None:
+    """The page in 3D, in colour and as classes without walls."""
+    from playwright.sync_api import sync_playwright
+
+    shots = []
+    photos = [as_bytes(image) for image in open_scene(demo_scene()).read(INPUTS).images]
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        file = Path(folder) / "scene.html"
+        file.write_text(scene_page(encoded(), photos).html)
+        program = shutil.which("chromium") or shutil.which("chromium-browser")
+        page = playwright.chromium.launch(executable_path=program, args=list(FLAGS)).new_page(
+            viewport={"width": WINDOW[1], "height": WINDOW[0]}
+        )
+        page.set_default_timeout(300_000)
+        page.goto(file.as_uri())
+        page.locator("body[data-ready]").wait_for()
+        for step in (lambda: None, lambda: page.get_by_role("button", name="Classes").click()):
+            step()
+            page.wait_for_timeout(6000)
+            shot = Path(folder) / "shot.png"
+            page.screenshot(path=shot)
+            shots.append(np.asarray(Image.open(shot).convert("RGB").resize((WINDOW[1] * 7 // 10, WINDOW[0] * 7 // 10))))
+        page.context.browser.close()
+    save("viewer.jpg", np.hstack(shots))
+
+
+def render() -> None:
+    """What --show shows."""
+    scene = encoded()
+    seen = scene.render(scene.cameras[:1])
+    labels = label_maps(seen)[0]
+    image, depths = as_bytes(seen.images[0]), seen.depths[0].numpy()
+    tiles = [image, overlay(image, labels, scene.classes), depth_picture(depths, depth_limits([depths]))]
+    tiles.append(heat_picture(confidence_maps(seen)[0], (0.0, 1.0)))
+    small = [np.asarray(Image.fromarray(tile).resize((256, 192))) for tile in tiles]
+    save("render.jpg", titled(np.hstack(small), ("colour", "overlay", "depth", "confidence")))
+
+
+def photo_to_3d() -> None:
+    """A photo that becomes a scene: the camera moves, and colours become classes."""
+    scene = encoded()
+    photo = as_bytes(open_scene(demo_scene()).read(INPUTS[:1]).images[0])
+    frames = [(photo, 1200)]
+    start = scene.cameras[0]
+    pivot = start.centres + 2.5 * start.world_from_camera[:3, 2]
+    cameras = orbit(start, pivot, axis_direction("z"), 10.0, 24)
+    seen = scene.render(cameras)
+    labels = label_maps(seen)
+    for index in range(24):
+        image = as_bytes(seen.images[index])
+        frames.append(
+            (image if index < 12 else overlay(image, labels[index], scene.classes, min(1.0, (index - 11) / 4)), 110)
+        )
+    pictures = [Image.fromarray(frame).resize((240, 180)) for frame, _ in frames]
+    palette = Image.fromarray(
+        np.vstack([np.asarray(one) for one in (pictures[0], pictures[6], pictures[20])])
+    ).quantize(80)
+    found = [one.quantize(palette=palette, dither=Image.Dither.NONE) for one in pictures]
+    path = IMAGES / "photo_to_3d.gif"
+    found[0].save(
+        path, save_all=True, append_images=found[1:], duration=[time for _, time in frames], loop=0, optimize=True
+    )
+    print(f"{path}: {path.stat().st_size / 1000:.0f} kB")
+
+
+def robots() -> None:
+    """The free floor, and the boxes of things."""
+    scene = upright(encoded(tuple(range(8))), "z", "z").scene
+    plan = occupancy(scene.gaussians, scene.cameras, classes=scene.classes)
+    colours = {-1: (190, 190, 190), 0: (255, 255, 255), 100: (40, 40, 40)}
+    cells = np.zeros((*plan.cells.shape, 3), np.uint8)
+    for content, colour in colours.items():
+        cells[plan.cells == content] = colour
+    sheet = Image.fromarray(cells).resize((cells.shape[1] * CELL, cells.shape[0] * CELL), Image.Resampling.NEAREST)
+    draw = ImageDraw.Draw(sheet)
+
+    def at(point: np.ndarray) -> tuple[float, float]:
+        x, y = (point[:2] - plan.origin[:2]) / plan.resolution * CELL
+        return float(x), float(y)
+
+    for one in place_things(things_of(scene, up_of(scene, "z"))):
+        colour = tuple(thing_colours(np.array([one.thing.instance]))[0].tolist())
+        base = one.corners[one.corners[:, 2] <= one.corners[:, 2].mean()]
+        middle = base.mean(0)
+        base = base[np.argsort(np.arctan2(*(base - middle)[:, :2].T))]
+        draw.polygon([at(corner) for corner in base], outline=colour, width=3)
+        draw.text(at(middle), f"{one.thing.name} {one.thing.instance}", (200, 30, 30), anchor="mm")
+    for centre in scene.cameras.centres.numpy():
+        x, y = at(centre)
+        draw.ellipse((x - 3, y - 3, x + 3, y + 3), (30, 90, 220))
+    save("robots.png", np.asarray(sheet))
+
+
+def recordings() -> None:
+    """What two photos show of the room, and what all of them show, from a place where no photo was taken."""
+    two, walk = encoded(), encoded(tuple(range(8)))
+    camera = two.cameras[:1]
+    pose = camera.world_from_camera.clone()
+    pose[0, :3, 3] -= 1.1 * pose[0, :3, 2]
+    back = replace(camera, world_from_camera=pose)
+    tiles = [as_bytes(scene.render(back).images[0]) for scene in (two, walk)]
+    save(
+        "recordings.jpg",
+        titled(
+            np.hstack(tiles),
+            ("two photos", "a walk of eight photos"),
+        ),
+    )
+
+
+def export() -> None:
+    """The files in colour and by class, from above."""
+    scene = encoded(tuple(range(8)))
+    up = axis_direction("z")
+    middle = scene.gaussians.means.double().median(0).values
+    forward = scene.cameras.world_from_camera[0, :3, 2]
+    forward = forward - (forward @ up) * up
+    eye = scene.cameras.centres[0] - 0.5 * forward / forward.norm() + 0.5 * up
+    ahead = (middle - eye) / (middle - eye).norm()
+    right = torch.linalg.cross(ahead, up)
+    right = right / right.norm()
+    pose = torch.eye(4, dtype=torch.float64)
+    pose[:3, :3] = torch.stack((right, torch.linalg.cross(ahead, right), ahead), 1)
+    pose[:3, 3] = eye
+    camera = replace(scene.cameras[:1], world_from_camera=pose[None])
+    seen = scene.render(camera)
+    tiles = [as_bytes(seen.images[0]), class_picture(label_maps(seen)[0], scene.classes)]
+    save("export.jpg", titled(np.hstack(tiles), ("gaussians.ply", "semantics.ply")))
+
+
+def doctor() -> None:
+    """A view between the input views with right cameras, and with poses that lead from the world to the camera."""
+    scene, network = open_scene(demo_scene()), load("small")
+    tiles = [scene.read([6]).images[0]]
+    for inverted in (False, True):
+        views, photo = scene.read(INPUTS), scene.read([6])
+        cameras, target = (
+            replace(
+                one, world_from_camera=torch.linalg.inv(one.world_from_camera) if inverted else one.world_from_camera
+            )
+            for one in (views.cameras, photo.cameras)
+        )
+        tiles.append(network(replace(views, cameras=cameras)).render(target).images[0])
+    strip = np.hstack([as_bytes(tile) for tile in tiles])
+    save("doctor.jpg", titled(strip, ("a photo between the input photos", "right poses", "inverted poses")))
+
+
+def poses() -> None:
+    """The cameras that `semgs poses` finds for the room's photos alone, after the best similarity, and the true ones, from above."""
+    true = open_scene(demo_scene())
+    with tempfile.TemporaryDirectory() as folder:
+        photos, out = Path(folder) / "photos", Path(folder) / "out"
+        shutil.copytree(demo_scene() / "images", photos)
+        subprocess.run([sys.executable, "-m", "semgs", "poses", str(photos), str(out)], check=True)
+        found = open_scene(out)
+    by_name = {Path(frame.name).name: frame.world_from_camera for frame in true.frames}
+    ours = np.stack([frame.world_from_camera for frame in found.frames])
+    theirs = np.stack([by_name[Path(frame.name).name] for frame in found.frames])
+    middles = ours[:, :3, 3].mean(0), theirs[:, :3, 3].mean(0)
+    away = ours[:, :3, 3] - middles[0], theirs[:, :3, 3] - middles[1]
+    turn = Rotation.align_vectors(theirs[:, :3, :2].mT.reshape(-1, 3), ours[:, :3, :2].mT.reshape(-1, 3))[0].as_matrix()
+    scale = float((away[1] * (away[0] @ turn.T)).sum() / (away[0] ** 2).sum())
+    placed = scale * away[0] @ turn.T + middles[1]
+    errors = np.linalg.norm(placed - theirs[:, :3, 3], axis=-1)
+    print(f"{len(placed)} of {len(by_name)} cameras, {100 * errors.mean():.1f} cm off in the mean")
+    low, high = theirs[:, 1::-1, 3].min(0) - 0.3, theirs[:, 1::-1, 3].max(0) + 0.3
+    zoom = 600 / float((high - low).max())
+    sheet = Image.new("RGB", tuple((zoom * (high - low)).astype(int).tolist()), "white")
+    draw = ImageDraw.Draw(sheet)
+
+    def at(point: np.ndarray) -> tuple[float, float]:
+        y, x = zoom * (point[:2] - low[::-1])
+        return float(x), float(y)
+
+    for centres, ahead, colour, radius in (
+        (theirs[:, :3, 3], theirs[:, :3, 2], (40, 150, 80), 9),
+        (placed, ours[:, :3, 2] @ turn.T, (220, 50, 40), 4),
+    ):
+        for centre, direction in zip(centres, ahead, strict=True):
+            (x, y), tip = at(centre), at(centre + 0.25 * direction)
+            draw.line((x, y, *tip), colour, 2)
+            draw.ellipse((x - radius, y - radius, x + radius, y + radius), outline=colour, width=3)
+    save(
+        "poses.png",
+        titled(np.asarray(sheet), ("green: true cameras; red: found from the photos alone",)),
+    )
+
+
+PICTURES = (viewer, render, photo_to_3d, robots, recordings, export, poses, doctor)
+
+
+def main() -> None:
+    """Make the images that are named, or all."""
+    names = sys.argv[1:]
+    for make in PICTURES:
+        if not names or make.__name__ in names:
+            make()
+
+
+if __name__ == "__main__":
+    main()
