@@ -30,7 +30,18 @@ LAYOUTS = "semgs.data.layouts"
 LAYOUT_FLOORS = (
     ("parts",),
     ("colmap", "scannet"),
-    ("scannetpp", "replica", "ros", "rgbd", "phones", "predictions", "transforms_json", "labelled_images"),
+    (
+        "scannetpp",
+        "replica",
+        "ros",
+        "rgbd",
+        "phones",
+        "predictions",
+        "transforms_json",
+        "llff",
+        "metashape",
+        "labelled_images",
+    ),
     ("zoo",),
 )
 """Inside `semgs.data.layouts`: what readers share, formats that other data sets use too, the rest, which know nothing of one another, and what reads
@@ -52,7 +63,7 @@ FOLDERS = {
     "evaluation": ("frames", "scoring", "tables", "page", "run", "single_images"),
     "model": (
         "layers", "settings", "switches", "networks", "attention", "classes", "sweep", "gaussians", "memory", "stages", "semgs", "build",
-        "weights", "encode",
+        "weights", "encode", "onnx",
     ),
 }  # fmt: skip
 """Packages whose folders have an order too: modules of one import their own folder and those before it. Modules beside folders may take part."""
@@ -72,7 +83,7 @@ VERSION = "semgs._version"
 OPTIONAL = (
     "pycolmap", "embreex", "gsplat", "viser", "lightning_fabric", "sklearn", "tensorboard",
     "huggingface_hub", "lpips", "rosbags", "onnxruntime", "ai_edge_litert", "transformers", "yaml", "av", "lzfse", "pillow_heif", "matplotlib",
-    "scenezoo", "open3d", "gradio", "fastapi", "uvicorn", "rerun", "zstandard", "pxr", "OpenEXR", "ray",
+    "scenezoo", "open3d", "gradio", "fastapi", "uvicorn", "rerun", "zstandard", "pxr", "OpenEXR", "ray", "onnx", "onnxscript",
 )  # fmt: skip
 """Libraries that an extra brings: each is imported in one module, inside the function that needs it."""
 

@@ -124,6 +124,8 @@ def _theme() -> Any:
         button_secondary_background_fill_dark="#24282e",
         button_secondary_border_color="#d5d1c8",
         button_secondary_border_color_dark="#3d424b",
+        input_background_fill="#f4f3f0",
+        input_background_fill_dark="#2b3037",
     )
 
 
@@ -142,7 +144,7 @@ def _build(jobs: Jobs, local: bool) -> Any:
                 make = gr.Button("Make the room", variant="primary", elem_id="make")
                 example = gr.Button("Try the included room", elem_id="example")
             with gr.Accordion("Options", open=False, elem_id="options"):
-                options = _options(gr, jobs, local)
+                options = _options(gr, jobs)
         status = gr.HTML("", elem_id="status")
         with gr.Row(elem_id="after"):
             cancel = gr.Button("Cancel", visible=False, elem_id="cancel")
@@ -198,8 +200,8 @@ def _build(jobs: Jobs, local: bool) -> Any:
 
         def resume(request: gr.Request) -> Iterator[list[Any]]:
             which = str(dict(request.query_params).get("room", ""))
-            if not which:
-                yield view(None)
+            if not which:  # nothing changes: what a user has typed by now must stay
+                yield [gr.skip() for _ in shown]
                 return
             job = jobs.find(which) if IDENTIFIER.fullmatch(which) else None
             if job is None:
@@ -224,7 +226,7 @@ def _build(jobs: Jobs, local: bool) -> Any:
     return page
 
 
-def _options(gr: Any, jobs: Jobs, local: bool) -> list[Any]:
+def _options(gr: Any, jobs: Jobs) -> list[Any]:
     """The folded options, in the order of `_chosen`."""
     with gr.Row():
         views = gr.Radio(
@@ -233,10 +235,10 @@ def _options(gr: Any, jobs: Jobs, local: bool) -> list[Any]:
         refine = gr.Checkbox(False, label="Refine", info="Sharper images, for some seconds more.")
     with gr.Row():
         segmenter = gr.Dropdown(
-            [OWN, *jobs.segmenters],
+            [(_source_name(one), one) for one in (OWN, *jobs.segmenters)],
             value=OWN,
             label="Classes from",
-            info="More with semgs app --segmenter." if local else None,
+            info="Whoever starts the app can offer more.",
         )
         words = gr.Textbox(
             "",
@@ -245,7 +247,7 @@ def _options(gr: Any, jobs: Jobs, local: bool) -> list[Any]:
             placeholder="chair, mug, power socket",
         )
         depth = gr.Dropdown(
-            [("network", "network"), ("depth camera", "sensor"), ("both", "both"), *((one, one) for one in jobs.depths)],
+            [("network", "network"), ("depth camera", "sensor"), ("both", "both"), *((_source_name(one), one) for one in jobs.depths)],
             value=DEPTHS[0], label="Depth from", info="A depth camera needs depth maps in the zip.",
         )  # fmt: skip
     gr.HTML(
@@ -256,6 +258,11 @@ def _options(gr: Any, jobs: Jobs, local: bool) -> list[Any]:
         second = gr.Number(0, label="Second photo", info="its number in the list", precision=0, minimum=0)
         metres = gr.Number(0, label="Metres between them", info="0 if you do not know", minimum=0)
     return [views, refine, segmenter, words, depth, first, second, metres]
+
+
+def _source_name(source: str) -> str:
+    """The name of a segmenter or a source of depth: of a file, without its folder."""
+    return source if source.startswith("hf:") else Path(source).name
 
 
 def _chosen(values: Sequence[Any], example: bool = False) -> RoomOptions:
@@ -300,6 +307,8 @@ def status_text(job: Job | None, ahead: int = 0, sentence: str = "") -> str:
             lines.append(f'<li class="now"><span>{title}</span>{share}</li>')
         else:
             lines.append(f"<li><span>{title}</span><time>{stage.seconds:.1f} s</time></li>")
+    if not lines:
+        lines.append('<li class="now"><span>Getting ready</span></li>')
     started = f"{time.time() - job.started:.0f} s"
     return (
         f'<div class="status" role="status" aria-live="polite"><p><b>Working on {escape(job.title)}</b> '

@@ -77,6 +77,9 @@ COMMANDS = {
     ),
     "weights verify": Command("networks.weights:Verify", "Check weights against the published hashes."),
     "weights calibrate": Command("networks.calibrate:Calibrate", "Calibrate confidence on labelled scenes."),
+    "export-network": Command(
+        "networks.export_network:ExportNetwork", "Write a network as an ONNX file, for programs without PyTorch."
+    ),
     "segmenters fit": Command(
         "networks.segmenter_fit:FitSegmenter", "Learn on labelled scenes what a segmenter's classes mean."
     ),

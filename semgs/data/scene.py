@@ -155,13 +155,18 @@ class Scene:
         return position
 
     def depth_range(
-        self, frames: Sequence[int | str] | None = None, features: dict[int, FrameFeatures] | None = None
+        self,
+        frames: Sequence[int | str] | None = None,
+        features: dict[int, FrameFeatures] | None = None,
+        *,
+        stated: bool = False,
     ) -> DepthRange:
         """Near and far for some frames, with the reason.
 
         Args:
             frames: positions or names; None for all.
             features: known features by frame position, to reuse them between calls; new ones are added.
+            stated: take the range of rooms for metric scenes without comparing it with what the images show, as protocols do.
 
         Raises:
             ValueError: no frame has that position or name, or the list is empty.
@@ -169,7 +174,7 @@ class Scene:
         """
         if not self.posed:
             return DepthRange(*INDOOR_DEPTH_RANGE, self.unit, "the range of rooms, as the cameras are unknown")
-        return depth_range(self.frames, self._positions(frames), self.unit, self.points, features)
+        return depth_range(self.frames, self._positions(frames), self.unit, self.points, features, stated=stated)
 
     def _positions(self, frames: Sequence[int | str] | None) -> Sequence[int]:
         """The positions of frames; None for all."""

@@ -6,8 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Literal, get_args
 
 from semgs.files.errors import InputError
+
+Unit = Literal["metric", "unknown"]
+"""Of the lengths of a scene: metres, or the scene's own."""
 
 
 @dataclass(frozen=True)
@@ -23,9 +27,11 @@ class SceneDetails:
         depth_unit: metres per count of the depth maps [m].
         scenezoo: data sets that scenezoo reads: the data set, the scene, and perhaps its room or camera ("3rscan:SCAN",
             "structured3d:scene_00000:485142").
+        images: COLMAP models: the folder that the names of the images are relative to, if it is not beside the model.
+        unit: of lengths, "metric" or "unknown", for any layout. Overrides the files.
 
     Raises:
-        ValueError: a number is not finite, or not positive where it must be; or the name of a scene has another form.
+        ValueError: a unit is unknown, a number is not finite, or not positive where it must be; or the name of a scene has another form.
     """
 
     camera: str | None = None
@@ -34,6 +40,8 @@ class SceneDetails:
     intrinsics: Sequence[float] | None = None
     depth_unit: float | None = None
     scenezoo: str | None = None
+    images: Path | None = None
+    unit: Unit | None = None
 
     def __post_init__(self) -> None:
         if self.intrinsics is not None and not (
@@ -42,6 +50,8 @@ class SceneDetails:
             raise ValueError(f"intrinsics are {self.intrinsics}; expected fx, fy, cx, cy in pixels, fx and fy positive")
         if self.depth_unit is not None and not 0 < self.depth_unit < math.inf:
             raise ValueError(f"depth_unit is {self.depth_unit}; expected metres per count, such as 0.001")
+        if self.unit not in (None, *get_args(Unit)):
+            raise ValueError(f"unit is {self.unit!r}; expected metric or unknown")
         if self.scenezoo is not None and not (2 <= len(parts := self.scenezoo.split(":")) <= 3 and all(parts)):
             raise ValueError(
                 f"scenezoo is {self.scenezoo!r}; expected DATASET:SCENE or DATASET:SCENE:PART, as in 3rscan:SCAN"
@@ -54,7 +64,7 @@ class SceneDetails:
             InputError: a detail is given that is not in `takes`.
         """
         for one in fields(self):
-            if getattr(self, one.name) is not None and one.name not in takes:
+            if getattr(self, one.name) is not None and one.name not in (*takes, "unit"):
                 raise InputError(
                     path, f"a layout that leaves {one.name} open", f"layout {layout}, which does not", one.name,
                     advice="leave it out",

@@ -21,7 +21,7 @@ from typing import TypeVar
 
 from semgs.files.contents import read_text
 from semgs.files.errors import InputError
-from semgs.files.paths import typed_path
+from semgs.files.paths import typed_path, without_dots
 
 Place = TypeVar("Place")
 
@@ -150,7 +150,7 @@ def scenes_by_name(root: Path, paths: Sequence[Path]) -> dict[str, Path]:
     root = typed_path(root)
     known: dict[str, Path] = {}
     for path in paths:
-        place = Path(path.absolute().name) if path == root else path.relative_to(root)
+        place = Path(without_dots(path.absolute()).name) if path == root else path.relative_to(root)
         place = place if path.is_dir() else place.with_suffix("")
         numbered = re.fullmatch(r"seq-0*(\d+)", place.name)
         for name in (place.as_posix(), place.name, *([f"sequence{numbered[1]}"] if numbered else [])):

@@ -6,8 +6,9 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from semgs.data.layouts import labelled_images, transforms_json
+from semgs.data.layouts import labelled_images, llff, metashape, transforms_json
 from semgs.data.layouts.colmap import colmap_scene as colmap
+from semgs.data.layouts.parts.readable_depths import without_unreadable_depth
 from semgs.data.layouts.parts.usable_frames import PICTURES
 from semgs.data.layouts.phones import polycam, record3d
 from semgs.data.layouts.predictions import prediction_scene as predictions
@@ -20,10 +21,11 @@ from semgs.data.layouts.scannetpp import scannetpp_scan as scannetpp
 from semgs.data.layouts.zoo import zoo_scenes as zoo
 from semgs.data.paper_variants import check_applicable, check_readings
 from semgs.data.scene import Scene
-from semgs.data.scene_details import SceneDetails
+from semgs.data.scene_details import SceneDetails, Unit
 from semgs.data.scene_lists import SceneList, scenes_by_name
 from semgs.files.errors import InputError, readable
-from semgs.files.paths import existing_folder, typed_path
+from semgs.files.paths import existing_folder, typed_path, without_dots
+from semgs.files.text import listed
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,8 @@ class Layout:
         """
         options = {"as_peers": as_peers} if self.readings else {}
         scene = self.open(path, **options, **({"details": details} if self.details_used else {}))
+        if details.unit is not None:
+            scene = replace(scene, unit=details.unit)
         check_applicable(path, scene.layout, as_peers, self.readings)
         details.only(path, scene.layout, *self.details_used)
         return scene
@@ -59,7 +63,7 @@ class Layout:
 
 LAYOUTS = (
     Layout(transforms_json.recognises, transforms_json.open_transforms, transforms_json.LOOKED_FOR),
-    Layout(colmap.recognises, colmap.open_colmap, colmap.LOOKED_FOR),
+    Layout(colmap.recognises, colmap.open_colmap, colmap.LOOKED_FOR, details_used=colmap.DETAILS),
     Layout(replica.recognises, replica.open_replica, replica.LOOKED_FOR, replica.APPLICABLE, replica.DETAILS),
     Layout(tum.recognises, tum.open_tum, tum.LOOKED_FOR, details_used=tum.DETAILS),
     Layout(rgbd.recognises, rgbd.open_rgbd, rgbd.LOOKED_FOR, details_used=rgbd.DETAILS),  # not what only ScanNet has
@@ -72,6 +76,8 @@ LAYOUTS = (
         frame_files.recognises, frame_files.open_frame_files, frame_files.LOOKED_FOR, details_used=frame_files.DETAILS
     ),
     Layout(predictions.recognises, predictions.open_predictions, predictions.LOOKED_FOR),
+    Layout(llff.recognises, llff.open_llff, llff.LOOKED_FOR),
+    Layout(metashape.recognises, metashape.open_metashape, metashape.LOOKED_FOR),
     Layout(labelled_images.recognises, labelled_images.open_labelled_images, labelled_images.LOOKED_FOR),
 )
 """The known layouts. If a folder has several, the first one counts."""
@@ -82,8 +88,12 @@ ZOO = Layout(lambda path: False, zoo.open_zoo, "", details_used=zoo.DETAILS)
 SINGLE_FILES = (".zip", record3d.ENDING, *ros.ENDINGS)
 """Endings of files in a folder that may be scenes."""
 
-VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv")
+VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm")
 """Endings of videos, for advice."""
+
+
+SPLATS, OUTPUT = (".ply", ".spz", ".splat"), "scene.safetensors"
+"""Endings of splats, and what shows that a folder is a result, for advice."""
 
 
 def open_scene(
@@ -96,6 +106,8 @@ def open_scene(
     intrinsics: Sequence[float] | None = None,
     depth_unit: float | None = None,
     scenezoo: str | None = None,
+    images: str | Path | None = None,
+    unit: Unit | None = None,
     needs_labels: bool = True,
     needs_cameras: bool = True,
 ) -> Scene:
@@ -104,7 +116,7 @@ def open_scene(
     Args:
         path: a folder of one of the known layouts, or the file that describes the scene.
         as_peers: names from `semgs.data.paper_variants.READINGS`: read files the way another paper's code does.
-        camera, world, body, intrinsics, depth_unit, scenezoo: details that the files may not state, see `semgs.data.scene_details.SceneDetails`.
+        camera, world, body, intrinsics, depth_unit, scenezoo, images, unit: details that the files may not state, see `semgs.data.scene_details.SceneDetails`.
         needs_labels: whether labels that cannot be read are an error; if not, they are left out and a note says why.
         needs_cameras: whether labelled images without cameras are an error.
 
@@ -113,7 +125,8 @@ def open_scene(
             table of its labels is unknown or damaged (if they are needed), or the layout does not support a reading or a detail.
         ValueError: a reading is unknown, or a detail is invalid.
     """
-    details = SceneDetails(camera, world, body, intrinsics, depth_unit, scenezoo)
+    folder = None if images is None else existing_folder(images)
+    details = SceneDetails(camera, world, body, intrinsics, depth_unit, scenezoo, folder, unit)
     return open_with_details(path, as_peers, details, needs_labels, needs_cameras)
 
 
@@ -240,7 +253,7 @@ def _open_known(
     layout = ZOO if details.scenezoo else next((known for known in LAYOUTS if known.recognises(path)), None)
     if layout is None:
         return None
-    scene = layout.scene(path, as_peers, details)
+    scene = without_unreadable_depth(layout.scene(without_dots(path), as_peers, details))
     if needs_cameras and not scene.posed:
         raise InputError(
             path, "images with cameras", f"{scene.layout}, which have none",
@@ -276,14 +289,27 @@ def _unknown_layout(path: Path, expected: str) -> InputError:
 def _hint(path: Path) -> str | None:
     """What to do about a path without a known layout: the likeliest remedy."""
     if path.is_file():
+        if path.suffix.lower() in SPLATS:
+            return "a splat is a result and has no photos; semgs view, render and export open it"
         return _NO_VIDEOS if path.suffix.lower() in VIDEOS else "name the scene's folder"
+    if (path / OUTPUT).is_file():
+        return "this is a result of semgs reconstruct; semgs view, render, query and export open it"
     inside = next((child for child in _children(path) if _is_known(child)), None)
     if inside is not None:
         return f"there is one in {inside}"
     files = list(path.iterdir())
-    kinds = {file.suffix.lower() for place in (path, *files) if place.is_dir() for file in place.iterdir()}
-    if kinds.intersection(PICTURES):
+    below = [place.name for place in sorted(files) if place.is_dir() and _kinds(place).intersection(PICTURES)]
+    if _kinds(path).intersection(PICTURES) or len(below) == 1:
         return "images alone have no poses; semgs poses FOLDER OUT estimates them, and OUT is a scene"
-    if kinds.intersection(VIDEOS):
+    if below:
+        return f"there are only images, in {listed(below)}; semgs poses estimates the poses of those in one folder"
+    if _kinds(path).intersection(VIDEOS) or any(
+        _kinds(place).intersection(VIDEOS) for place in files if place.is_dir()
+    ):
         return _NO_VIDEOS
     return None if files else "the folder is empty"
+
+
+def _kinds(folder: Path) -> set[str]:
+    """The endings of the files in a folder, in lower case."""
+    return {file.suffix.lower() for file in folder.iterdir()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,10 @@ import torch
 from jaxtyping import Bool, Float, Float64, UInt8
 from torch import Tensor
 
+from semgs.data.array_checks import check_intrinsics, warn_of_opengl
 from semgs.data.tables.classes import IGNORE, SCANNET20, ClassTable
 from semgs.files.images.notebook import class_row, depth_row, html, photo_row
-from semgs.geometry.cameras import Arrays, Cameras, as_float64
+from semgs.geometry.cameras import Arrays, Cameras, as_float64, writable
 from semgs.geometry.summaries import array_of, describe
 
 INDOOR_DEPTH_RANGE = (0.5, 10.0)
@@ -99,11 +101,18 @@ class Views:
             intrinsics: [v 3 3] or one [3 3] for all [px].
             depth_range: (near, far), or [v 2] [m]; None is 0.5 to 10 m, with a warning.
 
-        Poses further than `FAR_OUT` from the origin cause a warning, because Gaussians there are coarse in float32.
+        Poses further than `FAR_OUT` from the origin cause a warning, because Gaussians there are coarse in float32. So do poses that look
+        like OpenGL's, and intrinsics that look like those of images of another size.
 
         Raises:
-            ValueError: as the constructor, and for images that are neither uint8 HWC nor float CHW.
+            ValueError: as the constructor; for images that are neither uint8 HWC nor float CHW; for intrinsics that no lens has, are divided by the
+                image size, or have the principal point in the corner.
+            TypeError: the images are paths or something else than arrays.
         """
+        if isinstance(images, np.ndarray | Tensor) and images.ndim == 3:
+            raise ValueError(
+                f"images are {tuple(images.shape)}; expected a list of images, or [v h w 3] uint8 or [v 3 h w] float"
+            )
         pixels = torch.stack([_as_image(image) for image in images])
         matrices = as_float64(intrinsics)
         count = len(pixels)
@@ -124,7 +133,10 @@ class Views:
                 "all poses, as Cameras.relative_to does",
                 stacklevel=2,
             )
-        return cls(pixels, cameras, bounds)
+        check_intrinsics(cameras)
+        views = cls(pixels, cameras, bounds)
+        warn_of_opengl(views.images, cameras)
+        return views
 
     def __repr__(self) -> str:
         return describe(
@@ -307,7 +319,16 @@ def _check_numbers(views: Views) -> None:
 
 def _as_image(image: Arrays) -> Float[Tensor, "3 h w"]:
     """One image as float CHW."""
-    tensor = torch.as_tensor(np.asarray(image))
+    if isinstance(image, str | bytes | PathLike):
+        raise TypeError(
+            f"an image is a path, {image!r}; expected pixels. semgs.open_scene reads folders of images with cameras"
+        )
+    try:
+        tensor = torch.as_tensor(writable(np.asarray(image)))
+    except TypeError as error:
+        raise TypeError(
+            f"an image is a {type(image).__name__}; expected an array, uint8 [h w 3] or float [3 h w] in 0..1"
+        ) from error
     if tensor.dtype == torch.uint8 and tensor.ndim == 3 and tensor.shape[-1] == 3:
         return tensor.permute(2, 0, 1).float() / 255
     if tensor.is_floating_point() and tensor.ndim == 3 and tensor.shape[0] == 3:

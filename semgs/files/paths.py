@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+from os import PathLike
 from pathlib import Path
 from typing import Literal
 
@@ -14,7 +15,10 @@ def typed_path(path: str | Path) -> Path:
 
     Raises:
         InputError: it is empty, or there is no user NAME.
+        TypeError: it is no path.
     """
+    if not isinstance(path, str | PathLike):
+        raise TypeError(f"a path is {type(path).__name__}; expected text or pathlib.Path")
     if path == "":
         raise InputError('""', "a path", "an empty one", advice="use . for the current folder")
     try:
@@ -27,6 +31,15 @@ def typed_path(path: str | Path) -> Path:
             "none",
             advice=f"for a file with that name, use ./{path}",
         ) from error
+
+
+def without_dots(path: Path) -> Path:
+    """A path without `..`, so that its parts are names; the rest is as typed."""
+    if ".." not in path.parts:
+        return path
+    after = path.parts[::-1].index("..")
+    rest = path.parts[len(path.parts) - after :]
+    return Path(*path.parts[: len(path.parts) - after]).resolve().joinpath(*rest)
 
 
 def existing_folder(path: str | Path) -> Path:

@@ -49,6 +49,10 @@ class Cameras:
     def __init__(self, world_from_camera: Arrays, intrinsics: Arrays, size: Sequence[int]) -> None:
         poses = as_float64(world_from_camera)
         matrices = as_float64(intrinsics)
+        if poses.ndim == 2 and matrices.ndim > 2:
+            raise ValueError(
+                f"world_from_camera is {tuple(poses.shape)} for {len(matrices)} cameras; expected [v 4 4], a pose for each"
+            )
         if poses.shape[-2:] != (4, 4) or matrices.shape[-2:] != (3, 3) or poses.shape[:-2] != matrices.shape[:-2]:
             raise ValueError(
                 f"world_from_camera is {tuple(poses.shape)} and intrinsics is {tuple(matrices.shape)}; "
@@ -141,7 +145,12 @@ def as_float64(numbers: Arrays) -> Float64[Tensor, " ..."]:
         return numbers.detach().to("cpu", torch.float64)
     if isinstance(numbers, list | tuple) and numbers and isinstance(numbers[0], Tensor):
         return torch.stack([as_float64(tensor) for tensor in numbers])
-    return torch.as_tensor(np.asarray(numbers, dtype=np.float64))
+    return torch.as_tensor(writable(np.asarray(numbers, dtype=np.float64)))
+
+
+def writable(array: np.ndarray) -> np.ndarray:
+    """The array, or a copy if it is read-only, which PyTorch warns about."""
+    return array if array.flags.writeable else array.copy()
 
 
 def inverse_rigid(transforms: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch 4 4"]:

@@ -46,7 +46,7 @@ def rotation_matrix(
     if not mvsplat_basis:
         return solve @ basis(turned, degree)
     # e3nn's basis at (a, b, c) is the standard one at (-c, -a, b); MVSplat's renderer has the standard one at (z, x, y).
-    e3nn = torch.linalg.pinv(basis(_e3nn(directions), degree)) @ basis(_e3nn(turned), degree)
+    e3nn = _e3nn_solve(degree) @ basis(_e3nn(turned), degree)
     return solve @ basis(directions.roll(1, dims=-1), degree) @ e3nn
 
 
@@ -64,3 +64,9 @@ def _samples(degree: int) -> tuple[Tensor, Tensor]:
     radius = (1 - z * z).sqrt()
     directions = torch.stack((radius * angle.cos(), radius * angle.sin(), z), dim=-1)
     return directions, torch.linalg.pinv(basis(directions, degree))
+
+
+@lru_cache(maxsize=4)
+def _e3nn_solve(degree: int) -> Tensor:
+    """The pseudo-inverse of e3nn's basis in the same directions."""
+    return torch.linalg.pinv(basis(_e3nn(_samples(degree)[0]), degree))

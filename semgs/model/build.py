@@ -87,11 +87,11 @@ def _semantic_branch(settings: NetworkSettings, semantic: SemanticSettings, clas
     factor, corners = SHRINK // settings.stride, settings.conventions.pixel_centres
     cnn = FeatureCNN(settings.cnn_widths, channels) if semantic.own_cnn else None
     refinement = _refinement(semantic.refinement, channels, classes)
-    transformer = _transformer(channels, semantic.transformer)
+    transformer = _transformer(channels, semantic.transformer) if semantic.compares_views else None
     upsampler: Upsampler | PlainUpsampler
     if isinstance(heads, MVSplatHeads):
         seen = heads.upsampled
-        upsampler = Upsampler(2 * channels, seen, factor, corners)
+        upsampler = Upsampler(channels * (2 if semantic.compares_views else 1), seen, factor, corners)
     else:
         seen = channels
         upsampler = PlainUpsampler(factor, corners)

@@ -62,11 +62,12 @@ def small_plain() -> NetworkSettings:
 
 
 def small() -> NetworkSettings:
-    """The network of the included weights: `small_plain` with a class backbone, on whose classes views agree, and with more layers in depth."""
-    additions = {
-        "class_backbone": True, "class_fusion": True, "cost_filter": 16, "depth_cue": True, "depth_upsampling": "convex"
+    """The network of the included weights: `small_plain` with a class backbone, on whose classes views agree, instead of the semantic transformer, and with more
+    layers in depth."""
+    changes = {
+        "class_backbone": True, "class_fusion": True, "semantic_transformer": False, "cost_filter": 16, "depth_cue": True, "depth_upsampling": "convex",
     }  # fmt: skip
-    return replace(switched(small_plain(), additions), name="small")
+    return replace(switched(small_plain(), changes), name="small")
 
 
 def mvsplat() -> NetworkSettings:

@@ -125,10 +125,15 @@ class SemGS(nn.Module):
             stage: context manager around each of `semgs.model.stages.STAGES`, for example to time it.
 
         Raises:
+            TypeError: it is given something else than views.
             ValueError: there is only one view.
             NotEnoughMemoryError: without `chunks`, one scene in evaluation mode does not fit into memory even with one view at a time.
             RuntimeError: this process was forked from one that had already rendered or encoded.
         """
+        if not isinstance(views, Views):
+            raise TypeError(
+                f"the network takes semgs.Views, as scene.read(...) and Views.from_arrays(...) give them, and got {type(views).__name__}"
+            )
         inputs = self._inputs(views)
         chunks = self._chunks(views) if chunks is None else chunks
         with stage("cnn"):

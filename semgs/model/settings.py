@@ -148,6 +148,7 @@ class SemanticSettings:
 
     Attributes:
         transformer, refinement: its parts.
+        compares_views: whether the head reads the transformer's features; else there is no transformer, and it reads those of single views.
         own_cnn: its own shallow CNN; else it shares that of the colour branch (ablation *Sh-Layer*).
         hidden: width between the two layers of the semantic head.
         fusion: outside training, input views agree on the classes of points that several of them see (`Encoding.fused`).
@@ -155,6 +156,7 @@ class SemanticSettings:
 
     transformer: TransformerSettings = field(default_factory=lambda: TransformerSettings(blocks=3))
     refinement: TwoBlocks | MobileNet = field(default_factory=TwoBlocks)
+    compares_views: bool = True
     own_cnn: bool = False
     hidden: int = 54
     fusion: bool = False

@@ -21,6 +21,9 @@ class Switches:
     """Camera-aware attention in the colour branch (ablation C-Inj)."""
     camera_aware_semantic: bool = True
     """Camera-aware attention in the semantic branch (ablation C-Inj)."""
+    semantic_transformer: bool = True
+    """A transformer over the views in the semantic branch. Off, each view's classes and the shapes of its semantic Gaussians come from that view
+    alone (not in the paper)."""
     output_transform: bool = True
     """Multiply the output of attention by G; off is the paper's text."""
     paper_heads: bool = False
@@ -59,6 +62,7 @@ def switches_of(settings: NetworkSettings) -> Switches:
         found,
         shared_layers=not semantic.own_cnn,
         camera_aware_semantic=semantic.transformer.camera_aware,
+        semantic_transformer=semantic.compares_views,
         class_backbone=isinstance(semantic.refinement, MobileNet),
         class_fusion=semantic.fusion,
         depth_cue=colour.depth.cue,
@@ -96,6 +100,7 @@ def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSe
     if semantic is not None:
         semantic = replace(
             semantic,
+            compares_views=now.semantic_transformer,
             own_cnn=not now.shared_layers,
             fusion=now.class_fusion,
             transformer=replace(semantic.transformer, camera_aware=now.camera_aware_semantic, **both),

@@ -77,6 +77,11 @@ def collect_notes(
         notes.append(
             "The scale of this scene is unknown, so lengths are in its own unit and depth maps are floating-point TIFF files."
         )
+    if scene.unit == "metric" and choice.depth_range.median is not None:
+        bounds = choice.depth_range
+        notes.append(
+            f"Depth is looked for between {bounds.near:.2g} and {bounds.far:.2g} m, {bounds.reason}. If the unit is not metres, say so: --unit unknown."
+        )
     if classes is None:
         notes.append(
             "The model predicts colour only, so there are no class maps, no semantics.ply and no class scores."

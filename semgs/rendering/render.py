@@ -107,9 +107,18 @@ def render_each_view(
     Raises:
         ValueError, ImportError, RuntimeError: as for `render`.
     """
+    if not isinstance(cameras, Cameras):
+        raise TypeError(f"cameras are {type(cameras).__name__}; expected semgs.Cameras, such as views.cameras")
     check_not_forked()
     backend_module, device = _choose_backend(backend, gaussians.means)
     batch = tuple(gaussians.means.shape[:-2])
+    if cameras.batch == batch:
+        raise ValueError(
+            f"cameras have axes {cameras.batch}, as the Gaussians have: there is no axis of views. For one camera write cameras[..., None], or index a "
+            "list of views by [0:1] instead of [0]"
+            if batch
+            else "cameras are a single camera without an axis of views; index a list of views by [0:1] instead of [0]"
+        )
     if not cameras.batch or cameras.batch[:-1] != batch or 0 in cameras.batch:
         raise ValueError(
             f"cameras have axes {cameras.batch} but Gaussians {batch}; expected those of the Gaussians and one more for views"

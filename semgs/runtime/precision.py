@@ -52,6 +52,8 @@ class FullPrecisionConv2d(nn.Conv2d):
 
     def forward(self, input: Tensor) -> Tensor:
         """The convolved map."""
+        if not torch.is_autocast_enabled(input.device.type):
+            return super().forward(input.to(self.weight.dtype))
         with torch.autocast(input.device.type, enabled=False):
             return super().forward(input.to(self.weight.dtype))
 
@@ -65,6 +67,8 @@ def outside_autocast(function: Callable[Arguments, Result]) -> Callable[Argument
     @wraps(function)
     def precise(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
         first = next(one for one in args if isinstance(one, Tensor))
+        if not torch.is_autocast_enabled(first.device.type):
+            return function(*args, **kwargs)
         with torch.autocast(first.device.type, enabled=False):
             return function(*args, **kwargs)
 

@@ -12,7 +12,7 @@ import numpy as np
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import jpeg_bytes
-from semgs.sfm.photos import BLANK, QUALITY, PhotoSet, UprightPhoto, sharpness_of, small_grey
+from semgs.sfm.photos import BLANK, QUALITY, PhotoSet, UprightPhoto, is_panorama, sharpness_of, small_grey
 
 MOST_JUDGED = 900
 """Of longer clips, every n-th frame is judged."""
@@ -66,9 +66,16 @@ def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
         raise InputError(
             path, "a video in which the camera moves", f"the same picture in {len(judged)} frames", advice=advice
         )
-    wanted, photos = {one.index for one in chosen}, []
+    wanted, photos = {one.index for one in chosen}, list[UprightPhoto]()
     for index, pixels in _frames(path, 1):
         if index in wanted:
+            if not photos and is_panorama(pixels):
+                raise InputError(
+                    path,
+                    "a video of a usual camera",
+                    "panoramas",
+                    advice="film with one lens; a panorama has no pinhole camera",
+                )
             name = f"frame_{index:05d}.jpg"
             write_bytes(folder / name, jpeg_bytes(pixels, QUALITY))
             photos.append(UprightPhoto(name, (pixels.shape[0], pixels.shape[1])))

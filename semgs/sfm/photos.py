@@ -19,7 +19,8 @@ from semgs.data.scenes import PICTURES, VIDEOS, is_scene
 from semgs.files.atomic import write_bytes
 from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError
-from semgs.files.images.pictures import jpeg_bytes, read_header, read_optics, read_upright
+from semgs.files.images.pictures import MOST_PIXELS, jpeg_bytes, read_header, read_optics, read_upright
+from semgs.files.text import listed
 
 UNREAD = (
     ".webp", ".avif", ".gif", ".bmp", ".tif", ".tiff", ".heif", ".jxl", ".jp2", ".exr", ".hdr",
@@ -40,7 +41,28 @@ BLURRED = 0.1
 """Pictures with less than this share of the median sharpness are blurred."""
 
 WIDEST = 2.0
-"""Pictures with a larger ratio of their sides are panoramas."""
+"""Pictures with a larger ratio of their sides are panoramas; with this one, if their left and right ends go together."""
+
+SAME_RATIO = 0.01
+"""Ratios that differ by this share are the same."""
+
+DCF = re.compile(r"\d{3}[A-Z0-9_]{5}")
+"""Folders that cameras and phones spread photos over: 100APPLE, 101CANON."""
+
+OTHER_CAMERAS = (
+    ("*.xml", b"<chunk", "Metashape"),
+    ("poses_bounds*.npy", b"NUMPY", "LLFF"),
+    ("sfm_data*.json", b"sfm_data_version", "OpenMVG"),
+    ("*.sfm", b"{", "AliceVision (Meshroom)"),
+    ("sfm*.json", b"featuresFolders", "AliceVision (Meshroom)"),
+    ("*.csv", b"#name,x,y", "RealityScan (RealityCapture)"),
+    ("bundle*.out", b"Bundle", "Bundler"),
+    ("*.nvm", b"NVM", "VisualSFM"),
+    ("reconstruction.json", b"shots", "OpenSfM"),
+    ("*calibrated_camera_parameters.txt", b"", "Pix4D"),
+    ("*.psx", b"", "Metashape"),
+)
+"""Files with cameras of other programs: name, what their beginning contains, program."""
 
 QUALITY = 95
 """JPEG quality of copies that have to be encoded again."""
@@ -88,17 +110,96 @@ def has_only_photos(path: Path) -> bool:
 
 
 def pictures_in(path: Path) -> list[Path]:
-    """The files of a folder, or else of `images` in it, whose endings are those of pictures. IMG_2 comes before IMG_10."""
-    for folder in (path, path / "images"):
-        files = folder.iterdir() if folder.is_dir() else ()
-        found = [
-            file
-            for file in files
-            if file.suffix.lower() in (*PICTURES, *UNREAD) and not file.name.startswith(".") and file.is_file()
-        ]
+    """The files of a folder, or else of `images` in it, or else of the folders of a camera (100APPLE, 101APPLE), whose endings are those of pictures.
+
+    IMG_2 comes before IMG_10.
+    """
+    for folders in ([path], [path / "images"], [one for one in subfolders(path) if DCF.fullmatch(one.name.upper())]):
+        found = [file for folder in folders for file in _pictures_of(folder)]
         if found:
-            return sorted(found, key=lambda file: _natural(file.name))
+            return found
     return []
+
+
+def subfolders(path: Path) -> list[Path]:
+    """The folders in a folder, sorted by name."""
+    return (
+        sorted(one for one in path.iterdir() if one.is_dir() and not one.name.startswith(".")) if path.is_dir() else []
+    )
+
+
+def _pictures_of(folder: Path) -> list[Path]:
+    """The files of a folder whose endings are those of pictures."""
+    found = [
+        file
+        for file in (folder.iterdir() if folder.is_dir() else ())
+        if file.suffix.lower() in (*PICTURES, *UNREAD) and not file.name.startswith(".") and file.is_file()
+    ]
+    return sorted(found, key=lambda file: _natural(file.name))
+
+
+def photos_below(path: Path) -> dict[str, int]:
+    """The number of pictures in each folder in a folder, of those that have some."""
+    return {one.name: count for one in subfolders(path) if (count := len(_pictures_of(one)))}
+
+
+def check_folder_of_photos(path: Path) -> None:
+    """Refuse a path that is neither a video nor a folder of photos without cameras.
+
+    Raises:
+        InputError: it is something else; says where photos are, if there are some.
+    """
+    if has_only_photos(path):
+        return
+    below = photos_below(path) if path.is_dir() else {}
+    if below and not is_scene(path):
+        shown = listed([f"{name} ({count})" for name, count in below.items()])
+        raise InputError(
+            path, "a folder of photos without cameras, or a video", f"photos only in the folders {shown}",
+            advice="name one of these folders, or put the photos that show one scene into one folder",
+        )  # fmt: skip
+    found = "a scene, which has cameras" if path.is_dir() and is_scene(path) else "something else"
+    raise InputError(path, "a folder of photos without cameras, or a video", found)
+
+
+def note_on_others(path: Path, files: Sequence[Path]) -> list[str]:
+    """Notes about what lies beside photos and is not used: photos in folders, and cameras of other programs."""
+    used = {file.parent for file in files}
+    below = {name: count for name, count in photos_below(path).items() if path / name not in used}
+    notes = []
+    if below:
+        shown = listed([f"{name} ({count})" for name, count in below.items()])
+        notes.append(f"{sum(below.values())} photos in folders beside these are not used: {shown}.")
+    for folder in dict.fromkeys((path, *used, *(one.parent for one in used if one.name == "images"))):
+        for pattern, start, program in OTHER_CAMERAS:
+            for file in sorted(folder.glob(pattern)):
+                if start in _beginning(file):
+                    notes.append(
+                        f"{file.name} has cameras of {program}, which are not read from here: cameras are estimated anew."
+                    )
+    return list(dict.fromkeys(notes))
+
+
+def _beginning(file: Path) -> bytes:
+    """The first bytes of a file; empty if it cannot be read."""
+    try:
+        with file.open("rb") as opened:
+            return opened.read(4096)
+    except OSError:
+        return b""
+
+
+def is_panorama(pixels: np.ndarray) -> bool:
+    """Whether pixels [h w 3] are those of a panorama: much wider than high, or twice as wide with ends that go together, as all around has them."""
+    height, width = pixels.shape[:2]
+    ratio = max(height, width) / min(height, width)
+    if abs(ratio / WIDEST - 1) > SAME_RATIO:
+        return ratio > WIDEST
+    if width < height:
+        return False
+    grey = small_grey(pixels).astype(np.float64)
+    ends = np.abs(grey[:, 0] - grey[:, -1]).mean()
+    return bool(ends < 2 * np.abs(np.diff(grey, axis=1)).mean() + 2)
 
 
 def copy_photos(path: Path, folder: Path) -> PhotoSet:
@@ -119,17 +220,19 @@ def copy_photos(path: Path, folder: Path) -> PhotoSet:
         raise InputError(path, f"at most {MOST_PHOTOS} photos", f"{len(files):,}", advice=advice)
     unread = [file for file in files if file.suffix.lower() in UNREAD]
     damaged, panoramas, blank, again = list[str](), list[str](), list[str](), list[str]()
+    unusable: dict[str, list[str]] = {}
     photos, sharpness, seen = list[UprightPhoto](), list[float](), set[bytes]()
     for file in (one for one in files if one.suffix.lower() in PICTURES):
         try:
             header, optics, pixels = read_header(file), read_optics(file), read_upright(file)
-        except InputError:
-            damaged.append(file.name)
+        except InputError as error:
+            reason = _unusable(error)
+            (damaged if reason is None else unusable.setdefault(reason, [])).append(file.name)
             continue
         height, width = pixels.shape[:2]
         grey = small_grey(pixels)
         key = hashlib.sha256(pixels.tobytes()).digest()
-        if optics.panorama or max(height, width) > WIDEST * min(height, width):
+        if optics.panorama or is_panorama(pixels):
             panoramas.append(file.name)
         elif grey.std() < BLANK:
             blank.append(file.name)
@@ -138,6 +241,8 @@ def copy_photos(path: Path, folder: Path) -> PhotoSet:
         else:
             as_it_is = header.orientation == 1 and file.suffix.lower() != ".heic"
             name = file.name if as_it_is else jpeg_name(file, files)
+            if any(photo.name.lower() == name.lower() for photo in photos):  # in another folder of the camera
+                name = f"{file.parent.name}_{name}"
             write_bytes(folder / name, read_bytes(file) if as_it_is else jpeg_bytes(pixels, QUALITY))
             photos.append(UprightPhoto(name, (height, width), optics.focal_px))
             sharpness.append(sharpness_of(grey))
@@ -145,6 +250,7 @@ def copy_photos(path: Path, folder: Path) -> PhotoSet:
     count, kinds = len(files), ", ".join(sorted({file.suffix.lower() for file in unread}))
     notes = [
         *counted([file.name for file in unread], count, f"photos have a format that is not read ({kinds})"),
+        *(note for reason, names in unusable.items() for note in counted(names, count, reason)),
         *counted(damaged, count, "photos are damaged"),
         *counted(panoramas, count, "photos are panoramas and are left out"),
         *counted(blank, count, "photos are black or blank and are left out"),
@@ -155,8 +261,23 @@ def copy_photos(path: Path, folder: Path) -> PhotoSet:
     soft = [
         photo.name for photo, sharp in zip(photos, sharpness, strict=True) if sharp < BLURRED * np.median(sharpness)
     ]
-    notes += [*counted(soft, count, "photos look blurred"), *_size_notes(photo.size for photo in photos)]
+    notes += [
+        *note_on_others(path, files),
+        *counted(soft, count, "photos look blurred"),
+        *_size_notes(photo.size for photo in photos),
+    ]
     return PhotoSet(path, folder, tuple(photos), notes=tuple(notes))
+
+
+def _unusable(error: InputError) -> str | None:
+    """Why a photo that is not damaged cannot be used, and what helps, for a count; None if it is damaged."""
+    if error.found.startswith("mode CMYK"):
+        return "photos have the colours of printers (CMYK) and are left out; save them as sRGB"
+    if error.found.startswith("mode "):
+        return f"photos have colours that are not read ({error.found.removeprefix('mode ')}) and are left out; save them as sRGB"
+    if error.expected.startswith("an image of at most"):
+        return f"photos have more than {MOST_PIXELS / 1e6:.0f} megapixels and are left out; make them smaller"
+    return None
 
 
 def with_focal(photos: PhotoSet, focal_px: float) -> Sequence[UprightPhoto]:

@@ -8,7 +8,7 @@ https://colmap.github.io
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,6 +19,7 @@ import numpy as np
 from semgs.data.cameras.lens import Lens
 from semgs.files.errors import InputError
 from semgs.files.paths import check_utf8
+from semgs.sfm.lens_groups import BETTER, copy_with_cameras, describe_groups, group_by_focal, may_be_several
 from semgs.sfm.photos import PhotoSet, UprightPhoto
 from semgs.sfm.pycolmap_library import pycolmap
 from semgs.sfm.reasons import why_not
@@ -44,8 +45,17 @@ EQUAL = 1.05
 UNSURE = 1.25
 """If the focal lengths of models that fit equally well differ by more than this factor, the photos do not show it."""
 
-PLAUSIBLE = (0.4, 3.0)
-"""Solved focal lengths over the longer side: 103 to 19 degrees across."""
+PLAUSIBLE = (0.3, 3.0)
+"""Solved focal lengths over the longer side: 118 to 19 degrees across. Those of EXIF or the user may be shorter or longer."""
+
+NEARLY_ALL = 0.9
+"""A model that fits better explains at least this share of the observations of the other."""
+
+REGROUPED = 3
+"""Photos are grouped by their focal lengths at most so often."""
+
+NEAR_KNOWN = 1.4
+"""Solved focal lengths may differ from those of EXIF by this factor."""
 
 PIXELS_OFF = 4.0
 """A match may be this far from its epipolar line, on an image with a longer side of `LARGEST_SIDE` [px]; at least half of it on small ones."""
@@ -135,20 +145,71 @@ def solve(photos: PhotoSet, listed: Sequence[UprightPhoto], focal_given: bool = 
         _extract(database, photos.folder, listed)
         _match(database, photos.ordered, min(LARGEST_SIDE, max(max(photo.size) for photo in listed)))
         if held or known or len(listed) >= DISTORTED:
-            models = _models(database, photos.folder, work, held, len(listed))
+            models = _models(database, photos.folder, work, held, listed)
         else:
             models = []
             for start in STARTS:
                 _start_at(database, start)
-                models += _models(database, photos.folder, work, held, len(listed))
+                models += _models(database, photos.folder, work, held, listed)
         equal = best(models)
+        groups = None
+        if not held and may_be_several(listed, photos.ordered):
+            equal, groups = _with_several_lenses(database, photos.folder, work, listed, equal)
         model = equal[0] if equal else None
         if model is None or _median_angle_deg(model) < LEAST_ANGLE_DEG:
             registered = 0 if model is None else model.num_reg_images()
             raise InputError(
                 photos.path, "photos whose cameras can be estimated", *_refusal(database, registered, len(listed))
             )
-    return _solution(equal, photos, listed, held, focal_given)
+    return _solution(equal, photos, listed, held, focal_given, groups)
+
+
+def _with_several_lenses(
+    database: Path, folder: Path, work: Path, listed: Sequence[UprightPhoto], shared: Sequence[Any]
+) -> tuple[list[Any], dict[str, tuple] | None]:
+    """The models with one focal length for all photos of a size, and None; or, if that fits clearly better, with one for each group of photos, and the groups.
+
+    One focal length is an assumption: it is freed once for each photo, and the errors are compared.
+    """
+    own = {photo.name: (photo.size, photo.focal_px, "" if photo.focal_px else photo.name) for photo in listed}
+    copy_with_cameras(database, work / "each.db", folder, own, {})
+    each = best(_models(work / "each.db", folder, work, False, listed))
+    if not each or (shared and not _fits_better(each[0], shared[0])):
+        return list(shared), None
+    found, groups = each, group_by_focal(each[0], listed)
+    for number in range(REGROUPED):
+        copy = work / f"groups{number}.db"
+        copy_with_cameras(database, copy, folder, groups, _focal_of(found[0], groups))
+        found = best(_models(copy, folder, work, False, listed))
+        if not found or (shared and not _fits_better(found[0], shared[0])):
+            return list(shared), None
+        again = group_by_focal(found[0], listed)
+        if len(set(again.values())) == len(set(groups.values())):
+            break
+        groups = again  # together, groups may turn out to have the same focal length
+    if shared and len(set(groups.values())) == len({(photo.size, photo.focal_px) for photo in listed}):
+        return list(shared), None
+    return found[:1], groups
+
+
+def _focal_of(model: Any, groups: Mapping[str, tuple]) -> dict[tuple, float]:
+    """The median focal length in a model of each group of photos whose focal length is not known [px]."""
+    focal: dict[tuple, list[float]] = {}
+    for image in model.images.values():
+        if image.has_pose and len(groups[image.name]) > 2:
+            focal.setdefault(groups[image.name], []).append(model.cameras[image.camera_id].params[0])
+    return {group: float(np.median(values)) for group, values in focal.items()}
+
+
+def _fits_better(model: Any, other: Any) -> bool:
+    """Whether a model has more photos than another, or as many with clearly smaller reprojection errors and nearly as many observations."""
+    photos, others = model.num_reg_images(), other.num_reg_images()
+    if photos != others:
+        return bool(photos > others)
+    error, before = (one.compute_mean_reprojection_error() for one in (model, other))
+    return bool(
+        error <= BETTER * before and model.compute_num_observations() >= NEARLY_ALL * other.compute_num_observations()
+    )
 
 
 def posed_photos(model: Any, names: Sequence[str]) -> tuple[PosedPhoto, ...]:
@@ -225,9 +286,10 @@ def _start_at(database: Path, ratio: float) -> None:
                 opened.update_camera(camera)
 
 
-def _models(database: Path, folder: Path, work: Path, held: bool, count: int) -> list[Any]:
+def _models(database: Path, folder: Path, work: Path, held: bool, listed: Sequence[UprightPhoto]) -> list[Any]:
     """The models that can be used; none if no camera could be estimated."""
-    library = pycolmap()
+    library, count = pycolmap(), len(listed)
+    limits = {photo.name: focal_limits(photo) for photo in listed}
     least = min(count, 3)
     options = library.IncrementalPipelineOptions()
     options.min_model_size, options.random_seed = least, SEED
@@ -235,7 +297,8 @@ def _models(database: Path, folder: Path, work: Path, held: bool, count: int) ->
     options.max_runtime_seconds = 60 + 10 * count
     options.num_threads = options.mapper.num_threads = 1  # with more, about one solution in a hundred differs
     for part in (options, options.mapper, options.triangulation):
-        part.min_focal_length_ratio, part.max_focal_length_ratio = PLAUSIBLE
+        part.min_focal_length_ratio = min(low for low, _ in limits.values())
+        part.max_focal_length_ratio = max(high for _, high in limits.values())
     mapper, triangulation = options.mapper, options.triangulation
     mapper.init_min_num_inliers, mapper.init_min_tri_angle, mapper.abs_pose_min_num_inliers = 50, 4.0, 15
     triangulation.ignore_two_view_tracks = False
@@ -254,15 +317,23 @@ def _models(database: Path, folder: Path, work: Path, held: bool, count: int) ->
     return [
         model
         for model in models
-        if model.num_reg_images() >= least and model.num_points3D() >= LEAST_POINTS and _plausible(model)
+        if model.num_reg_images() >= least and model.num_points3D() >= LEAST_POINTS and _plausible(model, limits)
     ]
 
 
-def _plausible(model: Any) -> bool:
-    """Whether all focal lengths are those of usual lenses."""
-    low, high = PLAUSIBLE
-    cameras = [model.cameras[image.camera_id] for image in model.images.values() if image.has_pose]
-    return all(low <= camera.params[0] / max(camera.width, camera.height) <= high for camera in cameras)
+def focal_limits(photo: UprightPhoto) -> tuple[float, float]:
+    """The smallest and the largest focal length that a photo may have, over the longer side."""
+    known = GUESS if photo.focal_px is None else photo.focal_px / max(photo.size)
+    return min(PLAUSIBLE[0], known / NEAR_KNOWN), max(PLAUSIBLE[1], known * NEAR_KNOWN)
+
+
+def _plausible(model: Any, limits: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether all focal lengths are those of usual lenses, or near those that are known."""
+    for image in model.images.values():
+        camera, (low, high) = model.cameras[image.camera_id], limits[image.name]
+        if image.has_pose and not low <= camera.params[0] / max(camera.width, camera.height) <= high:
+            return False
+    return True
 
 
 def _median_angle_deg(model: Any) -> float:
@@ -283,7 +354,12 @@ def _refusal(database: Path, registered: int, count: int) -> tuple[str, None, st
 
 
 def _solution(
-    equal: Sequence[Any], photos: PhotoSet, listed: Sequence[UprightPhoto], held: bool, focal_given: bool
+    equal: Sequence[Any],
+    photos: PhotoSet,
+    listed: Sequence[UprightPhoto],
+    held: bool,
+    focal_given: bool,
+    groups: Mapping[str, tuple] | None,
 ) -> Solution:
     """The first of some models as ours, with notes."""
     model = equal[0]
@@ -296,7 +372,10 @@ def _solution(
         notes.append(f"These do not overlap enough with the others and are left out: {shown}.")
     ratios = [_ratio(one) for one in equal]
     sure = held or max(ratios) <= UNSURE * min(ratios)
-    notes.append(_focal_note(posed, listed, held, focal_given) if sure else _unsure_note(posed[0].lens, ratios))
+    if groups is not None and len({groups[photo.name] for photo in posed}) > 1:
+        notes.append(describe_groups(posed, groups))
+    else:
+        notes.append(_focal_note(posed, listed, held, focal_given) if sure else _unsure_note(posed[0].lens, ratios))
     return Solution(
         posed,
         np.array([point.xyz for point in points]).reshape(-1, 3),

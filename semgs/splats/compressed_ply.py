@@ -18,10 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
+from semgs.data.ply_tables import PlyTables
 from semgs.files.errors import InputError
 from semgs.geometry.harmonics import DEGREE_0
 from semgs.splats.plain_ply import VERTEX, Columns, by_coefficient, rest_names, together
-from semgs.splats.ply_tables import PlyTables
 from semgs.splats.splat import Splat, check_all, check_count, make_gaussians
 
 CHUNK, HARMONICS = "chunk", "sh"

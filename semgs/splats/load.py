@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from semgs.data.ply_tables import MAGIC, read_tables
 from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError
 from semgs.files.paths import typed_path
-from semgs.splats import gltf_container, ply_tables
+from semgs.splats import gltf_container
 from semgs.splats.compressed_ply import is_compressed, read_compressed_ply
 from semgs.splats.gltf_splat import read_gltf
 from semgs.splats.plain_ply import read_plain_ply
-from semgs.splats.ply_tables import read_tables
 from semgs.splats.splat import Splat
 from semgs.splats.spz import is_spz, read_spz
 
@@ -34,7 +34,7 @@ def load_splat(path: str | Path) -> Splat:
     if not file.is_file():
         raise InputError(file, EXPECTED, "no such file" if not file.exists() else "no file")
     data = read_bytes(file, EXPECTED)
-    if data[:4] in (ply_tables.MAGIC + b"\n", ply_tables.MAGIC + b"\r"):
+    if data[:4] in (MAGIC + b"\n", MAGIC + b"\r"):
         ply = read_tables(file, data)
         return read_compressed_ply(file, ply) if is_compressed(ply) else read_plain_ply(file, ply)
     if is_spz(data):

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from semgs.data.ply_tables import PlyTables
 from semgs.files.errors import InputError
-from semgs.splats.ply_tables import PlyTables
 from semgs.splats.splat import DEGREES, Splat, check_all, check_count, make_gaussians
 
 POSITION = ("x", "y", "z")

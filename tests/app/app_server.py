@@ -19,7 +19,10 @@ from chromium import page_of
 if TYPE_CHECKING:
     from playwright.sync_api import FrameLocator, Page
 
-UNKNOWN = r"Failed to load resource: the server responded with a status of 404"
+LEFT = "BodyStreamBuffer was aborted|Connection errored out"
+"""What gradio says when a page is left while it listens to the server."""
+
+UNKNOWN = rf"{LEFT}|Failed to load resource: the server responded with a status of 404"
 
 
 @dataclass(frozen=True)

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
 import shutil
 import time
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from app_server import App, drop, make_room, page_at, room_in, running_app, sentence_on
 from dropped_files import picture, with_link, written, zipped
+from PIL import Image
 from ply import read_ply
 from turned_cameras import write_scene
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
 
 SECONDS = 60.0
 """From dropped photos to a labelled room, on two cores."""
@@ -95,6 +102,104 @@ def test_the_included_room_has_boxes_sizes_and_a_refinement(app: App):
         room.locator("#info").get_by_text("(length × width × height)").wait_for()
 
 
+@pytest.fixture
+def heic(fox: list[Path], tmp_path: Path) -> list[Path]:
+    """Six of the photos as an iPhone writes them."""
+    pillow_heif = pytest.importorskip("pillow_heif")
+    paths = []
+    for path in fox[::2]:
+        with Image.open(path) as image:
+            file = pillow_heif.from_pillow(image)
+        paths.append(tmp_path / f"IMG_{len(paths)}.HEIC")
+        file.save(paths[-1], quality=90)
+    return paths
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_photos_of_a_phone_with_a_known_distance_become_a_room_in_metres(app: App, heic: list[Path]):
+    with page_at(app) as page:
+        drop(page, heic)
+        page.get_by_role("button", name="Options").click()
+        page.get_by_label("First photo").fill("1")
+        page.get_by_label("Second photo").fill("6")
+        page.get_by_label("Metres between them").fill("1.5")
+        make_room(page)
+        room = room_in(page)
+        room.locator("#scene").click()
+        room.locator("#info").get_by_text(re.compile(r"\bm\b")).first.wait_for()
+        report = json.loads((job_folder(app, page) / "room/report.json").read_text())
+        assert report["scene"]["unit"] == "metric"
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_a_clip_becomes_a_room(app: App, fox: list[Path], tmp_path: Path):
+    import cv2
+
+    frames = [cv2.imread(str(path)) for path in fox]
+    height, width = frames[0].shape[0] // 2, frames[0].shape[1] // 2
+    clip = cv2.VideoWriter(str(tmp_path / "clip.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 2, (width, height))
+    for frame in frames:
+        clip.write(cv2.resize(frame, (width, height), interpolation=cv2.INTER_AREA))
+    clip.release()
+    with page_at(app) as page:
+        drop(page, [tmp_path / "clip.mp4"])
+        make_room(page)
+        page.get_by_text("Working on a clip").wait_for()
+        assert room_in(page).get_by_text("Photos alone do not show how large a room is").count() == 1
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_a_segmenter_that_the_server_offers_says_the_classes(shared: Path, scene: Path, tmp_path: Path):
+    pytest.importorskip("ai_edge_litert")
+    network = Path(shutil.copy(shared / "pretrained/mosaic_ade32.tflite", tmp_path / "mosaic.tflite"))
+    network.with_suffix(".json").write_text(json.dumps(MOSAIC))
+    with running_app(tmp_path / "app", "--segmenter", os.path.relpath(network)) as app, page_at(app) as page:
+        drop(page, [scene])
+        page.get_by_role("button", name="Options").click()
+        page.get_by_label("Classes from").click()
+        page.get_by_role("option", name="mosaic.tflite", exact=True).click()
+        make_room(page)
+        room_in(page)
+        report = json.loads((job_folder(app, page) / "room/report.json").read_text())
+        assert "mosaic" in report["model"]["segmenter"]
+        assert str(tmp_path) not in json.dumps(report)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_words_without_a_segmenter_and_half_a_scale_get_a_sentence(app: App, scene: Path):
+    with page_at(app) as page:
+        drop(page, [scene])
+        page.get_by_role("button", name="Options").click()
+        page.get_by_label("Words").fill("chair, mug")
+        make_room(page)
+        assert sentence_on(page).startswith("Words need a segmenter")
+        page.get_by_label("Words").fill("")
+        page.get_by_label("Metres between them").fill("2")
+        make_room(page)
+        page.get_by_text("For the scale, give two photos by number").wait_for()
+
+
+def job_folder(app: App, page: Page) -> Path:
+    """The folder of the job whose room the page shows."""
+    return app.folder / "rooms" / page.url.split("room=")[1]
+
+
+MOSAIC = {
+    "size": [512, 512], "scaling": {"offset": 0, "scale": 1}, "layout": "NHWC", "dtype": "uint8", "output": "logits",
+    "tensor": "decoder/add", "licence": "Apache-2.0",
+    "classes": [
+        "background", "wall", "building", "sky", "floor", "tree", "ceiling", "road", "bed", "window", "grass", "cabinet", "sidewalk",
+        "person", "earth", "door", "table", "mountain", "plant", "curtain", "chair", "car", "water", "painting", "sofa", "shelf",
+        "house", "sea", "mirror", "rug", "field", "armchair",
+    ],
+}  # fmt: skip
+"""The description of MOSAIC's file."""
+
+
 @pytest.mark.long
 @pytest.mark.timeout(900)
 def test_two_jobs_wait_for_one_another_and_one_can_be_cancelled(app: App, scene: Path, tmp_path: Path):
@@ -131,8 +236,6 @@ def noise(folder: Path) -> list[Path]:
 
 
 def blank(folder: Path) -> list[Path]:
-    from PIL import Image
-
     for n in range(2):
         Image.new("RGB", (300, 200), (0, 0, n)).save(folder / f"{n}.png")
     return [folder / f"{n}.png" for n in range(2)]

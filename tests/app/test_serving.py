@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from semgs.app.serving import COOKIE, LOCAL_HOSTS, Door
+from semgs.cli.main import main
 
 TOKEN = "a-token"
 
@@ -56,3 +58,15 @@ def test_without_the_token_no_websocket_opens():
 )
 def test_on_this_machine_only_its_own_names_open_the_app(host: str, status: int):
     assert answer(Door(behind, None, LOCAL_HOSTS), host=host)["status"] == status
+
+
+@pytest.mark.parametrize("option", ["--segmenter", "--depth"])
+def test_a_source_that_is_not_there_is_told_before_the_app_starts(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    missing = tmp_path / "a.onnx"
+    assert main(["app", "--folder", str(tmp_path / "app"), option, str(missing)]) == 2
+    assert capsys.readouterr().err == (
+        f"semgs: error: {missing}: expected an exported network (.onnx, .tflite), a model folder of transformers, or hf:OWNER/NAME, found nothing there\n"
+    )
+    assert not (tmp_path / "app").exists()

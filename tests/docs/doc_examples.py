@@ -16,13 +16,14 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import reader_disk
+from float32_cameras import float32_cameras
 from sybil import Document, Example, Region
 from sybil.parsers.markdown import CodeBlockParser
 
@@ -56,6 +57,7 @@ SMALLER = {
     "bench": "--quick",
     "evaluate": "--size 48x64 --views 2",
     "evaluate --single": "--size 48x64",
+    "export-network": "--size 48x64",
     "figure": "--size 48x64 --views 2",
     "label": "--size 48x64",
     "prepare": "--size 48x64 --workers 0",
@@ -86,7 +88,7 @@ SMALLER_IN_PYTHON = {
 """The same for blocks of Python."""
 
 SLOW = (
-    "ablate", "app", "batch", "bench", "figure", "label", "recipe", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
+    "ablate", "app", "batch", "bench", "export-network", "figure", "label", "recipe", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
     "kitchen_colmap", "splat-transform", "mosaic.tflite", "scripts/", "tests/", "tools.", "--protocol neighbours", "eval/other", "eval/segformer",
     "examples/train", "examples/score", "segmenters fit", "--correspondence", "--weights runs/small", "--html",
 )  # fmt: skip
@@ -256,7 +258,7 @@ def run_semgs(words: Sequence[str]) -> None:
     position = 1 if name in SECOND_WORD_IS_OUTPUT else 0 if name in FIRST_WORD_IS_OUTPUT else None
     made = [] if position is None else rest[position : position + 1]
     made += [rest[place + 1] for place, word in enumerate(rest) if word in OUTPUTS]
-    with set_aside(made):
+    with set_aside(made), float32_cameras() if name == "export-network" else nullcontext():
         code = main([*name.split(), *rest])
     assert code == 0, f"semgs {name} {shlex.join(rest)} ended with {code}"
 

@@ -37,11 +37,17 @@ RUNS = {
     "splat_labels": (("{rooms}/scene_00000", "{reconstruction}"), "photos say the classes of"),
     "walks": (("{room}", "--every", "3"), ", 8 frames | merged |"),
 }
-"""Arguments of each script, and a part of what it prints. `average_weights` and `large_splat` have tests of their own, `shared` is for the others."""
+"""Arguments of each script, and a part of what it prints. `average_weights`, `large_splat` and `refit_shapes` have tests of their own, `shared` is for the others."""
 
 
 def test_every_script_is_run_here() -> None:
-    assert {path.stem for path in SCRIPTS.glob("*.py")} == {*RUNS, "average_weights", "shared", "large_splat"}
+    assert {path.stem for path in SCRIPTS.glob("*.py")} == {
+        *RUNS,
+        "average_weights",
+        "shared",
+        "large_splat",
+        "refit_shapes",
+    }
 
 
 @pytest.fixture(scope="module")

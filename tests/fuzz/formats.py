@@ -25,6 +25,7 @@ from fuzz.scenes import (
     POSED,
     bag,
     colmap,
+    other_cameras,
     phone,
     predictions,
     prepared,
@@ -34,6 +35,7 @@ from fuzz.scenes import (
     transforms,
     transforms_in_a_zip,
     transforms_of_nerfstudio,
+    transforms_with_points,
 )
 from fuzz.splats import GLTF, PLAIN, SPZ, read_splat
 
@@ -75,7 +77,15 @@ FORMATS = {
             "archives", (transforms_in_a_zip, prepared), ("*.zip",), read_prepared, ("semgs/files/archives.py", "semgs/data/origin/prepared_record.py"), sealed=True
         ),
         Format("pictures", (pictures,), ("*",), read_pictures, ("semgs/files/images/pictures.py", "semgs/files/images/heic.py", "semgs/files/arrays.py")),
-        Format("splats-ply", PLAIN, ("*",), read_splat, ("semgs/splats/*ply*.py", "semgs/splats/splat.py")),
+        Format(
+            "sparse-points", (transforms_with_points("ascii"), transforms_with_points("binary_little_endian")), ("*.ply", "*.json"), read_scene,
+            (f"{LAYOUTS}/transforms_json.py", f"{LAYOUTS}/parts/sparse_points.py", "semgs/data/ply_tables.py"),
+        ),
+        Format(
+            "other-cameras", (other_cameras("frame"), other_cameras("fisheye"), other_cameras("llff")), ("*.xml", "*.npy"), read_scene,
+            (f"{LAYOUTS}/metashape.py", f"{LAYOUTS}/llff.py"),
+        ),
+        Format("splats-ply", PLAIN, ("*",), read_splat, ("semgs/splats/*ply*.py", "semgs/data/ply_tables.py", "semgs/splats/splat.py")),
         Format("splats-spz", SPZ, ("*",), read_splat, ("semgs/splats/spz.py", "semgs/splats/splat.py")),
         Format("splats-gltf", GLTF, ("*",), read_splat, ("semgs/splats/gltf_*.py", "semgs/splats/nerfstudio_frame.py")),
         Format("scenes", (saved_scene,), ("*",), read_saved_scene, ("semgs/scene/scene_file.py", "semgs/files/tensor_files.py")),

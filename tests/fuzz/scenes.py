@@ -38,6 +38,43 @@ def transforms_of_nerfstudio(folder: Path) -> Path:
     return folder / "scene"
 
 
+def transforms_with_points(form: str) -> Seed:
+    """instant-ngp's keys of depth, and sparse points."""
+
+    def write(folder: Path) -> Path:
+        from known_scenes import write_scene
+
+        def change(scene: dict) -> None:
+            scene.update(ply_file_path="points.ply", integer_depth_scale=0.001)
+            for frame in scene["frames"]:
+                frame["depth_path"] = frame.pop("depth_file_path")
+
+        write_scene(folder / "scene", 3, (24, 32), change=change)
+        points = np.random.default_rng(0).normal(size=(30, 3)).astype("<f4")
+        names = "".join(f"property float {name}\n" for name in "xyz")
+        head = (
+            f"ply\nformat {form} 1.0\nelement vertex 30\n{names}element face 1\nproperty list uchar int a\nend_header\n"
+        )
+        lines = "".join(f"{x} {y} {z}\n" for x, y, z in points.tolist()).encode()
+        body = lines + b"1 0\n" if form == "ascii" else points.tobytes() + bytes((1, 0, 0, 0, 0))
+        (folder / "scene/points.ply").write_bytes(head.encode() + body)
+        return folder / "scene"
+
+    return write
+
+
+def other_cameras(program: str) -> Seed:
+    def write(folder: Path) -> Path:
+        from other_cameras import FISHEYE, write_llff, write_metashape
+
+        if program == "llff":
+            return write_llff(folder / "scene")
+        text = "<transform><rotation>0 0 1 1 0 0 0 1 0</rotation><translation>10 0 0</translation><scale>2</scale></transform>"
+        return write_metashape(folder / "scene", *((program, FISHEYE) if program == "fisheye" else ()), component=text)
+
+    return write
+
+
 def transforms_in_a_zip(folder: Path) -> Path:
     from phone_captures import zipped
 
@@ -146,6 +183,8 @@ def bag(kind: str) -> Seed:
             for index, time in enumerate(bags.times(room)):
                 recorded.compressed(time, "/camera/color/image_raw/compressed", bags.jpeg(room.images[index]), "jpeg")
                 recorded.stamped(time, "/pose", "map", room.poses[index])
+                depth = bytes(12) + bags.rvl(room.depths[index])
+                recorded.compressed(time, f"{bags.DEPTH}/compressedDepth", depth, "16UC1; compressedDepth rvl")
         name = "room.bag" if kind == "ros1" else "room"
         return recorded.write(folder / name, "sqlite3" if kind == "sqlite3" else "mcap")
 

@@ -11,6 +11,7 @@ from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras, project
 from semgs.model.build import build
 from semgs.model.layers.network_input import NetworkInput
+from semgs.model.networks import NETWORKS
 from semgs.model.settings import NetworkSettings
 from semgs.model.sweep.depth import Depth
 from semgs.model.switches import Switches, switches_of
@@ -294,3 +295,22 @@ def test_convolutions_keep_channels_last_but_in_training_and_the_numbers_do_not_
         first = model(views).gaussians
     torch.testing.assert_close(last.means, first.means, rtol=1e-4, atol=1e-5)
     torch.testing.assert_close(last.semantic.features, first.semantic.features, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["small_plain", "small"])
+@torch.no_grad()
+def test_without_the_semantic_transformer_the_head_reads_each_view_alone(name):
+    views = posed_views(2, SIZE)
+    other = replace(views, images=torch.stack((views.images[0], 1 - views.images[1])))
+    for compares in (True, False):
+        settings = with_switches(NETWORKS[name](), {"semantic_transformer": compares})
+        model = fill_golden(build(settings)).eval()
+        assert any(".transformer." in part for part in model.semantic.state_dict(prefix="x.")) == compares
+        raw = [
+            model.semantic(model.semantic.refine(inputs, model.cnn), inputs)(slice(0, 1))
+            for inputs in map(model._inputs, (views, other))
+        ]
+        assert torch.equal(*raw) != compares
+        assert torch.isfinite(model(views).gaussians.semantic.scales).all()
+        channels = model.semantic.upsampler.conv.in_channels
+        assert channels == settings.channels * (2 if compares else 1)

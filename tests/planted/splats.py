@@ -11,7 +11,7 @@ OF_SCENES = ("tests/splats/test_splat_scene.py",)
 
 SPLATS = (
     Mutant(
-        "splats: big endian is read as little endian", "semgs/splats/ply_tables.py",
+        "splats: big endian is read as little endian", "semgs/data/ply_tables.py",
         '"binary_big_endian": ">"', '"binary_big_endian": "<"', OF_PLY,
     ),
     Mutant(

@@ -267,11 +267,12 @@ def test_up_to_a_kilometre_nothing_is_moved(wall_scene: Callable[..., Scene]) ->
 
 def test_poses_from_arrays_that_are_far_out_are_warned_of() -> None:
     images, poses = np.zeros((2, 4, 6, 3), np.uint8), np.tile(np.eye(4), (2, 1, 1))
+    intrinsics = np.array([[5.0, 0, 3], [0, 5, 2], [0, 0, 1]])
     poses[:, 0, 3] = [1000, 990]
-    Views.from_arrays(images, poses, np.eye(3), (0.5, 10))
+    Views.from_arrays(images, poses, intrinsics, (0.5, 10))
     poses[1, 0, 3] = -1001
     with pytest.warns(UserWarning, match="cameras are 1001 from the origin"):
-        Views.from_arrays(images, poses, np.eye(3), (0.5, 10))
+        Views.from_arrays(images, poses, intrinsics, (0.5, 10))
 
 
 def test_views_that_cannot_overlap_are_told(wall_scene: Callable[..., Scene], oracle: Network) -> None:

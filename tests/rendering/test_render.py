@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from inspect import unwrap
 
 import pytest
 import torch
 
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.rendering.render import render
+from semgs.rendering.render import render, render_each_view
 
 FIELDS = ("images", "semantics", "depths", "alphas")
 BACKENDS = pytest.mark.parametrize("backend", ["reference", "numba"])
@@ -185,11 +186,26 @@ def test_by_itself_the_cpu_uses_numba(random_scene) -> None:
     assert torch.equal(render(gaussians, cameras).images, render(gaussians, cameras, backend="numba").images)
 
 
+def test_a_camera_without_its_list_of_views_is_refused_with_what_to_write(random_scene) -> None:
+    gaussians, cameras = random_scene(13, count=5)
+    assert len(render(gaussians, cameras[0:1]).images) == 1
+    with pytest.raises(
+        ValueError, match=r"without an axis of views; index a list of views by \[0:1\] instead of \[0\]"
+    ):
+        render(gaussians, cameras[0])
+    for other in (
+        cameras.world_from_camera,
+        "camera.json",
+    ):  # what a user calls does not check types, unlike in the tests
+        with pytest.raises(TypeError, match=r"expected semgs\.Cameras, such as views\.cameras"):
+            unwrap(render_each_view)(gaussians, other, None, "auto", None)
+
+
 def test_what_cannot_be_rendered_is_refused(random_scene) -> None:
     gaussians, cameras = random_scene(13, count=5)
     with pytest.raises(ValueError, match=r"backend is 'cuda'; expected one of auto, numba, gsplat, reference"):
         render(gaussians, cameras, backend="cuda")
-    with pytest.raises(ValueError, match=r"cameras have axes \(\) but Gaussians \(\)"):
+    with pytest.raises(ValueError, match=r"a single camera without an axis of views"):
         render(gaussians, cameras[0])
     with pytest.raises(ValueError, match=r"cameras have axes \(2,\) but Gaussians \(1,\)"):
         render(gaussians.map(lambda tensor: tensor[None]), cameras)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
@@ -15,7 +16,16 @@ from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_optics, read_rgb, read_upright
 from semgs.sfm.clips import LEAST_MOTION, copy_frames, measure_motion, moving
-from semgs.sfm.photos import MOST_PHOTOS, PhotoSet, copy_photos, has_only_photos, pictures_in, with_focal
+from semgs.sfm.photos import (
+    MOST_PHOTOS,
+    PhotoSet,
+    check_folder_of_photos,
+    copy_photos,
+    has_only_photos,
+    is_panorama,
+    pictures_in,
+    with_focal,
+)
 
 HEIGHT, WIDTH = 60, 80
 
@@ -221,3 +231,104 @@ def test_a_file_that_is_no_video_is_refused(tmp_path: Path):
     (tmp_path / "a.mp4").write_bytes(b"no video")
     with pytest.raises(InputError, match="expected a video that OpenCV can decode, found no frames"):
         copy_frames(tmp_path / "a.mp4", tmp_path, 4)
+
+
+def test_photos_that_are_not_damaged_have_a_reason_of_their_own(folder: Path, tmp_path: Path, monkeypatch):
+    Image.fromarray(pixels(5)).convert("CMYK").save(folder / "print.jpg")
+    save(folder / "large.jpg", pixels(6, HEIGHT, WIDTH + 30))
+    (folder / "cut.jpg").write_bytes((folder / "IMG_2.jpg").read_bytes()[:200])
+    monkeypatch.setattr("semgs.files.images.pictures.MOST_PIXELS", HEIGHT * WIDTH + 100)
+    assert list(copied(folder, tmp_path).notes) == [
+        "1 of 5 photos have more than 67 megapixels and are left out; make them smaller, the first is large.jpg.",
+        "1 of 5 photos have the colours of printers (CMYK) and are left out; save them as sRGB, the first is print.jpg.",
+        "1 of 5 photos are damaged, the first is cut.jpg.",
+    ]
+
+
+def all_around(height: int) -> np.ndarray:
+    """A picture twice as wide as high whose left and right ends go together."""
+    angle = (np.arange(2 * height) + 0.5) / height * np.pi
+    rows = np.linspace(0, 3, height)[:, None]
+    waves = [np.sin(k * angle + k + rows) for k in (1, 3, 7)]
+    return np.stack([np.uint8(127 + 120 * wave) for wave in waves], axis=-1)
+
+
+def test_pictures_of_two_to_one_are_panoramas_if_their_ends_go_together():
+    assert is_panorama(all_around(80))
+    assert not is_panorama(pixels(4, 80, 160))
+    assert not is_panorama(all_around(80)[:, :140])  # 1.75 to 1
+    assert is_panorama(pixels(4, 80, 170))
+    assert is_panorama(pixels(4, 170, 80))
+    assert not is_panorama(pixels(4, 160, 80))  # a phone upright
+
+
+def test_a_clip_of_panoramas_is_refused(tmp_path: Path):
+    clip = write_clip(tmp_path / "a.mp4", [np.roll(all_around(96), 8 * step, axis=1) for step in range(6)])
+    (tmp_path / "frames").mkdir()
+    with pytest.raises(InputError, match="expected a video of a usual camera, found panoramas"):
+        copy_frames(clip, tmp_path / "frames", 6)
+
+
+def test_the_folders_of_a_camera_are_one_set_of_photos(tmp_path: Path):
+    for index, place in enumerate(("100APPLE/IMG_1.jpg", "100APPLE/IMG_2.jpg", "101APPLE/IMG_1.jpg")):
+        (tmp_path / "DCIM" / place).parent.mkdir(parents=True, exist_ok=True)
+        save(tmp_path / "DCIM" / place, pixels(index))
+    assert has_only_photos(tmp_path / "DCIM")
+    found = copied(tmp_path / "DCIM", tmp_path)
+    assert [photo.name for photo in found.photos] == ["IMG_1.jpg", "IMG_2.jpg", "101APPLE_IMG_1.jpg"]
+    np.testing.assert_array_equal(
+        read_rgb(tmp_path / "copies/101APPLE_IMG_1.jpg"), read_rgb(tmp_path / "DCIM/101APPLE/IMG_1.jpg")
+    )
+
+
+def test_photos_in_folders_beside_photos_are_counted(folder: Path, tmp_path: Path):
+    for name in ("more", "rest"):
+        (folder / name).mkdir()
+        save(folder / name / "a.jpg", pixels(7))
+    assert copied(folder, tmp_path).notes == ("2 photos in folders beside these are not used: more (1), rest (1).",)
+
+
+def test_photos_in_other_folders_alone_are_not_mixed_and_the_folders_are_named(folder: Path):
+    (folder / "bath").mkdir()
+    for file in folder.glob("*.jpg"):
+        file.rename(folder / "bath" / file.name)
+    with pytest.raises(InputError, match=r"found photos only in the folders bath \(2\); name one of these folders"):
+        check_folder_of_photos(folder)
+    with pytest.raises(InputError, match="semgs poses FOLDER OUT estimates them"):
+        open_scene(folder)
+    shutil.copytree(folder / "bath", folder / "attic")
+    with pytest.raises(InputError, match="there are only images, in attic, bath; semgs poses estimates"):
+        open_scene(folder)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "program"),
+    [
+        ("cameras.xml", b'<?xml version="1.0"?>\n<document version="2.0.0"><chunk label="1">', "Metashape"),
+        ("poses_bounds.npy", b"\x93NUMPY\x01\x00", "LLFF"),
+        ("sfm_data.json", b'{"sfm_data_version": "0.3"}', "OpenMVG"),
+        ("cameras.sfm", b'{"version": ["1"]}', r"AliceVision \(Meshroom\)"),
+        ("cameras.csv", b"#name,x,y,alt,yaw,pitch,roll\n", r"RealityScan \(RealityCapture\)"),
+        ("bundle.rd.out", b"# Bundle file v0.3\n", "Bundler"),
+    ],
+)
+def test_cameras_of_other_programs_are_mentioned(folder: Path, tmp_path: Path, name: str, content: bytes, program: str):
+    (folder / name).write_bytes(content)
+    (folder / "notes.csv").write_text("photo,comment\n")
+    (folder / "settings.xml").write_text("<settings/>")
+    (note,) = copied(folder, tmp_path).notes
+    assert re.fullmatch(
+        rf"{name} has cameras of {program}, which are not read from here: cameras are estimated anew\.", note
+    )
+
+
+def test_results_splats_and_clips_given_as_scenes_say_what_opens_them(tmp_path: Path):
+    for name in ("out/scene.safetensors", "splat.ply", "clip.webm"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    with pytest.raises(InputError, match="this is a result of semgs reconstruct; semgs view, render, query and export"):
+        open_scene(tmp_path / "out")
+    with pytest.raises(InputError, match="a splat is a result and has no photos; semgs view"):
+        open_scene(tmp_path / "splat.ply")
+    with pytest.raises(InputError, match="semgs poses CLIP OUT estimates them"):
+        open_scene(tmp_path / "clip.webm")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import groupby, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -209,3 +211,23 @@ def jpeg(image: np.ndarray) -> bytes:
 def png(array: np.ndarray) -> bytes:
     """A PNG of an RGB picture or a map."""
     return cv2.imencode(".png", array[..., ::-1] if array.ndim == 3 else array)[1].tobytes()
+
+
+def rvl(counts: np.ndarray) -> bytes:
+    """Depth as compressedDepth's RVL: columns, rows, then Wilson's code, nibble by nibble."""
+    numbers, before = list[int](), 0
+    runs = [list(run) for _, run in groupby(counts.ravel().tolist(), bool)]
+    if runs[0][0]:
+        runs.insert(0, [])
+    for zeros, values in zip_longest(runs[::2], runs[1::2], fillvalue=[]):
+        numbers += [len(zeros), len(values)]
+        for value in values:
+            numbers.append(2 * (value - before) if value >= before else 2 * (before - value) - 1)
+            before = value
+    nibbles = ""
+    for number in numbers:
+        octal = f"{number:o}"[::-1]
+        nibbles += "".join(f"{int(digit) + 8:x}" for digit in octal[:-1]) + octal[-1]
+    nibbles += "0" * (-len(nibbles) % 8)
+    words = [int(nibbles[start : start + 8], 16) for start in range(0, len(nibbles), 8)]
+    return struct.pack("<ii", *counts.shape[::-1]) + struct.pack(f"<{len(words)}I", *words)

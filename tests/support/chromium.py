@@ -46,16 +46,20 @@ def page_of(size: tuple[int, int], *, offline: bool = True, known: str = "$^") -
         height, width = size
         page = browser.new_context(viewport={"width": width, "height": height}, offline=offline).new_page()
         page.set_default_timeout(SECONDS * 1000)
-        page.on("pageerror", lambda error: errors.append(str(error)))
 
-        def note(message: ConsoleMessage) -> None:
-            if message.type == "error" and not re.search(known, message.text):
-                errors.append(message.text)
+        def note(text: str) -> None:
+            if not re.search(known, text):
+                errors.append(text)
 
-        page.on("console", note)
+        def note_message(message: ConsoleMessage) -> None:
+            if message.type == "error":
+                note(message.text)
+
+        page.on("pageerror", lambda error: note(str(error)))
+        page.on("console", note_message)
         yield page
         browser.close()
-    assert errors == []
+    assert not errors, errors
 
 
 def picture_of(page: Page) -> np.ndarray:

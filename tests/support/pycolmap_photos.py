@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,11 +31,11 @@ def texture(seed: int) -> np.ndarray:
     )
 
 
-def picture(pose: np.ndarray, planes: list[tuple[float, float, float]]) -> np.ndarray:
+def picture(pose: np.ndarray, planes: list[tuple[float, float, float]], focal: float = FOCAL) -> np.ndarray:
     """What a camera sees of squares parallel to its first image plane: (x, depth, width) of each, the farthest first."""
     height, width = SIZE
     image = np.full((height, width, 3), 90, np.uint8)
-    k = np.array([[FOCAL, 0, CENTRE[0]], [0, FOCAL, CENTRE[1]], [0, 0, 1.0]])
+    k = np.array([[focal, 0, CENTRE[0]], [0, focal, CENTRE[1]], [0, 0, 1.0]])
     camera_from_world = np.linalg.inv(pose)
     for number, (x, depth, side) in enumerate(planes):
         # From texture pixels to the plane, to the camera, to the image. OpenCV's pixel centres are at whole numbers.
@@ -63,9 +64,14 @@ def poses_of(count: int) -> np.ndarray:
     return np.stack(found)
 
 
-def take(folder: Path, poses: np.ndarray, planes: list[tuple[float, float, float]] = PLANES) -> Taken:
-    """Write the photos of some cameras, p0.png and so on."""
+def take(
+    folder: Path,
+    poses: np.ndarray,
+    planes: list[tuple[float, float, float]] = PLANES,
+    focal: Callable[[int], float] = lambda index: FOCAL,
+) -> Taken:
+    """Write the photos of some cameras, p0.png and so on; `focal` gives the focal length of each."""
     folder.mkdir(parents=True, exist_ok=True)
     for index, pose in enumerate(poses):
-        write_png(folder / f"p{index}.png", picture(pose, planes))
+        write_png(folder / f"p{index}.png", picture(pose, planes, focal(index)))
     return Taken(folder, poses)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Literal
 
 import tyro
 
 from semgs.cli.usage_errors import what_the_user_gave
 from semgs.data.paper_variants import check_readings
 from semgs.data.scene_details import SceneDetails
+from semgs.files.paths import existing_folder
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,10 @@ class SceneOptions:
     """fx fy cx cy of the full-size images, in pixels; the image centre is (W/2, H/2). Overrides any file."""
     depth_unit: Annotated[float | None, tyro.conf.arg(metavar="METRES", help_behavior_hint="")] = None
     """Metres per unit of the depth maps, such as 0.001, if no file says so."""
+    images: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = None
+    """COLMAP models: the folder that the names of the images are relative to, if it is not beside the model."""
+    unit: Annotated[Literal["metric", "unknown"] | None, tyro.conf.arg(help_behavior_hint="")] = None
+    """Whether lengths are metres, if the files do not say so or are wrong about it."""
     scenezoo: Annotated[str | None, tyro.conf.arg(metavar="DATASET:SCENE", help_behavior_hint="")] = None
     """A scene of arkitscenes, matterport3d, multiscan, 3rscan or structured3d: SCENE is then the folder of the data set. A third part is
     the room or the camera: structured3d:scene_00000:485142, arkitscenes:41069021:vga_wide. Needs the extra [scenezoo]; see docs/data.md."""
@@ -54,4 +60,7 @@ class SceneOptions:
             UsageError: a number is invalid.
         """
         with what_the_user_gave():
-            return SceneDetails(self.camera, self.world, self.body, self.intrinsics, self.depth_unit, self.scenezoo)
+            images = None if self.images is None else existing_folder(self.images)
+            return SceneDetails(
+                self.camera, self.world, self.body, self.intrinsics, self.depth_unit, self.scenezoo, images, self.unit
+            )

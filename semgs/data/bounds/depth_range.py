@@ -1,8 +1,8 @@
 """Near and far: the depth range in which a model looks for surfaces, and where it comes from.
 
-For metric scenes, these are the depths of rooms. Otherwise they come from the scene: from its sparse points, from points triangulated
-between its images, or at least from the distances between its cameras. Depth maps are never used here, because results are compared
-with them. Only the choice of frames uses them (`semgs.data.choosing.choice`).
+For metric scenes, these are the depths of rooms, unless sparse points, triangulated points or depth maps contradict them. Otherwise they come from
+the scene: from its sparse points, from points triangulated between its images, or at least from the distances between its cameras. Depth maps
+alone are used only if nothing else is known of a metric scene, because results are compared with them.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from semgs.data.bounds.parallax import FrameFeatures, find_features, inverse_dep
 from semgs.data.frames import Frame
 from semgs.data.spread import spread
 from semgs.data.views import INDOOR_DEPTH_RANGE
+from semgs.files.errors import InputError
 
 ROOM_RATIO = INDOOR_DEPTH_RANGE[1] / INDOOR_DEPTH_RANGE[0]
 """Far / near of rooms. Without metres, the range around the middle depth has at least this ratio."""
@@ -26,6 +27,18 @@ MIDDLE_PER_BASELINE = 10.0
 
 FEW_POINTS = 20
 """Fewer points than this are not used."""
+
+CONTRADICTS = 0.25
+"""If at least this share of the points of a metric scene is outside of the range of rooms, the range comes from the points."""
+
+BOTH_CONTRADICT = 0.05
+"""The same if depth maps say so too, or if there are only depth maps: they have no wrong matches."""
+
+SLACK = 1.1
+"""Depths beyond the range of rooms by less than this factor are not outside of it."""
+
+GRID = 24
+"""Depth maps are sampled at this many places along each side."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +76,8 @@ def depth_range(
     unit: str,
     points: np.ndarray | None = None,
     features: dict[int, FrameFeatures] | None = None,
+    *,
+    stated: bool = False,
 ) -> DepthRange:
     """Near and far for some frames of a scene.
 
@@ -72,19 +87,85 @@ def depth_range(
         unit: "metric" or "unknown".
         points: the scene's sparse points [n 3] in the world, or None.
         features: known features of frames by their positions; new ones are added.
+        stated: take the range of rooms for metric scenes without looking at their images, as protocols do.
     """
-    if unit == "metric":
-        return DepthRange(*INDOOR_DEPTH_RANGE, unit, "the scene is metric, and this is the range of rooms")
+    rooms = DepthRange(*INDOOR_DEPTH_RANGE, unit, "the scene is metric, and this is the range of rooms")
+    if unit == "metric" and stated:
+        return rooms
+    try:
+        seen = _seen(frames, positions, points, {} if features is None else features)
+    except InputError:
+        if unit != "metric":
+            raise
+        seen = None  # a metric scene needs no images for its range; reading the frame will say what is wrong
+    if unit != "metric":
+        return _from_baseline(frames, positions, unit) if seen is None else _around(seen.inverse, unit, seen.reason)
+    share = 0.0 if seen is None else _outside(seen.inverse)
+    if seen is None or BOTH_CONTRADICT <= share < CONTRADICTS:
+        measured = _inverse_depths_of_maps([frames[index] for index in dict.fromkeys(spread(positions, 4))])
+        if len(measured) < FEW_POINTS or _outside(measured) < BOTH_CONTRADICT:
+            return rooms
+        seen = seen or Seen(measured, "from the depth maps")
+        share = max(share, _outside(measured))
+    elif share < CONTRADICTS:
+        return rooms
+    near, far = INDOOR_DEPTH_RANGE
+    return _around(
+        seen.inverse,
+        unit,
+        f"{seen.reason}, as {share:.0%} of them are outside of {near:g} to {far:g} m, the range of rooms",
+    )
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Depths that a scene shows by itself.
+
+    Attributes:
+        inverse: inverse z-depths.
+        reason: where they are from, as a phrase.
+    """
+
+    inverse: np.ndarray
+    reason: str
+
+
+def _seen(
+    frames: Sequence[Frame], positions: Sequence[int], points: np.ndarray | None, pictures: dict[int, FrameFeatures]
+) -> Seen | None:
+    """Depths of the sparse points that frames see, or else of points triangulated between images; None if there are too few."""
     if points is not None:
         inverse = np.concatenate([_inverse_depths_of_points(frames[index], points) for index in positions])
         if len(inverse) >= FEW_POINTS:
-            return _around(inverse, unit, f"from {len(inverse)} sightings of the scene's sparse points")
-    pictures = {} if features is None else features
+            return Seen(inverse, f"from {len(inverse)} sightings of the scene's sparse points")
     for pairs in (_pairs_among(positions), _pairs_beside(frames, positions)):
         inverse = _triangulated(frames, pairs, pictures)
         if len(inverse) >= FEW_POINTS:
-            return _around(inverse, unit, f"from {len(inverse) // 2} points triangulated between the images")
-    return _from_baseline(frames, positions, unit)
+            return Seen(inverse, f"from {len(inverse) // 2} points triangulated between the images")
+    return None
+
+
+def _outside(inverse: np.ndarray) -> float:
+    """The share of inverse depths [1/m] outside of the range of rooms."""
+    near, far = INDOOR_DEPTH_RANGE
+    return float(((inverse > SLACK / near) | (inverse < 1 / (SLACK * far))).mean())
+
+
+def _inverse_depths_of_maps(frames: Sequence[Frame]) -> np.ndarray:
+    """Inverse z-depths at some places of the depth maps of frames, empty if there are none, or if one cannot be read: reading the frame will say so."""
+    found = [np.zeros(0)]
+    for frame in frames:
+        try:
+            depths = frame.measured()
+        except InputError:
+            continue
+        if depths is not None:
+            rows, columns = (np.linspace(0, side - 1, min(side, GRID)).astype(int) for side in depths.shape)
+            known = depths[np.ix_(rows, columns)]
+            if not (known > 0).any():
+                known = depths
+            found.append(1 / known[known > 0].astype(np.float64))
+    return np.concatenate(found)
 
 
 def _around(inverse: np.ndarray, unit: str, reason: str) -> DepthRange:

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from semgs.data.frames import Frame
+from semgs.data.sift import LONGEST_SIDE, mutual_matches, sift
 from semgs.files.images.pictures import read_grey
 
-LONGEST_SIDE = 480
-"""Features are detected at this size [px]: it takes a few tens of milliseconds an image, and finds plenty."""
-
-FEATURES = 1500
-RATIO = 0.8
 EPIPOLAR_TOLERANCE_PX = 1.5
 LEAST_MATCHES = 15
 LEAST_PARALLAX = np.radians(0.25)
@@ -47,16 +42,14 @@ def find_features(frame: Frame) -> FrameFeatures:
         InputError: its image cannot be read.
     """
     grey = read_grey(frame.picture, frame.lens.size, LONGEST_SIDE)
-    keypoints, descriptors = cv2.SIFT.create(nfeatures=FEATURES).detectAndCompute(grey, None)
+    positions, descriptors = sift(grey)
     scale = np.array([frame.lens.size[1] / grey.shape[1], frame.lens.size[0] / grey.shape[0]])
-    # OpenCV's positions have the first pixel's centre at 0.
-    positions = (np.array([point.pt for point in keypoints], dtype=np.float64).reshape(-1, 2) + 0.5) * scale
-    directions = frame.lens.directions(positions) @ frame.world_from_camera[:3, :3].T
+    directions = frame.lens.directions(positions * scale) @ frame.world_from_camera[:3, :3].T
     return FrameFeatures(
         centre=frame.world_from_camera[:3, 3],
         axis=frame.world_from_camera[:3, 2],
         directions=directions / np.linalg.norm(directions, axis=1, keepdims=True),
-        descriptors=np.zeros((0, 128), np.float32) if descriptors is None else descriptors,
+        descriptors=descriptors,
         pixel=float(scale.max() / min(frame.lens.focal)),
     )
 
@@ -88,19 +81,3 @@ def inverse_depths(first: FrameFeatures, second: FrameFeatures) -> np.ndarray:
     depths = np.concatenate((s * (a @ first.axis), t * (b @ second.axis)))
     inverse = np.where(depths > 0, 1 / np.where(depths > 0, depths, 1), 0)
     return inverse if np.median(inverse) > 0 else np.zeros(0)
-
-
-def mutual_matches(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of descriptors that are each other's nearest neighbours and pass the ratio test."""
-    none = np.zeros(0, dtype=np.int64)
-    if len(first) < 2 or len(second) < 2:
-        return none, none
-    matcher = cv2.BFMatcher(cv2.NORM_L2)
-    forth = {
-        best.queryIdx: best.trainIdx
-        for best, next_best in matcher.knnMatch(first, second, k=2)
-        if best.distance < RATIO * next_best.distance
-    }
-    back = {match.queryIdx: match.trainIdx for match in matcher.match(second, first)}
-    pairs = np.array([(i, j) for i, j in forth.items() if back[j] == i], dtype=np.int64).reshape(-1, 2)
-    return pairs[:, 0], pairs[:, 1]

@@ -18,10 +18,11 @@ from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.fields import Fields, read_fields
 from semgs.data.layouts.parts.pose_files import listed_poses
-from semgs.data.layouts.parts.sentences import note_lacking, note_transparent
+from semgs.data.layouts.parts.sentences import note_damaged_points, note_lacking, note_transparent
 from semgs.data.layouts.parts.sparse_points import points_in_view, read_ply_points
 from semgs.data.maps import ClassMap, DepthMap, MaskMap
 from semgs.data.scene import Scene
+from semgs.data.spread import spread
 from semgs.data.tables.class_files import read_class_file
 from semgs.data.tables.classes import IGNORE, ClassTable, class_table
 from semgs.files.archives import Archive, Member, members
@@ -45,6 +46,13 @@ OTHER_LENSES = ("is_fisheye", "ftheta_p0", "ftheta_p1", "ftheta_p2", "ftheta_p3"
 
 DEPTH_UNIT = 0.001
 """Default of nerfstudio's `depth_unit_scale_factor`: millimetres."""
+
+JUDGED, DENSE, ROOM_DEPTH = 3, 0.2, (0.4, 15.0)
+"""If the file does not say its unit, so many depth maps are judged: lengths are metres if this share of their pixels is known, with a median between these [m]."""
+
+DEPTHS = (".png", ".npy", ".pgm")
+DEPTH_OF_NGP, SCALE_OF_NGP, ENABLED_OF_NGP = "depth_path", "integer_depth_scale", "enable_depth_loading"
+"""instant-ngp's keys of depth, which NeRFCapture and SplaTAM use, too: z-depth in counts of so many units of the poses."""
 
 
 Beside = Callable[[str], Stored | None]
@@ -101,13 +109,11 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
             absent.append(name)
             continue
         lens = _lens(fields, picture, notes)
-        held = _map(fields, "depth_file_path", (".png", ".npy", ".pgm"), notes, beside)
-        unit = fields.positive("depth_unit_scale_factor") or DEPTH_UNIT
+        depth = _depth(fields, notes, beside)
         label = _map(fields, "label_file_path", (".png",), notes, beside)
         if label is not None:
             labels[len(frames)] = label
         mask = _map(fields, "mask_path", (".png",), notes, beside)
-        depth = DepthMap(held, unit) if held else None
         frames.append(
             Frame(name, picture, lenses.setdefault(lens, lens), pose, depth, mask=MaskMap(mask) if mask else None)
         )
@@ -120,21 +126,20 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
                 frames[index] = replace(frames[index], labels=source)
     except InputError as error:
         unread = error
-    sparse = shared.text("ply_file_path")
-    stored_points = beside(sparse.replace("\\", "/")) if sparse else None
-    points = read_ply_points(stored_points) if stored_points is not None else None
+    points, about_points = _points(shared, beside)
+    unit, about_unit = _unit(shared, frames)
     if points is not None:
         frames = [replace(frame, points=points_in_view(frame, points)) for frame in frames]
     return Scene(
         path=path,
         name=name_of_scene,
         layout="transforms.json",
-        unit=_unit(shared, listed),
+        unit=unit,
         frames=tuple(frames),
         classes=classes,
         unread_labels=unread,
         absent=tuple(absent),
-        notes=tuple(notes.sentences(absent, len(listed))),
+        notes=(*notes.sentences(absent, len(listed)), *about_points, *about_unit),
         points=points if points is not None and len(points) else None,
         applied_transform=_applied_transform(shared),
         applied_scale=shared.positive("applied_scale"),
@@ -148,6 +153,8 @@ class _Notes:
         self.transparent = self.maps = 0
         self.missing_maps: list[str] = []
         self.unread_maps: list[str] = []
+        self.unscaled_maps: list[str] = []
+        self.disabled_maps: list[str] = []
 
     def sentences(self, absent: Sequence[str], listed: int) -> list[str]:
         """The notes on a scene with so many listed frames."""
@@ -156,6 +163,14 @@ class _Notes:
             *note_transparent(self.transparent),
             *note_lacking(self.missing_maps, self.maps, "listed depth, label and mask files are missing"),
             *note_lacking(self.unread_maps, self.maps, "listed depth, label and mask files have an unsupported format"),
+            *note_lacking(
+                self.unscaled_maps,
+                self.maps,
+                f"files in {DEPTH_OF_NGP} are left out, as {SCALE_OF_NGP} is missing or 0",
+            ),
+            *note_lacking(
+                self.disabled_maps, self.maps, f"files in {DEPTH_OF_NGP} are left out, as {ENABLED_OF_NGP} is false"
+            ),
         ]
 
 
@@ -209,6 +224,40 @@ def _map(fields: Fields, key: str, kinds: Sequence[str], notes: _Notes, beside: 
     return path
 
 
+def _depth(fields: Fields, notes: _Notes, beside: Beside) -> DepthMap | None:
+    """The depth of a frame, by nerfstudio's keys or by instant-ngp's."""
+    unit = fields.positive("depth_unit_scale_factor") or DEPTH_UNIT
+    stored = _map(fields, "depth_file_path", DEPTHS, notes, beside)
+    if stored is not None:
+        return DepthMap(stored, unit)
+    stored = _map(fields, DEPTH_OF_NGP, DEPTHS, notes, beside)
+    if stored is None:
+        return None
+    scale = fields.number(SCALE_OF_NGP)
+    enabled = fields.value(ENABLED_OF_NGP)
+    if enabled is not None and not fields.flag(ENABLED_OF_NGP):
+        notes.disabled_maps.append(stored.name)
+    elif scale is None or scale <= 0:  # instant-ngp's own default is -1: no depth
+        notes.unscaled_maps.append(stored.name)
+    else:
+        return DepthMap(stored, scale)
+    return None
+
+
+def _points(shared: Fields, beside: Beside) -> tuple[np.ndarray | None, list[str]]:
+    """The sparse points, and a note if they cannot be read: a scene does not need them."""
+    name = shared.text("ply_file_path")
+    if name is None:
+        return None, []
+    file = beside(name.replace("\\", "/"))
+    if file is None:
+        return None, [f"The sparse points are left out: {name} is missing."]
+    try:
+        return read_ply_points(file), []
+    except InputError as error:
+        return None, note_damaged_points(error)
+
+
 def _lens(fields: Fields, picture: Stored, notes: _Notes) -> Lens:
     """The lens of a frame, from its own keys or the shared ones."""
     model = fields.text("camera_model")
@@ -217,7 +266,7 @@ def _lens(fields: Fields, picture: Stored, notes: _Notes) -> Lens:
             "camera_model", "one of " + ", ".join(CAMERA_MODELS), model, "undistort the images to pinholes first"
         )
     for key in (*OTHER_LENSES, *OTHER_DISTORTION):
-        if fields.value(key):
+        if fields.flag(key):
             raise fields.refused(
                 key, "a pinhole with " + " ".join(DISTORTION), f"{fields.value(key)!r}", "undistort the images first"
             )
@@ -256,14 +305,43 @@ def _focal(fields: Fields, axis: str, side: int) -> float | None:
     return 0.5 * side / math.tan(0.5 * radians)
 
 
-def _unit(shared: Fields, listed: Sequence[Fields]) -> str:
-    """Metric if the file says so. If it does not say, then metric if there are depth files, as these have a unit."""
+def _unit(shared: Fields, frames: Sequence[Frame]) -> tuple[str, list[str]]:
+    """Metric if the file says so, or if it does not say and a sensor seems to have measured a room in metres. With a note if depth maps leave it open."""
     metric = shared.value("metric")
+    if isinstance(metric, str) and metric.strip().lower() in ("true", "false"):
+        metric = shared.flag("metric")
     if metric is None:
-        metric = any(frame.value("depth_file_path") for frame in listed)
+        doubt = _doubt([frame.depth for frame in frames if isinstance(frame.depth, DepthMap)])
+        if doubt is None:
+            return "metric", []
+        advice = 'if they are, use --unit metric, or write "metric": true'
+        return "unknown", [
+            f"Lengths are not taken for metres, as the file does not say so and {doubt}; {advice}."
+        ] if doubt else []
     if not isinstance(metric, bool):
         raise shared.refused("metric", "true or false", repr(metric))
-    return "metric" if metric else "unknown"
+    return "metric" if metric else "unknown", []
+
+
+def _doubt(maps: Sequence[DepthMap]) -> str | None:
+    """Why depth maps do not show that lengths are metres: sparse ones are no sensor's, and those of COLMAP have any unit. "" if there are none, None if they do."""
+    if not maps:
+        return ""
+    shares, depths = [], [np.zeros(0, np.float32)]
+    for one in spread(maps, JUDGED):
+        try:
+            metres = one.metres()
+        except InputError:
+            continue  # it is refused when it is read
+        shares.append(float((metres > 0).mean()))
+        depths.append(metres[metres > 0])
+    if not shares:
+        return "none of its depth maps can be read"
+    if np.median(shares) < DENSE:
+        return "its depth maps are too sparse to be a sensor's"
+    median = float(np.median(np.concatenate(depths)))
+    low, high = ROOM_DEPTH
+    return None if low <= median <= high else f"the median of its depth maps, {median:.2g}, is none of a room in metres"
 
 
 def _classes(shared: Fields, beside: Beside) -> tuple[ClassTable, tuple[int | None, ...] | None]:

@@ -43,7 +43,7 @@ class SemanticBranch(nn.Module):
     Args:
         cnn: its own shallow CNN; None shares that of the colour branch.
         refinement: features of single views.
-        transformer: over all views.
+        transformer: over all views; None for a head that reads features of single views.
         upsampler: to the Gaussians' scale.
         head: on the image and the upsampled features.
     """
@@ -52,7 +52,7 @@ class SemanticBranch(nn.Module):
         self,
         cnn: FeatureCNN | None,
         refinement: ClassRefinement,
-        transformer: CameraTransformer,
+        transformer: CameraTransformer | None,
         upsampler: Upsampler | PlainUpsampler,
         head: Head,
     ) -> None:
@@ -64,12 +64,14 @@ class SemanticBranch(nn.Module):
         self.head = head
 
     def forward(self, single: ViewFeatures, inputs: NetworkInput) -> Attributes:
-        """Apply the transformer to all views; return a function that applies the head to some of them.
+        """Apply the transformer, if there is one, to all views; return a function that applies the head to some of them.
 
         Args:
             single: from `refine`.
             inputs: the views.
         """
+        if self.transformer is None:
+            return lambda at: self._attributes(inputs.small[at], None, single[at])
         features: Tensor = self.transformer(single.features, inputs)
         return lambda at: self._attributes(inputs.small[at], features[at], single[at])
 
@@ -77,7 +79,8 @@ class SemanticBranch(nn.Module):
         """Class logits of single views: those of the refinement, or else those of the head without the transformer."""
         if self.refinement.classifier is not None:
             return self._own_logits(self.refinement.classifier, single)
-        return self._attributes(inputs.small, single.features, single)[:, SHAPE:]
+        unchanged = None if self.transformer is None else single.features
+        return self._attributes(inputs.small, unchanged, single)[:, SHAPE:]
 
     @property
     def evidence_channels(self) -> int:
@@ -105,10 +108,11 @@ class SemanticBranch(nn.Module):
         return single
 
     def _attributes(
-        self, small: Float[Tensor, "n 3 h w"], features: Float[Tensor, "n c h4 w4"], single: ViewFeatures
+        self, small: Float[Tensor, "n 3 h w"], transformed: Float[Tensor, "n c h4 w4"] | None, single: ViewFeatures
     ) -> Float[Tensor, "n channel h w"]:
         """The output of the head, plus the refinement's own logits if it has any."""
-        raw: Tensor = self.head(beside(small, self.upsampler(features, single.features)))
+        features = (single.features,) if transformed is None else (transformed, single.features)
+        raw: Tensor = self.head(beside(small, self.upsampler(*features)))
         if self.refinement.classifier is None:
             return raw
         own = self._own_logits(self.refinement.classifier, single)

@@ -10,7 +10,7 @@ from semgs.runtime.precision import FullPrecisionConv2d
 
 
 class Upsampler(nn.Module):
-    """gelu(upsample(conv(transformed, single))): features from the network's scale to the Gaussians'."""
+    """gelu(upsample(conv(maps))): features from the network's scale to the Gaussians'."""
 
     def __init__(self, inputs: int, outputs: int, factor: int, pixel_centres: bool = True) -> None:
         super().__init__()
@@ -18,17 +18,13 @@ class Upsampler(nn.Module):
         self.factor = factor
         self.pixel_centres = pixel_centres
 
-    def forward(
-        self, transformed: Float[Tensor, "n c h w"], single: Float[Tensor, "n c2 h w"]
-    ) -> Float[Tensor, "n d h2 w2"]:
-        """Features `factor` times as large, from features after the transformer and features of single views."""
-        return self.widen(self.join(transformed, single))
+    def forward(self, *maps: Float[Tensor, "n _ h w"]) -> Float[Tensor, "n d h2 w2"]:
+        """Features `factor` times as large, from features after the transformer, features of single views, or both in this order."""
+        return self.widen(self.join(*maps))
 
-    def join(
-        self, transformed: Float[Tensor, "n c h w"], single: Float[Tensor, "n c2 h w"]
-    ) -> Float[Tensor, "n d h w"]:
-        """Both features as one map of the same size."""
-        joined: Tensor = self.conv(beside(transformed, single))
+    def join(self, *maps: Float[Tensor, "n _ h w"]) -> Float[Tensor, "n d h w"]:
+        """Features as one map of the same size."""
+        joined: Tensor = self.conv(beside(*maps))
         return joined
 
     def widen(self, joined: Float[Tensor, "n d h w"]) -> Float[Tensor, "n d h2 w2"]:
@@ -44,11 +40,9 @@ class PlainUpsampler(nn.Module):
         self.factor = factor
         self.pixel_centres = pixel_centres
 
-    def forward(
-        self, transformed: Float[Tensor, "n c h w"], single: Float[Tensor, "n c2 h w"]
-    ) -> Float[Tensor, "n c h2 w2"]:
-        """Features `factor` times as large; features of single views are not used."""
-        return upsample(transformed, self.factor, self.pixel_centres)
+    def forward(self, first: Float[Tensor, "n c h w"], *others: Tensor) -> Float[Tensor, "n c h2 w2"]:
+        """Features `factor` times as large; those of single views, after them, are not used."""
+        return upsample(first, self.factor, self.pixel_centres)
 
 
 class Head(nn.Sequential):

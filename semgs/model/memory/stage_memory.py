@@ -175,7 +175,9 @@ def _semantic(settings: NetworkSettings, features: float, views: int) -> float:
     if isinstance(settings.semantic.refinement, MobileNet):
         # The widest maps of the backbone, at half the image: 16 channels in, 96 before and after padding; 96 out at 1/4.
         refinement = features / settings.channels * (4 * (16 + 2 * 96) + 96)
-    return max(_attention(settings.semantic.transformer, features, views), refinement)
+    semantic = settings.semantic
+    attention = _attention(semantic.transformer, features, views) if semantic.compares_views else 0.0
+    return max(attention, refinement)
 
 
 def _cost(work: Work, texels: float, chunks: Chunks) -> float:

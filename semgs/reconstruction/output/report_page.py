@@ -84,7 +84,7 @@ def report_page(result: Reconstruction, origin: Provenance, seconds: dict[str, f
 def _first_row(result: Reconstruction, limits: tuple[float, float]) -> page.Gallery:
     """One view for somebody who opens the report: a held-out one, if there is one."""
     part = result.target or result.context
-    row = _galleries(result, part, limits)[0]
+    row = next(block for block in _galleries(result, part, limits) if isinstance(block, page.Gallery))
     what = "a photo that the network did not get" if part.role == "target" else "an input photo"
     if result.splat is not None:
         what = "a photo of the splat's scene"

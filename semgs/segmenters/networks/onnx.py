@@ -1,8 +1,9 @@
-"""Runs ONNX files with onnxruntime, on the CPU."""
+"""Runs and simplifies ONNX files with onnxruntime, on the CPU."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, final
 
 import numpy as np
@@ -70,3 +71,23 @@ class OnnxNetwork:
             return np.asarray(self._session.run([self._output], {self._input: values})[0])
         except Exception as error:  # as above
             raise ValueError(str(error)) from error
+
+
+def simplified(graph: bytes) -> bytes:
+    """An ONNX graph without what is constant or without effect; its operators stay those of ONNX's standard.
+
+    Raises:
+        ImportError: onnxruntime is not installed; the message names the extra.
+    """
+    with needs_extra("onnx", "simplifying an ONNX file needs onnxruntime", "onnxruntime"):
+        import onnxruntime
+    options = onnxruntime.SessionOptions()
+    options.graph_optimization_level = (
+        onnxruntime.GraphOptimizationLevel.ORT_ENABLE_BASIC
+    )  # later levels use their own operators
+    options.log_severity_level = 4
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "simplified.onnx"
+        options.optimized_model_filepath = str(path)
+        onnxruntime.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
+        return path.read_bytes()

@@ -212,7 +212,7 @@ class Samples:
         """A scene and its near and far; it stays open for the next time."""
         if path not in self._open:
             scene = open_scene(path, needs_cameras=False)
-            self._open[path] = scene, scene.depth_range()
+            self._open[path] = scene, scene.depth_range(stated=True)
             self._open_frames += len(scene.frames)
             while self._open_frames > OPEN and len(self._open) > 1:
                 self._open_frames -= len(self._open.popitem(last=False)[1][0].frames)

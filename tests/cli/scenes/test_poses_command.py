@@ -29,7 +29,10 @@ def test_two_photos_become_a_scene_and_a_reconstruction(tmp_path: Path, capsys: 
 
 def test_a_scene_is_not_photos(room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["poses", str(room), str(tmp_path / "out")]) == 2
-    assert "expected a folder of photos without cameras, or a video, found something else" in capsys.readouterr().err
+    assert (
+        "expected a folder of photos without cameras, or a video, found a scene, which has cameras"
+        in capsys.readouterr().err
+    )
 
 
 def test_cameras_are_written_in_colmaps_format(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

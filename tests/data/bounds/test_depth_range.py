@@ -59,6 +59,60 @@ def test_a_metric_scene_has_the_range_of_rooms(tmp_path):
     assert (bounds.median, bounds.typical) == (None, 5**0.5)
 
 
+@pytest.mark.parametrize(("scale", "middle"), [(0.1, 0.3), (8.0, 24.0)], ids=["a table", "a hall"])
+def test_points_of_a_metric_scene_outside_of_the_range_of_rooms_give_another(tmp_path, scale: float, middle: float):
+    """The plane is at 3 m in a room; in a world a tenth as large at 0.3 m, which is too near for rooms, or at 24 m, too far."""
+    bounds = scene(tmp_path, scale=scale, metric=True).depth_range([0, 1])
+    assert bounds.unit == "metric"
+    assert bounds.typical == pytest.approx(middle, rel=0.1)
+    assert bounds.near < 0.8 * middle < 1.25 * middle < bounds.far
+    assert bounds.reason.endswith("as 100% of them are outside of 0.5 to 10 m, the range of rooms")
+
+
+@pytest.mark.parametrize("scale", [0.1, 8.0])
+def test_protocols_take_the_range_of_rooms_without_a_look_at_the_images(tmp_path, scale: float):
+    bounds = scene(tmp_path, scale=scale, metric=True).depth_range([0, 1], stated=True)
+    assert (bounds.near, bounds.far) == (0.5, 10.0)
+
+
+@pytest.mark.parametrize(("counts", "ranges"), [(77, (0.0172, 0.344)), (3000, (0.5, 10.0)), (0, (0.5, 10.0))])
+def test_depth_maps_of_a_metric_scene_count_where_images_show_nothing(tmp_path, counts: int, ranges: tuple):
+    """Blank images give no points. The maps are at 0.077 m; a range of ratio 20 around that is 0.0172 to 0.344 m."""
+    made = scene(tmp_path, blank=True, metric=True)
+    for index in range(3):
+        cv2.imwrite(str(tmp_path / f"d{index}.png"), np.full(SIZE, counts, np.uint16))
+    bounds = made.depth_range([0, 1])
+    np.testing.assert_allclose((bounds.near, bounds.far), ranges, rtol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("known", "counts", "unit", "said"),
+    [
+        (1.0, 3000, "metric", None),
+        (0.3, 3000, "metric", None),
+        (0.01, 3000, "unknown", "too sparse"),
+        (1.0, 280, "unknown", "the median of its depth maps, 0.28,"),
+        (1.0, 22000, "unknown", "the median of its depth maps, 22,"),
+    ],
+)
+def test_lengths_are_metres_if_a_sensor_seems_to_have_measured_a_room(tmp_path, known, counts, unit, said):
+    made = scene(tmp_path, metric=None)
+    depths = np.where(np.random.default_rng(0).random(SIZE) < known, counts, 0).astype(np.uint16)
+    for index in range(3):
+        cv2.imwrite(str(tmp_path / f"d{index}.png"), depths)
+    made = open_scene(tmp_path)
+    assert made.unit == unit
+    assert said is None if not made.notes else said in made.notes[0]
+    assert {open_scene(tmp_path, unit=given).unit for given in ("metric", "unknown")} == {"metric", "unknown"}
+
+
+def test_depth_files_that_are_missing_say_nothing_about_the_unit(tmp_path):
+    scene(tmp_path, metric=None)
+    for index in range(3):
+        (tmp_path / f"d{index}.png").unlink()
+    assert open_scene(tmp_path).unit == "unknown"
+
+
 @pytest.mark.parametrize("asked", [[0, 1], [2, 0], [0, 1, 2], [1], None])
 def test_without_metres_the_pictures_tell_how_far_things_are(tmp_path, asked):
     bounds = scene(tmp_path).depth_range(asked)

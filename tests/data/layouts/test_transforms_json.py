@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from PIL import Image
 
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError
+from semgs.files.images.pictures import jpeg_bytes, png_bytes
 from semgs.geometry.cameras import project
 
 SIZE = (120, 170)
@@ -218,7 +220,7 @@ def assigned(key: str, value: object, frame: int | None = None) -> Callable[[dic
         (assigned("transform_matrix", None, 1), "frames[1].transform_matrix", "nothing"),
         (assigned("fl_x", 0), "fl_x", "0"),
         (assigned("fl_y", -3.0, 1), "frames[1].fl_y", "-3"),
-        (assigned("fl_x", "500"), "fl_x", "'500'"),
+        (assigned("fl_x", "500 px"), "fl_x", "'500 px'"),
         (assigned("fl_x", 10**400), "fl_x", "1000"),
         (assigned("cx", math.nan), "cx", "nan"),
         (assigned("w", 170.5), "w", "170.5"),
@@ -399,6 +401,103 @@ def test_maps_of_distorted_frames_move_with_their_picture_and_are_never_mixed(tm
     assert (((views.images[0, 0] - flat).abs() < 0.01).float().mean()) > 0.8  # but for the edges of the squares
 
 
+NGP = [{"depth_path": f"d{n}.png"} for n in range(3)]
+
+
+def test_depth_of_instant_ngp_is_read_with_its_scale(tmp_path):
+    folder = write(tmp_path, {**PINHOLE, "integer_depth_scale": 10 / 65535, "enable_depth_loading": True}, NGP)
+    for number in range(3):
+        cv2.imwrite(str(folder / f"d{number}.png"), DEPTHS)
+    views = open_scene(folder).read([0, 2], "native")
+    np.testing.assert_allclose(views.depths[1], DEPTHS * (10 / 65535), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("shared", "reason"),
+    [
+        ({}, "integer_depth_scale is missing or 0"),
+        ({"integer_depth_scale": -1}, "integer_depth_scale is missing or 0"),
+        ({"integer_depth_scale": 0.001, "enable_depth_loading": False}, "enable_depth_loading is false"),
+        ({"integer_depth_scale": 0.001, "enable_depth_loading": 0}, "enable_depth_loading is false"),
+    ],
+)
+def test_depth_that_instant_ngp_would_not_read_is_left_out_with_a_note(tmp_path, shared, reason):
+    folder = write(tmp_path, {**PINHOLE, **shared}, NGP)
+    for number in range(3):
+        cv2.imwrite(str(folder / f"d{number}.png"), DEPTHS)
+    scene = open_scene(folder)
+    assert scene.read([0], "native").depths is None
+    assert f"3 of 3 files in depth_path are left out, as {reason}, the first is d0.png." in scene.notes
+
+
+@pytest.mark.parametrize(
+    ("content", "kind"),
+    [
+        (png_bytes(np.zeros(SIZE, np.uint8)), "PNG of 8 bits"),
+        (png_bytes(np.zeros((*SIZE, 3), np.uint8)), "PNG of 8 bits in colour"),
+        (jpeg_bytes(np.zeros((*SIZE, 3), np.uint8), 90), "JPEG"),
+    ],
+)
+@pytest.mark.parametrize("zipped", [False, True])
+def test_depth_of_other_kinds_is_left_out_with_a_note(tmp_path, content, kind, zipped):
+    folder = write(tmp_path / "room", PINHOLE, [{"depth_file_path": f"d{n}.png"} for n in range(3)])
+    for number in range(3):
+        (folder / f"d{number}.png").write_bytes(content)
+    path = Path(shutil.make_archive(str(tmp_path / "a"), "zip", folder)) if zipped else folder
+    scene = open_scene(path)
+    assert scene.read([0, 1], "native").depths is None
+    said = f"3 of 3 depth maps are left out, as they are {kind}, not 16 bits of one channel, the first is d0.png."
+    assert said in scene.notes
+
+
+def test_numbers_may_be_written_as_text(tmp_path):
+    words = {key: str(value) for key, value in {**PINHOLE, **DISTORTION, "k4": "0", "k5": "0.0"}.items()}
+    scene = open_scene(write(tmp_path / "a", {**words, "is_fisheye": "false"}))
+    same = open_scene(write(tmp_path / "b", {**PINHOLE, **DISTORTION}))
+    for frame, other in zip(scene.frames, same.frames, strict=True):
+        assert frame.lens == other.lens
+        np.testing.assert_array_equal(frame.world_from_camera, other.world_from_camera)
+    matrices = [{"transform_matrix": [[str(x) for x in row] for row in opengl(eye).tolist()]} for eye in EYES]
+    read = open_scene(write(tmp_path / "c", words, matrices)).frames[2].world_from_camera
+    np.testing.assert_array_equal(read, same.frames[2].world_from_camera)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("fl_x", "wide"),
+        ("fl_x", "1_50"),
+        ("fl_x", "150,0"),
+        ("k4", "0.1"),
+        ("is_fisheye", "true"),
+        ("k1", "nan"),
+        ("w", ""),
+    ],
+)
+def test_text_that_is_no_number_is_refused_with_its_key(tmp_path, key, value):
+    with pytest.raises(InputError) as caught:
+        open_scene(write(tmp_path, {**PINHOLE, key: value}))
+    assert caught.value.key == key
+
+
+def test_sparse_points_that_cannot_be_read_are_left_out_with_a_note(tmp_path):
+    folder = write(tmp_path, {**PINHOLE, "ply_file_path": "points.ply"})
+    assert open_scene(folder).notes == ("The sparse points are left out: points.ply is missing.",)
+    (folder / "points.ply").write_text("ply\nformat ascii 1.0\nelement vertex 9\nproperty float x\nend_header\n")
+    scene = open_scene(folder)
+    assert scene.points is None
+    assert "The sparse points are left out: " in scene.notes[0]
+    assert "points.ply: expected 9 lines after the header, as it says, found 0." in scene.notes[0]
+
+
+def test_a_scene_has_the_name_of_its_folder_however_it_is_typed(tmp_path, monkeypatch):
+    write(tmp_path / "kitchen", PINHOLE)
+    monkeypatch.chdir(tmp_path / "kitchen/images")
+    typed = ("..", "../../kitchen", "../images/..", "../transforms.json")
+    assert [open_scene(one).name for one in typed] == ["kitchen"] * 4
+    assert [scene.name for scene in open_scenes("..")] == ["kitchen"]
+
+
 def test_absent_maps_are_said(tmp_path):
     write(tmp_path, PINHOLE, [{"depth_file_path": f"{n}.png", "mask_path": "m.png"} for n in range(3)])
     scene = open_scene(tmp_path)
@@ -451,11 +550,16 @@ def test_the_black_border_of_a_photo_is_hidden(tmp_path):
         ({"metric": True}, False, "metric"),
         ({}, True, "metric"),
         ({"metric": False}, True, "unknown"),
+        ({"metric": "true"}, False, "metric"),
+        ({"metric": "False"}, True, "unknown"),
     ],
 )
-def test_a_scene_is_metric_if_it_says_so_or_has_depths(tmp_path, shared, depth, unit):
+def test_a_scene_is_metric_if_it_says_so_or_has_depths_of_a_room(tmp_path, shared, depth, unit):
     frames = [{"depth_file_path": f"{n}.png"} if depth else {} for n in range(3)]
-    assert open_scene(write(tmp_path, {**PINHOLE, **shared}, frames)).unit == unit
+    folder = write(tmp_path, {**PINHOLE, **shared}, frames)
+    for number in range(3):
+        cv2.imwrite(str(folder / f"{number}.png"), DEPTHS)
+    assert open_scene(folder).unit == unit
 
 
 def test_nerfstudios_transform_of_the_world_is_kept_beside_the_poses(tmp_path):

@@ -21,6 +21,7 @@ from semgs.cli.usage_errors import UsageError
 from semgs.files.cache import cache_folder
 from semgs.files.errors import InputError
 from semgs.files.folders import lock_folder
+from semgs.files.paths import found_at, typed_path
 from semgs.viewer.server import EVERY_ADDRESS, LOOPBACK, check_viewer_library
 
 LAST_PORT = 65535
@@ -69,6 +70,7 @@ class App:
         """
         if self.port > LAST_PORT:
             raise UsageError(f"--port is {self.port}; expected at most {LAST_PORT}")
+        segmenters, depths = (tuple(map(_findable, given)) for given in (self.segmenter, self.depth))
         check_viewer_library()
         with show_stage("Starting"):
             check_page_library()
@@ -77,15 +79,17 @@ class App:
         folder = (self.folder or cache_folder() / "app").absolute()
         folder.mkdir(parents=True, exist_ok=True)
         with lock_folder(folder / ".lock", "a folder that no other semgs app uses", "one in use"):
-            self._serve(folder, local, token)
+            self._serve(folder, local, token, segmenters, depths)
 
-    def _serve(self, folder: Path, local: bool, token: str | None) -> None:
+    def _serve(
+        self, folder: Path, local: bool, token: str | None, segmenters: tuple[str, ...], depths: tuple[str, ...]
+    ) -> None:
         """Serve rooms in a folder until an interrupt."""
         from semgs.app.serving import application, serve
 
         limits = Limits(seconds=60 * self.minutes, kept_seconds=3600 * self.keep_hours)
         worker = [sys.executable, "-m", "semgs.cli.app_worker"]
-        jobs = Jobs(folder / "rooms", worker, limits, self.segmenter, self.depth, uploads=folder / "uploads")
+        jobs = Jobs(folder / "rooms", worker, limits, segmenters, depths, uploads=folder / "uploads")
         try:
             app = application(jobs, local=local, token=token)
             with suppress(KeyboardInterrupt):
@@ -108,3 +112,21 @@ class App:
         )
         name = socket.gethostname() if self.host == EVERY_ADDRESS else self.host
         print(f"Open http://{name}:{port}/?token={token} in a browser. Ctrl-C stops the app.", flush=True)
+
+
+def _findable(source: str) -> str:
+    """A segmenter or a source of depth as workers find it, which run in other folders.
+
+    Raises:
+        InputError: there is no such file or folder.
+    """
+    if source.startswith("hf:"):
+        return source
+    path = typed_path(source)
+    if not path.exists():
+        raise InputError(
+            path,
+            "an exported network (.onnx, .tflite), a model folder of transformers, or hf:OWNER/NAME",
+            found_at(path),
+        )
+    return str(path.absolute())

@@ -11,7 +11,6 @@ import tyro
 from semgs.cli.options.posing_options import PosingOptions
 from semgs.cli.progress import show_stage
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
-from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
 
@@ -66,11 +65,10 @@ class Poses:
     def _estimated(self) -> Solution:
         """Write the scene with cameras by COLMAP."""
         with show_stage("Starting"):
-            from semgs.sfm.photos import has_only_photos
+            from semgs.sfm.photos import check_folder_of_photos
             from semgs.sfm.scene_folder import write_photo_scene
 
-        if not has_only_photos(self.photos):
-            raise InputError(self.photos, "a folder of photos without cameras, or a video", "something else")
+        check_folder_of_photos(self.photos)
         known = self.posing.known()
         with own_folder(self.out, self.overwrite) as folder, what_the_user_gave():
             return write_photo_scene(self.photos, folder, known, colmap=self.form == "colmap")

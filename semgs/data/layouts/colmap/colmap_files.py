@@ -9,6 +9,7 @@ https://colmap.github.io/format.html
 from __future__ import annotations
 
 import mmap
+import re
 import struct
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -65,6 +66,10 @@ ADVICE = {
     "EQUIRECTANGULAR": "a panorama has no pinhole: cut it into perspective images first, as pycolmap's example panorama_sfm.py does"
 }
 """What to do about some models."""
+
+_POSITION = rb"(?:[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf))"
+_IMAGE_POINTS = re.compile(rb"(?:%b\s+%b\s+-?\d+(?:\s+|$))+" % (_POSITION, _POSITION))
+"""A line of images.txt that lists points, X Y POINT3D_ID each. Names may be of several words, too, but these are not all numbers."""
 
 _COUNT = struct.Struct("<Q")
 _CAMERA = struct.Struct("<IiQQ")
@@ -306,21 +311,20 @@ def _binary_images(path: Path) -> Iterator[_Listed]:
 
 
 def _text_images(path: Path) -> Iterator[_Listed]:
-    """The images of a text file. Each has two lines; the second lists its points and may be empty."""
-    lines = _lines(path, every=True)
-    for line, text in lines:
-        if not text or text.startswith(b"#"):
+    """The images of a text file. Each has a line, then one that lists its points, which may be empty; some programs leave it out."""
+    may_follow = False
+    for line, text in _lines(path):
+        if may_follow and _IMAGE_POINTS.fullmatch(text):
+            may_follow = False
             continue
         place, words = f"line {line}", text.split(maxsplit=9)
         if len(words) < 10:
-            raise InputError(path, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME", _shown(text), place)
+            points = "the points of an image, X Y POINT3D_ID each, an empty line, or " if may_follow else ""
+            expected = f"{points}IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"
+            raise InputError(path, expected, _shown(text), place)
         number, camera = _wholes(path, place, (words[0], words[8]))
         yield _Listed(number, words[9], camera, _numbers(path, place, words[1:8]), place)
-        line, text = next(lines, (line, b""))
-        if len(text.split()) % 3:
-            raise InputError(
-                path, "the points of an image, X Y POINT3D_ID each, or an empty line", _shown(text), f"line {line}"
-            )
+        may_follow = True
 
 
 def _binary_points(path: Path, most: int) -> tuple[np.ndarray, dict[int, np.ndarray]]:
@@ -407,12 +411,12 @@ def _incomplete(path: Path, found: str = "a truncated one") -> InputError:
     return InputError(path, f"a complete list of COLMAP {path.stem}", found, advice="copy or export the model again")
 
 
-def _lines(path: Path, every: bool = False) -> Iterator[tuple[int, bytes]]:
-    """The stripped lines of a text file with their numbers from 1, without comments and empty lines unless `every` is set."""
+def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
+    """The stripped lines of a text file with their numbers from 1, without comments and empty lines."""
     data = read_bytes(path).removeprefix(b"\xef\xbb\xbf")
     for number, line in enumerate(data.splitlines(), 1):
         stripped = line.strip()
-        if every or (stripped and not stripped.startswith(b"#")):
+        if stripped and not stripped.startswith(b"#"):
             yield number, stripped
 
 

@@ -13,15 +13,30 @@ import numpy as np
 from semgs.data.frames import Frame
 from semgs.data.layouts.colmap.colmap_files import PARAMETERS, ColmapPoints, read_cameras, read_images, read_points
 from semgs.data.layouts.parts.pose_files import checked_poses
-from semgs.data.layouts.parts.sentences import note_lacking, note_transparent
+from semgs.data.layouts.parts.sentences import note_damaged_points, note_lacking, note_transparent
 from semgs.data.scene import Scene
+from semgs.data.scene_details import SceneDetails
+from semgs.files.errors import InputError
 from semgs.files.images.pictures import is_turned, read_header
+from semgs.files.text import listed
 
-PLACES = ("sparse/0", "sparse", "colmap/sparse/0", "")
+PLACES = ("sparse/0", "sparse", "colmap/sparse/0", "distorted/sparse/0", "")
 """Places of a model below the folder of a scene; the last one is the folder itself."""
 
-PICTURE_FOLDERS = ("images", "input_images")
-"""Names of folders with the images; the second has the frames that Depth Anything 3 takes from a video."""
+PICTURE_FOLDERS = ("images", "input_images", "input", "dataset")
+"""Names of folders with the images; the second has the frames that Depth Anything 3 takes from a video, the third the photos before 3D Gaussian splatting
+undistorts them, the last hloc's."""
+
+DISTORTED = "distorted"
+"""The folder of a model of 3D Gaussian splatting whose images are still in `input`; those in `images` are undistorted."""
+
+ABOVE = 4
+"""So many folders above the model are searched for the images."""
+
+MOST_NAMED = 4
+"""So many of these folders are named if there are no images."""
+
+DETAILS = ("images",)
 
 LOOKED_FOR = "a COLMAP model (cameras, images and points3D, .bin or .txt) in " + ", ".join(
     f"{p or '.'}/" for p in PLACES
@@ -36,11 +51,12 @@ def recognises(path: Path) -> bool:
     return _model(path) is not None
 
 
-def open_colmap(path: Path) -> Scene:
+def open_colmap(path: Path, details: SceneDetails) -> Scene:
     """The scene of a COLMAP model; frames are in the order of their names.
 
     Args:
         path: the folder that contains `sparse` and `images`, or the folder of the model.
+        details: may give the folder of the images.
 
     Raises:
         InputError: the model is damaged, a camera model is not supported, fewer than two images are there, or one has another
@@ -51,11 +67,12 @@ def open_colmap(path: Path) -> Scene:
     file = model / f"cameras{ending}"
     cameras = read_cameras(file, PARAMETERS)
     lenses = {number: camera.lens(file, f"camera {number}") for number, camera in cameras.items()}
-    listed = model / f"images{ending}"
-    images = sorted(read_images(listed, cameras), key=lambda image: image.name)
-    poses = checked_poses(listed, [image.world_from_camera for image in images], [image.place for image in images])
-    points = _points(model / f"points3D{ending}", {image.number for image in images})
-    pictures = _pictures_folder(model, [image.name for image in images])
+    list_file = model / f"images{ending}"
+    images = sorted(read_images(list_file, cameras), key=lambda image: image.name)
+    poses = checked_poses(list_file, [image.world_from_camera for image in images], [image.place for image in images])
+    points, damage = _points(model / f"points3D{ending}", {image.number for image in images})
+    searched = _searched(model) if details.images is None else [details.images]
+    pictures = _pictures_folder(searched, [image.name for image in images])
     frames, absent, transparent = [], [], 0
     for image, pose in zip(images, poses, strict=True):
         picture = _picture(pictures, image.name)
@@ -67,7 +84,15 @@ def open_colmap(path: Path) -> Scene:
         is_turned(picture, header, lens.size)
         transparent += header.transparent
         seen = points.seen.get(image.number, np.zeros(0, np.int64))
-        frames.append(Frame(image.name, picture, lens, pose, points=seen))
+        name = image.name if (pictures / image.name).is_file() else image.name.replace("\\", "/")
+        frames.append(Frame(name, picture, lens, pose, points=seen))
+    if len(frames) < 2 and absent:
+        found = f"{len(frames)} ({len(images)} listed, {len(absent)} without their image)"
+        places = listed([str(one) for one in searched if one.is_dir()], MOST_NAMED)
+        advice = (
+            f"the first missing one is {absent[0]}, looked for in {places}; name the folder of the images with --images"
+        )
+        raise InputError(model, "at least two usable frames", found, advice=advice)
     return Scene(
         path=model,
         name=pictures.parent.absolute().name if pictures.name in PICTURE_FOLDERS else pictures.absolute().name,
@@ -75,7 +100,7 @@ def open_colmap(path: Path) -> Scene:
         unit="unknown",
         frames=tuple(frames),
         absent=tuple(absent),
-        notes=tuple(_notes(model, pictures, absent, len(images), transparent)),
+        notes=(*_notes(model, pictures, absent, len(images), transparent), *note_damaged_points(damage)),
         points=points.positions if len(points.positions) else None,
     )
 
@@ -93,25 +118,37 @@ def _ending(folder: Path) -> str | None:
     )
 
 
-def _points(path: Path, images: Collection[int]) -> ColmapPoints:
-    """The sparse points of a model, empty if it has no such file."""
-    return read_points(path, images, POINTS_FOR_DEPTH) if path.is_file() else ColmapPoints(np.zeros((0, 3)), {})
+def _points(path: Path, images: Collection[int]) -> tuple[ColmapPoints, InputError | None]:
+    """The sparse points of a model, empty if it has no such file; or empty, too, and why they cannot be read."""
+    none = ColmapPoints(np.zeros((0, 3)), {})
+    try:
+        return (read_points(path, images, POINTS_FOR_DEPTH) if path.is_file() else none), None
+    except InputError as error:
+        return none, error
 
 
 def _picture(folder: Path, name: str) -> Path | None:
-    """The image with a name, None if there is no such file. If the name was Latin-1, the file name may still have these bytes."""
-    names = (name, name.encode("latin-1", "ignore").decode("utf-8", "surrogateescape"))
+    """The image with a name, None if there is no such file. Names made on Windows have backslashes; if a name was Latin-1, the file name may still have these bytes."""
+    bytewise = name.encode("latin-1", "ignore").decode("utf-8", "surrogateescape")
+    names = (name, name.replace("\\", "/"), bytewise, bytewise.replace("\\", "/"))
     return next((folder / one for one in names if (folder / one).is_file()), None)
 
 
-def _pictures_folder(model: Path, names: Sequence[str]) -> Path:
-    """The folder that image names are relative to: `images` next to the model or above it, or the folder of the model."""
-    around = [model, *model.absolute().parents[:3]]
-    inside = [one / folder for one in around for folder in PICTURE_FOLDERS]
-    for folder in [*inside, *around]:
+def _searched(model: Path) -> list[Path]:
+    """The folders that image names may be relative to: `images` and the like next to the model or above it, then these folders themselves, then others in them."""
+    around = [model, *model.absolute().parents[:ABOVE]]
+    names: tuple[str, ...] = PICTURE_FOLDERS
+    if DISTORTED in (one.name for one in around):
+        names = ("input", *(name for name in names if name != "input"))
+    return [*(one / name for one in around for name in names), *around]
+
+
+def _pictures_folder(searched: Sequence[Path], names: Sequence[str]) -> Path:
+    """The first of some folders that has an image; if none has one, the first that exists."""
+    for folder in searched:
         if any(_picture(folder, name) for name in names):
             return folder
-    return next((one for one in inside if one.is_dir()), model)
+    return next((one for one in searched if one.is_dir()), searched[0])
 
 
 def _notes(model: Path, pictures: Path, absent: Sequence[str], count: int, transparent: int) -> list[str]:

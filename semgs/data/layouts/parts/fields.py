@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,9 @@ import numpy as np
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored
 from semgs.files.strict_json import read_json
+
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+"""A number in a text. `float` also takes others, such as 1_2."""
 
 
 def read_fields(path: Stored) -> Fields:
@@ -78,7 +82,7 @@ class Fields:
         return None if columns is None or rows is None else (rows, columns)
 
     def number(self, key: str) -> float | None:
-        """A finite number, None if missing.
+        """A finite number, None if missing. Some programs write numbers as text ("0.5").
 
         Raises:
             InputError: it is something else.
@@ -90,9 +94,19 @@ class Fields:
         if isinstance(value, int | float) and not isinstance(value, bool):
             with contextlib.suppress(OverflowError):  # a whole number beyond the largest float
                 number = float(value)
+        elif isinstance(value, str) and _NUMBER.fullmatch(value.strip()):
+            number = float(value)
         if not math.isfinite(number):
             raise self.refused(key, "a finite number", f"{value!r:.40}")
         return number
+
+    def flag(self, key: str) -> bool:
+        """Whether a key is set to something else than false, 0 or nothing, also as text ("0.0", "false")."""
+        value = self.value(key)
+        if isinstance(value, str):
+            text = value.strip().lower()
+            return float(text) != 0 if _NUMBER.fullmatch(text) else text not in ("", "false", "none", "null")
+        return bool(value)
 
     def positive(self, key: str) -> float | None:
         """A number above 0, None if missing.

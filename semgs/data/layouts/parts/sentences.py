@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from semgs.files.errors import InputError
+
 
 def note_lacking(names: Sequence[str], count: int, what: str) -> list[str]:
     """A note: how many of `count` frames lack something, and the first of them. Empty if there are none.
@@ -19,3 +21,8 @@ def note_lacking(names: Sequence[str], count: int, what: str) -> list[str]:
 def note_transparent(count: int) -> list[str]:
     """A note about images with transparent areas, if there are any."""
     return [f"{count} images have an alpha channel; transparent areas become white."] if count else []
+
+
+def note_damaged_points(error: InputError | None) -> list[str]:
+    """A note about sparse points that cannot be read, if so; a scene does not need them."""
+    return [f"The sparse points are left out: {error.first_line}."] if error else []

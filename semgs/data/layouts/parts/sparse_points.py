@@ -1,4 +1,4 @@
-"""Sparse points in a PLY in text, as nerfstudio writes them beside its `transforms.json` (`ply_file_path`)."""
+"""Sparse points in a PLY, as nerfstudio writes them beside its `transforms.json` (`ply_file_path`)."""
 
 from __future__ import annotations
 
@@ -6,33 +6,30 @@ import numpy as np
 
 from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
+from semgs.data.ply_tables import read_tables
 from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored
 
+AXES = ("x", "y", "z")
 MOST = 50_000
 """Of more points, every n-th is used: enough for near and far."""
 
 
-def read_ply_points(file: Stored) -> np.ndarray | None:
-    """The positions [n 3] of the points; None if it is another kind of PLY.
+def read_ply_points(file: Stored) -> np.ndarray:
+    """The positions [n 3] of the points: of a PLY in text or binary, with or without colours, normals and faces.
 
     Raises:
-        InputError: the file is damaged.
+        InputError: it is something else, or damaged.
     """
-    head, _, body = read_bytes(file, "sparse points").partition(b"end_header\n")
-    lines = [line.split() for line in head.splitlines()]
-    names = [line[2] for line in lines if line[:1] == [b"property"] and len(line) == 3]
-    elements = [line[1:] for line in lines if line[:1] == [b"element"]]
-    if [b"format", b"ascii", b"1.0"] not in lines or names[:3] != [b"x", b"y", b"z"] or len(elements) != 1:
-        return None
-    rows = body.splitlines()
-    try:
-        points = np.array([row.split()[:3] for row in rows[:: 1 + len(rows) // MOST]], dtype=np.float64).reshape(-1, 3)
-    except ValueError as error:
-        raise InputError(file, "three numbers at the beginning of each line", str(error)) from error
-    if str(len(rows)).encode() != elements[0][1] or not np.isfinite(points).all():
-        raise InputError(file, f"{elements[0][1].decode()} points of finite numbers", f"{len(rows)} lines")
+    columns = read_tables(file, read_bytes(file, "sparse points"), last="vertex").tables["vertex"]
+    missing = [name for name in AXES if name not in columns]
+    if missing:
+        raise InputError(file, "points with x, y and z", f"properties {', '.join(columns) or '(none)'}", "header")
+    step = 1 + len(columns["x"]) // MOST
+    points = np.stack([columns[name][::step] for name in AXES], axis=1).astype(np.float64)
+    if not np.isfinite(points).all():
+        raise InputError(file, "points of finite numbers", "others")
     return points
 
 

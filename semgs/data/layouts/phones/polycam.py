@@ -2,7 +2,7 @@
 
 If Polycam has optimised the poses, `corrected_cameras/` and `corrected_images/`, which are undistorted, are read instead.
 
-A camera file has `width`, `height`, `fx`, `fy`, `cx`, `cy` [px], `blur_score` (lower is more blurred), and the rows `t_00` to `t_23` of the
+A camera file has `width`, `height` (newer exports have none in `corrected_cameras/`: then intrinsics are for the image as it is), `fx`, `fy`, `cx`, `cy` [px], `blur_score` (lower is more blurred), and the rows `t_00` to `t_23` of the
 pose: camera to world [m], with ARKit's axes, which are OpenGL's (x right, y up, z backward). They become OpenCV's by negating the second and
 third column. The principal point counts from the corner of the first pixel, as nerfstudio reads it. Depth is 16-bit PNG in millimetres, smaller
 than the image, and belongs to the camera in `cameras/`: if another one is read, each pixel gets the depth that its ray hits. Where
@@ -26,6 +26,7 @@ from semgs.data.maps import DepthMap, DepthThroughLens, MapSource
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
+from semgs.files.images.pictures import read_header
 from semgs.files.stored import Stored
 
 LAYOUT = "Polycam"
@@ -72,12 +73,13 @@ def open_polycam(path: Path, details: SceneDetails) -> Scene:
     blurred = [str(time) for time in cameras if time not in sharp]
     images = capture.numbered(folder, PICTURES)
     depths, confidences = (capture.numbered(place, (".png",)) for place in (DEPTH, CONFIDENCE))
+    uncorrected = capture.numbered(IMAGES, PICTURES) if optimised else images
     given, calibrations, shots = calibration_from_details(details), dict[Stored, Calibration](), list[Shot]()
     for time, camera in sharp.items():
         image = images.get(time) or path / folder / f"{time}.jpg"
         calibrations[image] = given or _calibration(camera)
         measured = DepthMap(depths[time], confidence=confidences.get(time)) if time in depths else None
-        depth = _depth(measured, raw.get(time) if optimised else None)
+        depth = _depth(measured, raw.get(time) if optimised else None, uncorrected.get(time))
         shots.append(Shot(f"{folder}/{image.name}", image, _pose(camera), depth))
     return ShotList(
         path=path,
@@ -92,10 +94,8 @@ def open_polycam(path: Path, details: SceneDetails) -> Scene:
 
 
 def _calibration(camera: Fields) -> Calibration:
-    """The intrinsics in a camera file."""
+    """The intrinsics in a camera file; without a size if it states none."""
     size = camera.size("width", "height")
-    if size is None:
-        raise camera.refused("width", "the size of the image in width and height", "nothing")
     fx, fy, cx, cy = (camera.required(key) for key in ("fx", "fy", "cx", "cy"))
     return Calibration((fx, fy), (cx, cy), size, camera.path, of_a_sensor=True)
 
@@ -112,10 +112,10 @@ def _sharpness(camera: Fields) -> float:
     return SHARP if score is None else score
 
 
-def _depth(measured: DepthMap | None, camera_file: Stored | None) -> MapSource | None:
-    """The source of a frame's depth; `camera_file` describes the depth camera if it is not the one that is read."""
+def _depth(measured: DepthMap | None, camera_file: Stored | None, image: Stored | None) -> MapSource | None:
+    """The source of a frame's depth; `camera_file` and `image` are those of the depth camera if it is not the one that is read. None if its size is unknown."""
     if measured is None or camera_file is None:
         return measured
     calibration = _calibration(read_fields(camera_file))
-    assert calibration.size is not None
-    return DepthThroughLens(measured, calibration.lens(camera_file, calibration.size))
+    size = calibration.size or (read_header(image).size if image is not None else None)
+    return None if size is None else DepthThroughLens(measured, calibration.lens(camera_file, size))

@@ -98,9 +98,7 @@ def _poses(fields: Fields) -> dict[int, FoundPose]:
 
 def _calibrations(fields: Fields) -> list[Calibration]:
     """The intrinsics of each frame, or those of all."""
-    size = fields.size("w", "h")
-    if size is None:
-        raise fields.refused("w", "the size of the images in w and h", "nothing")
+    size = fields.size("w", "h")  # if they are missing, intrinsics are for the images as they are
     table = _table(fields, "perFrameIntrinsicCoeffs", 4)
     if table is None:
         columns = _table(fields, "K", 9)

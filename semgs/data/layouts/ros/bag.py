@@ -148,6 +148,10 @@ class Bag:
             found.setdefault(stamp, BagFile(self.path, topic, logged, stamp, ending_of(message)))
         return [found[stamp] for stamp in sorted(found)]
 
+    def count(self, topic: str) -> int:
+        """The number of messages of a topic."""
+        return int(self._reader.topics[topic].msgcount)
+
     def counted(self, topics: Sequence[str]) -> str:
         """Topics as text, with their numbers of messages."""
         counts = self._reader.topics

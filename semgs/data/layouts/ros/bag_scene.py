@@ -16,7 +16,7 @@ from semgs.data.layouts.parts.association import associate
 from semgs.data.layouts.parts.sentences import note_lacking
 from semgs.data.layouts.ros.bag import COMPRESSED, IMAGE, Bag, BagFile, frame_id_of, open_bag
 from semgs.data.layouts.ros.camera import choose_pictures, find_lens
-from semgs.data.layouts.ros.image_messages import is_depth
+from semgs.data.layouts.ros.image_messages import depth_fault, is_depth
 from semgs.data.layouts.ros.motions import poses_along
 from semgs.data.layouts.ros.route import find_route
 from semgs.data.maps import DepthMap
@@ -62,8 +62,19 @@ def open_recording(path: Path, details: SceneDetails) -> Scene:
     if not frame:
         raise InputError(path, "the frame of the camera in the header of its images", "an empty frame_id", topic)
     pictures = bag.files(topic)
+    repeated = bag.count(topic) - len(pictures)
+    if repeated and len(pictures) == 1:
+        found = f"{bag.count(topic)} images that all have the time {pictures[0].stamp / 1e9:.3f}"
+        raise InputError(
+            path, "images with the times when they were taken in their headers", found, topic,
+            "the driver has to set header.stamp, or set it when the bag is converted",
+        )  # fmt: skip
     lens = find_lens(bag, topic, read_header(pictures[0]).size, details)
     notes = [f"Images are from {topic}."]
+    if repeated:
+        notes.append(
+            f"{repeated} of {bag.count(topic)} images have the same time in their header as another and are left out."
+        )
     if "optical" not in frame and details.intrinsics is None:
         notes.append(
             f"The images' frame, {frame}, is not called optical; it is assumed to have x right, y down and z forward, as in REP 103."
@@ -105,12 +116,14 @@ def _depths(bag: Bag, frame: str, pictures: Sequence[BagFile]) -> tuple[dict[Bag
     """The depth map of each image that has one, and notes about depth that is not used."""
     first = {topic: bag.first(topic) for topic in bag.of(IMAGE, COMPRESSED)}
     frames = {topic: frame_id_of(message) for topic, message in first.items() if is_depth(message)}
-    registered = [topic for topic in frames if frames[topic] == frame]
+    faults = {topic: depth_fault(first[topic]) for topic in frames}
+    registered = [topic for topic in frames if frames[topic] == frame and not faults[topic]]
     if not registered:
-        return {}, [
-            f"Depth in {topic} is left out: it is in the frame {other}, not registered to the images."
+        reasons = {
+            topic: faults[topic] if other == frame else f"it is in the frame {other}, not registered to the images"
             for topic, other in frames.items()
-        ]
+        }
+        return {}, [f"Depth in {topic} is left out: {reason}." for topic, reason in reasons.items()]
     topic = min(registered, key=lambda one: (bag.topics[one] == COMPRESSED, one))
     held, start = bag.files(topic), pictures[0].stamp
     seconds, others = (np.array([(one.stamp - start) / 1e9 for one in some]) for some in (pictures, held))

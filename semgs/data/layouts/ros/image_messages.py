@@ -1,7 +1,7 @@
 """Images in ROS messages as files: JPEG and PNG unchanged, raw pixels as PNG, depth in metres as NumPy arrays.
 
 https://github.com/ros2/common_interfaces (sensor_msgs), REP 118 (depth: 16 bits are millimetres, floats metres),
-https://github.com/ros-perception/image_transport_plugins (compressedDepth: a header of 12 bytes, then a PNG).
+https://github.com/ros-perception/image_transport_plugins (compressedDepth: a header of 12 bytes, then a PNG, or RVL).
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from typing import Any
 
 import cv2
 import numpy as np
+
+from semgs.data.layouts.ros.rvl import decode_rvl
 
 COLOURS = {
     "rgb8": (3, cv2.COLOR_RGB2BGR), "bgr8": (3, None), "8UC3": (3, None),
@@ -28,7 +30,7 @@ DEPTHS = {"16UC1": 2, "mono16": 2, "32FC1": 4}
 """Depth encodings: bytes per pixel."""
 
 GREYS = ("mono8", "8UC1")
-COMPRESSED_DEPTH = "compressedDepth"
+COMPRESSED_DEPTH, RVL = "compressedDepth", "rvl"
 _DEPTH_HEADER = struct.Struct("<iff")
 """Header of compressedDepth: kind of compression, and two parameters of inverse depth."""
 
@@ -43,6 +45,20 @@ def encoding_of(message: Any) -> str:
 def is_depth(message: Any) -> bool:
     """Whether a message is a depth map."""
     return encoding_of(message) in DEPTHS or COMPRESSED_DEPTH in getattr(message, "format", "")
+
+
+def depth_fault(message: Any) -> str | None:
+    """Why a depth map cannot be read, None if it can."""
+    try:
+        data = as_file(message)
+    except ValueError as error:
+        return str(error)
+    if hasattr(message, "encoding") or COMPRESSED_DEPTH in message.format:
+        return None
+    if data[:2] == b"\xff\xd8":
+        return "it is compressed as JPEG, which keeps 8 bits and changes them"
+    counts = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data[:4] == b"\x89PNG" else None
+    return None if counts is not None and counts.dtype == np.uint16 and counts.ndim == 2 else "it is no 16-bit PNG"
 
 
 def ending_of(message: Any) -> str:
@@ -60,7 +76,7 @@ def as_file(message: Any) -> bytes:
     """
     if not hasattr(message, "encoding"):
         data = bytes(message.data)
-        return _compressed_depth(data, encoding_of(message)) if COMPRESSED_DEPTH in message.format else data
+        return _compressed_depth(data, message.format) if COMPRESSED_DEPTH in message.format else data
     pixels = pixels_of(message)
     return _png(pixels, 0) if pixels.ndim == 3 else _depth_file(pixels)
 
@@ -96,17 +112,22 @@ def _pixels(message: Any, size: int) -> np.ndarray:
     return np.ascontiguousarray(rows).reshape(height, width, size)
 
 
-def _compressed_depth(data: bytes, encoding: str) -> bytes:
+def _compressed_depth(data: bytes, form: str) -> bytes:
     """The file of a compressedDepth message."""
     if len(data) < _DEPTH_HEADER.size:
-        raise ValueError(f"{len(data)} bytes; expected a header of {_DEPTH_HEADER.size} and a PNG")
+        raise ValueError(f"{len(data)} bytes; expected a header of {_DEPTH_HEADER.size} and a PNG or RVL")
     _, a, b = _DEPTH_HEADER.unpack_from(data)
     inside = data[_DEPTH_HEADER.size :]
-    counts = cv2.imdecode(np.frombuffer(inside, np.uint8), cv2.IMREAD_UNCHANGED) if inside[:4] == b"\x89PNG" else None
-    if counts is None or counts.dtype != np.uint16 or counts.ndim != 2:
-        raise ValueError("compressed depth that is not a 16-bit PNG")
-    if encoding != "32FC1":
-        return inside
+    packed = inside[:4] == b"\x89PNG"
+    counts: np.ndarray | None
+    if not packed and RVL in form.lower():
+        counts = decode_rvl(inside)
+    else:
+        counts = np.asarray(cv2.imdecode(np.frombuffer(inside, np.uint8), cv2.IMREAD_UNCHANGED)) if packed else None
+        if counts is None or counts.dtype != np.uint16 or counts.ndim != 2:
+            raise ValueError("compressed depth that is neither a 16-bit PNG nor RVL")
+    if form.partition(";")[0].strip() != "32FC1":
+        return inside if packed else _depth_file(counts)
     with np.errstate(divide="ignore", invalid="ignore"):
         depths = np.where(counts > 0, a / (counts.astype(np.float32) - b), 0)
     return _depth_file(depths.astype(np.float32))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import struct
 import sys
 from pathlib import Path
@@ -228,7 +229,7 @@ def test_other_camera_models_are_refused_by_name(tmp_path, form, place):
         open_scene(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["cameras", "images", "points3D"])
+@pytest.mark.parametrize("name", ["cameras", "images"])
 @pytest.mark.parametrize("part", [0.0, 0.1, 0.5, 0.99])
 def test_binaries_cut_short_are_refused_by_name(tmp_path, name, part):
     write_pictures(tmp_path / "images", "PINHOLE")
@@ -247,7 +248,6 @@ def test_binaries_cut_short_are_refused_by_name(tmp_path, name, part):
         ("cameras.txt", "150.0", "0.0"),
         ("cameras.txt", "7 ", "8 "),
         ("images.txt", " 7 c.png", " x c.png"),
-        ("points3D.txt", "9 8 7", "nine"),
     ],
 )
 def test_damaged_models_are_refused(tmp_path, name, old, new):
@@ -258,6 +258,69 @@ def test_damaged_models_are_refused(tmp_path, name, old, new):
     path.write_text(path.read_text().replace(old, new))
     with pytest.raises(InputError, match="sparse/0"):
         open_scene(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("model", "images"),
+    [
+        ("outputs/sfm", "dataset"),  # hloc
+        ("distorted/sparse/0", "input"),  # 3D Gaussian splatting, before its images are undistorted
+        ("sparse/0", "input"),
+        ("outputs/sfm/models/0", "images"),
+    ],
+)
+def test_images_are_found_where_programs_put_them(tmp_path, model, images):
+    write_pictures(tmp_path / "room" / images, "PINHOLE")
+    write_text(tmp_path / "room" / model, "PINHOLE")
+    scene = open_scene(tmp_path / "room" / model)
+    assert len(scene) == 3
+    assert scene.name == "room"
+
+
+def test_the_images_of_a_distorted_model_are_the_photos_and_not_the_undistorted_ones(tmp_path):
+    write_pictures(tmp_path / "input", "RADIAL")
+    write_pictures(tmp_path / "images", "PINHOLE")
+    write_text(tmp_path / "distorted/sparse/0", "RADIAL")
+    scene = open_scene(tmp_path)
+    assert scene.frames[0].picture == tmp_path / "input/a.png"
+
+
+def test_the_folder_of_the_images_may_be_named(tmp_path, capsys):
+    write_pictures(tmp_path / "photos of May", "PINHOLE")
+    write_text(tmp_path / "room/sparse/0", "PINHOLE")
+    (tmp_path / "room/images").mkdir()
+    with pytest.raises(InputError) as caught:
+        open_scene(tmp_path / "room")
+    said = str(caught.value)
+    assert f"the first missing one is a.png, looked for in {tmp_path}/room/images" in said
+    assert said.endswith("name the folder of the images with --images")
+    assert len(open_scene(tmp_path / "room", images=tmp_path / "photos of May")) == 3
+    with pytest.raises(InputError, match="nothing there"):
+        open_scene(tmp_path / "room", images=tmp_path / "none")
+
+
+@pytest.mark.parametrize("form", WRITERS)
+def test_names_may_have_backslashes(tmp_path, form):
+    write_pictures(tmp_path / "images/left", "PINHOLE")
+    WRITERS[form](tmp_path / "sparse", "PINHOLE")
+    file = next((tmp_path / "sparse").glob("images.*"))
+    for name in (b"a.png", b"b.png", b"c.png"):
+        file.write_bytes(file.read_bytes().replace(name, b"left\\" + name))
+    scene = open_scene(tmp_path)
+    assert [frame.name for frame in scene.frames] == ["left/a.png", "left/b.png", "left/c.png"]
+    assert scene.index("left\\b.png") == 1
+
+
+@pytest.mark.parametrize("form", WRITERS)
+def test_damaged_points_are_left_out_and_the_scene_opens(tmp_path, form):
+    write_pictures(tmp_path / "images", "PINHOLE")
+    WRITERS[form](tmp_path / "sparse", "PINHOLE")
+    path = next((tmp_path / "sparse").glob("points3D.*"))
+    path.write_bytes(path.read_bytes()[:-1] + (b" x" if form == "text" else b""))
+    scene = open_scene(tmp_path)
+    assert len(scene) == 3
+    assert scene.points is None
+    assert re.search(rf"sparse points are left out: .*points3D\{path.suffix}: .*expected", scene.notes[-1])
 
 
 @pytest.mark.parametrize("form", WRITERS)

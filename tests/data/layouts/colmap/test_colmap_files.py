@@ -133,7 +133,9 @@ def test_lists_in_an_entry_that_reach_beyond_the_file_are_refused(tmp_path: Path
         ("images_txt", "3 1 0 0 0 1 2 nan 7 a.png\n", "line 1: expected a unit quaternion and a translation"),
         ("images_txt", "3 9 0 0 0 1 2 3 7 a.png\n", "line 1: expected a unit quaternion and a translation"),
         ("images_txt", TEXTS["images"] + "\n" + TEXTS["images"], "line 3: expected each image once, found image 3 again"),
-        ("images_txt", "3 1 0 0 0 1 2 3 7 a.png\n4 1 0 0 0 1 2 3 7 b.png", "line 2: expected the points of an image"),
+        ("images_txt", "3 1 0 0 0 1 2 3 7 a.png\n1.5 2.5 0x5", "line 2: expected the points of an image"),
+        ("images_txt", "3 1 0 0 0 1 2 3 7 a.png\n1.5 2.5 -1\n1.5 2.5 -1", "line 3: expected IMAGE_ID QW"),
+        ("images_txt", "1.5 2.5 -1\n3 1 0 0 0 1 2 3 7 a.png", "line 1: expected IMAGE_ID QW"),
         ("images_bin", struct.pack("<Q", 1) + IMAGE[8:72] + b"7" * 30, "found a truncated one"),
         ("points3D_txt", "0 1 2 3 9 8 7 0.5 4 0", "points that images of this model see, found some seen by image 4"),
         ("points3D_txt", f"0 1 2 3 9 8 7 0.5 {2**64:030} 0", "line 1: expected a whole number, found 0000000000184467440737095516"),
@@ -147,6 +149,24 @@ def test_what_cannot_be_is_refused_with_its_place(tmp_path: Path, file: str, con
     name, ending = file.split("_")
     with pytest.raises(InputError, match=rf"{name}\.{ending}: .*{message}"):
         read(tmp_path, f".{ending}")
+
+
+@pytest.mark.parametrize(
+    "second",
+    ["", "\n", "\n# points", "1.5 2.5 -1\n", "1.5 2.5 18446744073709551615 .5 1e-3 7\n", "\n\n"],
+    ids=["left out", "empty", "comment", "one point", "two points", "two empty ones"],
+)
+@pytest.mark.parametrize("name", ["a.png", "my room (1).png", "12 1_2 3", "1 2", "1 2 nan.png", "a b c d e.png"])
+@pytest.mark.parametrize("ends", ["\n", "\r\n"])
+def test_every_image_is_listed_whatever_its_name_and_with_or_without_its_second_line(
+    tmp_path: Path, second: str, name: str, ends: str
+):
+    lines = [f"{number} 1 0 0 0 {number} 2 3 7 {name}\n{second}\n" for number in (3, 4, 5)]
+    text = "".join(lines).replace("\n\n", "\n" if not second else "\n\n")
+    (tmp_path / "images.txt").write_bytes(text.replace("\n", ends).encode())
+    images = read_images(tmp_path / "images.txt", {7})
+    assert [(image.number, image.name) for image in images] == [(number, name) for number in (3, 4, 5)]
+    assert [image.world_from_camera[:3, 3].tolist() for image in images] == [[-n, -2, -3] for n in (3, 4, 5)]
 
 
 def test_a_point_that_no_image_sees_belongs_to_none(tmp_path: Path):

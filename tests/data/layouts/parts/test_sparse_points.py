@@ -20,16 +20,58 @@ def test_positions_are_read_and_colours_skipped(tmp_path: Path):
     np.testing.assert_array_equal(read_ply_points(tmp_path / "a.ply"), [[1, 2, 3], [-4.5, 50, 6]])
 
 
-@pytest.mark.parametrize("body", ["1 2 3 255\n", "1 2 3 255\n1 nan 3 0\n", "1 2 3 0\na b c 0\n"])
+@pytest.mark.parametrize("body", ["1 2 3 255\n", "1 2 3 255\n1 nan 3 0\n", "1 2 3 0\na b c 0\n", "1 2 3 0\n1 2\n"])
 def test_damaged_points_are_refused(tmp_path: Path, body: str):
     (tmp_path / "a.ply").write_text(HEAD + body)
     with pytest.raises(InputError, match=r"a\.ply"):
         read_ply_points(tmp_path / "a.ply")
 
 
-def test_a_binary_file_is_left_out(tmp_path: Path):
-    (tmp_path / "a.ply").write_text(HEAD.replace("ascii", "binary_little_endian") + "\0\0")
-    assert read_ply_points(tmp_path / "a.ply") is None
+FACES = "element face 1\nproperty list uchar int vertex_indices\n"
+
+
+def of_properties(form: str, properties: str, more: str = "") -> str:
+    """The header of two points."""
+    lines = "".join(f"property {one}\n" for one in properties.split(", "))
+    return f"ply\nformat {form} 1.0\ncomment by hand\nelement vertex 2\n{lines}{more}end_header\n"
+
+
+@pytest.mark.parametrize(
+    ("head", "body"),
+    [
+        (of_properties("ascii", "float x, float y, float z"), b"1 2 3\n-4.5 5e1 6\n\n"),
+        (of_properties("ascii", "float x, float y, float z"), b"1 2 3\n-4.5 5e1 6"),
+        (of_properties("ascii", "double z, uchar red, double x, double y"), b"3 9 1 2\n6 9 -4.5 50\n"),
+        (of_properties("ascii", "float x, float y, float z", FACES), b"1 2 3\n-4.5 50 6\n3 0 1 1\n"),
+        (of_properties("binary_little_endian", "float x, float y, float z, float nx"), np.array([[1, 2, 3, 0], [-4.5, 50, 6, 1]], "<f4").tobytes()),
+        (of_properties("binary_big_endian", "double x, double y, double z"), np.array([[1, 2, 3], [-4.5, 50, 6]], ">f8").tobytes()),
+        (
+            of_properties("binary_little_endian", "float x, float y, float z", FACES),
+            np.array([[1, 2, 3], [-4.5, 50, 6]], "<f4").tobytes() + b"\3" + np.array([0, 1, 1], "<i4").tobytes(),
+        ),
+    ],
+    ids=["empty last line", "no last line end", "another order", "faces in text", "normals", "big endian", "faces"],
+)  # fmt: skip
+@pytest.mark.parametrize("ends", ["\n", "\r\n"])
+def test_points_are_read_as_any_program_writes_them(tmp_path: Path, head: str, body: bytes, ends: str):
+    text = body.replace(b"\n", ends.encode()) if "ascii" in head else body
+    (tmp_path / "a.ply").write_bytes(head.replace("\n", ends).encode() + text)
+    np.testing.assert_array_equal(read_ply_points(tmp_path / "a.ply"), [[1, 2, 3], [-4.5, 50, 6]])
+
+
+@pytest.mark.parametrize(
+    ("head", "message"),
+    [
+        (of_properties("ascii", "float x, float y"), "points with x, y and z, found properties x, y"),
+        (of_properties("ascii", "float x").replace("vertex", "face"), "an element vertex, found face"),
+        (of_properties("binary_little_endian", "float x, float y, float z"), "24 bytes after the header"),
+        ("solid cube\n", "a PLY file, found no end of a header"),
+    ],
+)
+def test_what_is_no_point_cloud_is_refused(tmp_path: Path, head: str, message: str):
+    (tmp_path / "a.ply").write_text(head + "1 2\n3 4\n")
+    with pytest.raises(InputError, match=message):
+        read_ply_points(tmp_path / "a.ply")
 
 
 def test_points_in_view_are_those_in_front_and_inside():

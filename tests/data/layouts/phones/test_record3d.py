@@ -169,6 +169,12 @@ def test_damaged_depth_is_refused_with_its_member(tmp_path: Path, data: bytes, m
         scene.read([0, 1])
 
 
+def test_metadata_without_the_size_are_those_of_the_images(tmp_path: Path):
+    write_record3d(tmp_path, upright(3), w=None, h=None)
+    lens = open_scene(tmp_path).frames[1].lens
+    assert (lens.focal, lens.centre) == ((52.0, 50.0), (25.0, 30.5))
+
+
 @pytest.mark.parametrize(
     ("values", "message"),
     [
@@ -183,7 +189,6 @@ def test_damaged_depth_is_refused_with_its_member(tmp_path: Path, data: bytes, m
         ({"K": [1, 2, 3]}, "K: expected rows of 9 numbers"),
         ({"K": []}, "K: expected a camera matrix"),
         ({"K": [-52, 0, 0, 0, 50, 0, 25, 30, 1]}, "expected a possible camera"),
-        ({"w": None}, "w: expected the size of the images"),
         ({"w": 24}, "expected intrinsics for 48x64 pixels"),
         ({"perFrameIntrinsicCoeffs": {"a": 1}}, "perFrameIntrinsicCoeffs: expected rows of 4 numbers"),
     ],

@@ -31,6 +31,7 @@ from bags import (
     jpeg,
     png,
     robot,
+    rvl,
     times,
 )
 from miniatures import back_projected, check_projection, check_read, miniature
@@ -38,6 +39,7 @@ from miniatures import back_projected, check_projection, check_read, miniature
 from semgs.data.layouts.ros.bag import BagFile
 from semgs.data.layouts.ros.camera import lens_of
 from semgs.data.layouts.ros.image_messages import as_file, ending_of
+from semgs.data.layouts.ros.rvl import decode_rvl
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError
@@ -360,6 +362,102 @@ def test_depth_is_millimetres_or_metres_plain_or_compressed():
         format="32FC1; compressedDepth png", data=np.frombuffer(struct.pack("<iff", 0, a, b) + png(inverse), np.uint8)
     )
     np.testing.assert_allclose(decoded(packed), metres, atol=0.01)
+
+
+# By hand: 2 zeros, 3 values, +5, +2, -3 as 10, 4, 5, 1 zero, no value; 10 takes two nibbles, A and 1.
+SIX_PIXELS = struct.pack("<iiI", 3, 2, 0x23A14510)
+
+
+def test_rvl_is_read_nibble_by_nibble():
+    assert decode_rvl(SIX_PIXELS).tolist() == [[0, 0, 5], [7, 4, 0]]
+    assert rvl(np.array([[0, 0, 5], [7, 4, 0]])) == SIX_PIXELS
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_rvl_of_any_counts_is_what_was_written(share: float):
+    rng = np.random.default_rng(3)
+    counts = rng.integers(1, 1 << 16, (37, 53)).astype(np.uint16)
+    counts[rng.random(counts.shape) < share] = 0
+    np.testing.assert_array_equal(decode_rvl(rvl(counts)), counts)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "without its size"),
+        (SIX_PIXELS[:8], "ends early"),
+        (struct.pack("<iiI", 1 << 16, 1 << 16, 0), "65536x65536 pixels"),
+        (struct.pack("<iiI", 3, -2, 0), "3x-2 pixels"),
+        (struct.pack("<iiI", 2, 2, 0x23A14510), "another number of pixels"),
+        (struct.pack("<iiI", 3, 2, 0x23A14000), "another number of pixels|ends early"),
+        (struct.pack("<iiII", 3, 2, 0xFFFFFFFF, 0xFFF10000), "too large"),
+        (struct.pack("<iiI", 1, 1, 0x01100000), "more than 16 bits"),  # -1
+    ],
+)
+def test_damaged_rvl_is_refused(data: bytes, message: str):
+    with pytest.raises(ValueError, match=message):
+        decode_rvl(data)
+
+
+@pytest.mark.parametrize(
+    "form", ["16UC1; compressedDepth rvl", "16UC1;compressedDepth RVL", "32FC1; compressedDepth rvl"]
+)
+def test_depth_compressed_by_rvl_is_read(tmp_path: Path, form: str):
+    bag = pictures_alone()
+    add_tree(bag, FEW)
+    a, b = 60_000.0, 10.0
+    for time, depths in zip(times(FEW), FEW.depths, strict=True):
+        counts, head = depths, struct.pack("<iff", 0, 0.0, 0.0)
+        if form.startswith("32"):  # inverse depth: counts of a / z + b
+            counts = np.where(depths > 0, a / np.maximum(depths / 1000, 1e-3) + b, 0).astype(np.uint16)
+            head = struct.pack("<iff", 0, a, b)
+        bag.compressed(time, DEPTH + "/compressedDepth", head + rvl(counts), form)
+    scene = open_scene(bag.write(tmp_path / "bag"))
+    for frame, depths in zip(scene.frames, FEW.depths, strict=True):
+        np.testing.assert_allclose(frame.measured(), depths / 1000, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("form", "data", "reason"),
+    [
+        ("16UC1; jpeg compressed ", jpeg(FEW.images[0]), "JPEG"),
+        ("16UC1; png compressed ", png((FEW.depths[0] // 256).astype(np.uint8)), "no 16-bit PNG"),
+        ("16UC1; compressedDepth zdepth", bytes(99), "neither a 16-bit PNG nor RVL"),
+        ("16UC1; compressedDepth rvl", bytes(12) + SIX_PIXELS[:-4], "ends early"),
+    ],
+)
+def test_depth_that_cannot_be_read_is_left_out_and_the_images_are_read(
+    tmp_path: Path, form: str, data: bytes, reason: str
+):
+    bag = pictures_alone()
+    add_tree(bag, FEW)
+    for time in times(FEW):
+        bag.compressed(time, DEPTH + "/compressedDepth", data, form)
+    scene = open_scene(bag.write(tmp_path / "bag"))
+    assert [frame.depth for frame in scene.frames] == [None, None, None]
+    assert re.search(rf"Depth in {DEPTH}/compressedDepth is left out: .*{reason}", scene.notes[-1])
+    np.testing.assert_array_equal(scene.frames[0].read_image(), FEW.images[0])
+
+
+def test_images_at_the_same_time_are_left_out_and_counted(tmp_path: Path):
+    bag = robot(FEW)
+    one = next(message for message in bag.messages if message[1] == COLOUR)
+    bag.messages.append((one[0] + 5, *one[1:]))
+    scene = open_scene(bag.write(tmp_path / "bag"))
+    assert len(scene) == 3
+    assert "1 of 4 images have the same time in their header as another and are left out." in scene.notes
+
+
+def test_a_driver_that_sets_no_times_is_named(tmp_path: Path):
+    bag = Bag()
+    bag.info()
+    for time, image in zip(times(FEW), FEW.images, strict=True):
+        bag.image(0, COLOUR, image, "rgb8")
+        logged, *rest = bag.messages.pop()
+        bag.messages.append((time + logged, *rest))
+    add_tree(bag, FEW)
+    said = refused(bag, tmp_path)
+    assert "found 3 images that all have the time 0.000; the driver has to set header.stamp" in said
 
 
 @pytest.mark.parametrize("compressed", [False, True])

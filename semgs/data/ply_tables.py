@@ -1,7 +1,7 @@
 """The elements of a PLY file as tables of numbers, read without trusting the header.
 
 Format: G. Turk, "The PLY Polygon File Format", 1994. Text, binary little endian and binary big endian are read; properties that are lists, as the faces of a
-mesh have them, are not.
+mesh have them, are not, but may follow what is read.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ import io
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from semgs.files.errors import InputError, input_error
+from semgs.files.stored import Stored
 
 MAGIC = b"ply"
-EXPECTED = "a PLY file of Gaussians"
+EXPECTED = "a PLY file"
 
 LONGEST_HEADER = 1 << 20
 """Bytes in which the header has to end."""
@@ -65,31 +65,37 @@ class PlyTables:
     comments: tuple[str, ...]
 
 
-def read_tables(path: Path, data: bytes) -> PlyTables:
+def read_tables(path: str | Stored, data: bytes, last: str | None = None) -> PlyTables:
     """The tables of a PLY file.
 
     Args:
         path: the file, for errors.
         data: its bytes.
+        last: the last element to read; what follows it is skipped. None reads all.
 
     Raises:
-        InputError: it is not a PLY file, is longer or shorter than its header says, or has lists.
+        InputError: it is not a PLY file, is longer or shorter than its header says, has lists, or lacks the element `last`.
     """
     end = _END.search(data, 0, LONGEST_HEADER)
     if end is None:
         raise InputError(path, EXPECTED, "no end of a header")
     order, elements, comments = _header(path, data[: end.start()])
+    if last is not None:
+        names = [element.name for element in elements]
+        if last not in names:
+            raise InputError(path, f"an element {last}", ", ".join(names) or "none", "header")
+        elements = elements[: names.index(last) + 1]
     listed = [element for element in elements if "list" in element.types.values()]
     if listed:
         raise InputError(path, EXPECTED, f"the lists of a mesh (element {listed[0].name})")
     if order:
-        tables = _binary(path, memoryview(data)[end.end() :], order, elements)
+        tables = _binary(path, memoryview(data)[end.end() :], order, elements, last is None)
     else:
-        tables = _text(path, data[end.end() :], elements)
+        tables = _text(path, data[end.end() :], elements, last is None)
     return PlyTables(tables, {element.name: element.count for element in elements}, comments)
 
 
-def _header(path: Path, text: bytes) -> tuple[str, list[Element], tuple[str, ...]]:
+def _header(path: str | Stored, text: bytes) -> tuple[str, list[Element], tuple[str, ...]]:
     """The order of bytes ("" for text), the elements and the comments of a header."""
     with input_error(path, EXPECTED, "header"):
         lines = [line.rstrip("\r") for line in text.decode("utf-8").split("\n")]
@@ -123,21 +129,23 @@ def _header(path: Path, text: bytes) -> tuple[str, list[Element], tuple[str, ...
     return order, elements, tuple(comments)
 
 
-def _add(path: Path, place: str, element: Element, name: str, kind: str) -> None:
+def _add(path: str | Stored, place: str, element: Element, name: str, kind: str) -> None:
     """Add a property to an element."""
     if name in element.types:
         raise InputError(path, "properties with different names", f"{name} twice", place)
     element.types[name] = kind
 
 
-def _binary(path: Path, body: memoryview, order: str, elements: list[Element]) -> dict[str, dict[str, np.ndarray]]:
-    """The tables of a binary body, without copies."""
+def _binary(
+    path: str | Stored, body: memoryview, order: str, elements: list[Element], complete: bool
+) -> dict[str, dict[str, np.ndarray]]:
+    """The tables of a binary body, without copies; `complete` if nothing may follow them."""
     kinds = [
         np.dtype({"names": list(element.types), "formats": [order + kind for kind in element.types.values()]})
         for element in elements
     ]
     length = sum(element.count * kind.itemsize for element, kind in zip(elements, kinds, strict=True))
-    if length != len(body):
+    if length > len(body) or (complete and length < len(body)):
         raise InputError(path, f"{length:,} bytes after the header, as it says", f"{len(body):,}")
     tables, start = {}, 0
     for element, kind in zip(elements, kinds, strict=True):
@@ -147,11 +155,11 @@ def _binary(path: Path, body: memoryview, order: str, elements: list[Element]) -
     return tables
 
 
-def _text(path: Path, body: bytes, elements: list[Element]) -> dict[str, dict[str, np.ndarray]]:
-    """The tables of a body of text: a line for each row."""
+def _text(path: str | Stored, body: bytes, elements: list[Element], complete: bool) -> dict[str, dict[str, np.ndarray]]:
+    """The tables of a body of text: a line for each row; `complete` if nothing may follow them."""
     lines = [line for line in body.split(b"\n") if line.strip()]
     total = sum(element.count for element in elements)
-    if len(lines) != total:
+    if len(lines) < total or (complete and len(lines) > total):
         raise InputError(path, f"{total:,} lines after the header, as it says", f"{len(lines):,}")
     tables, start = {}, 0
     for element in elements:
@@ -172,7 +180,7 @@ def _text(path: Path, body: bytes, elements: list[Element]) -> dict[str, dict[st
     return tables
 
 
-def _as_type(path: Path, element: str, name: str, values: np.ndarray, kind: str) -> np.ndarray:
+def _as_type(path: str | Stored, element: str, name: str, values: np.ndarray, kind: str) -> np.ndarray:
     """Numbers from a text in the type that the header gives them."""
     if kind[0] == "f":
         return values

@@ -1,0 +1,112 @@
+"""Mistakes in arrays that a caller makes views from: what a reader of files would notice."""
+
+from __future__ import annotations
+
+import warnings
+
+import cv2
+import numpy as np
+from jaxtyping import Float, Float64
+from torch import Tensor
+
+from semgs.data.cameras.lens import FOCAL, FURTHEST_CENTRE, NORMALISED
+from semgs.data.sift import LONGEST_SIDE, mutual_matches, sift
+from semgs.geometry.cameras import Cameras
+
+CORNER, EDGE = 0.9, (0.25, 0.7)
+"""Principal points at this share of the width and of the height, or further, are those of another image size; beyond these they may be."""
+
+ALIKE = 0.1
+"""Both shares have to be so much alike: a crop moves the principal point along one side, another size along both."""
+
+FEATURES = 600
+FEWEST = 25
+"""Fewer matches say nothing about axes."""
+
+FITS_PX = 2.0
+"""Matches that miss the epipolar line by less than this fit [px of the reduced images]."""
+
+FEW, MOST = 0.2, 0.6
+"""Axes are wrong if at most the first share of the matches fits in front of the cameras as given, and at least the second with turned axes."""
+
+OPENGL = np.diag([1.0, -1.0, -1.0])
+"""OpenGL's camera axes in OpenCV's."""
+
+
+def check_intrinsics(cameras: Cameras) -> None:
+    """Refuse intrinsics that cannot be those of images of this size, and warn about those that probably are not.
+
+    Raises:
+        ValueError: a focal length or a principal point is not within the limits of lenses, or the principal point is in the corner.
+    """
+    matrices = cameras.intrinsics.reshape(-1, 3, 3).numpy()
+    height, width = cameras.size
+    longer, sides = max(height, width), f"images of {height}x{width} (height x width)"
+    for index, (focal, centre) in enumerate(zip(matrices[:, (0, 1), (0, 1)], matrices[:, :2, 2], strict=True)):
+        said = f"intrinsics[{index}] has focal lengths {focal[0]:g} and {focal[1]:g} px and the principal point ({centre[0]:g}, {centre[1]:g})"
+        if focal.max() < NORMALISED and np.abs(centre).max() <= 1 < longer:
+            raise ValueError(
+                f"{said}; expected pixels of {sides}. They look divided by the image size, as those of MVSplat are: multiply the first row by the "
+                "width and the second by the height"
+            )
+        if not (FOCAL[0] * longer <= focal.min() and focal.max() <= FOCAL[1] * longer):
+            raise ValueError(
+                f"{said}; expected focal lengths of {FOCAL[0]:g} to {FOCAL[1]:g} times the longer side of {sides}"
+            )
+        if np.abs(centre).max() > FURTHEST_CENTRE * longer:
+            raise ValueError(f"{said}; expected it within {FURTHEST_CENTRE:g} times the longer side of {sides}")
+        across, down = centre / (width, height)
+        if abs(across - down) > ALIKE * abs(across + down) / 2 or longer < NORMALISED:
+            continue
+        other = f"They look like those of images of {2 * (across + down) / 2:.2g} times this size: scale the first two rows with the images"
+        if across >= CORNER:
+            raise ValueError(f"{said}; expected it near the middle of {sides}. {other}")
+        if not EDGE[0] < across < EDGE[1]:
+            warnings.warn(f"{said}, in {sides}. {other}, or ignore this if the images are crops", stacklevel=3)
+
+
+def warn_of_opengl(images: Float[Tensor, "v 3 h w"], cameras: Cameras) -> None:
+    """Warn if the first two images show that the poses have OpenGL's axes (y up, z backward) instead of OpenCV's."""
+    if len(images) < 2:
+        return
+    greys, scale = [], min(1.0, LONGEST_SIDE / max(cameras.size))
+    for image in images[:2]:
+        grey = (255 * image.detach().cpu().mean(0)).round().byte().numpy()
+        greys.append(np.asarray(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)))
+    (first, descriptors), (second, others) = (sift(grey, FEATURES) for grey in greys)
+    i, j = mutual_matches(descriptors, others)
+    if len(i) < FEWEST:
+        return
+    matrices, poses = cameras.intrinsics[:2].numpy(), cameras.world_from_camera[:2].numpy()
+    rays = [
+        np.column_stack((places / scale, np.ones(len(places)))) @ np.linalg.inv(matrix).T
+        for places, matrix in zip((first[i], second[j]), matrices, strict=True)
+    ]
+    pixel = 1 / (scale * float(matrices[:, 0, 0].min()))
+    if (
+        _fitting(rays[0], rays[1], poses, pixel) <= FEW
+        and _fitting(rays[0] @ OPENGL, rays[1] @ OPENGL, poses, pixel) >= MOST
+    ):
+        warnings.warn(
+            "the poses look like OpenGL's or Blender's, y up and z backward: matches between the first two images fit them only then. "
+            "Multiply world_from_camera by diag(1, -1, -1, 1) from the right",
+            stacklevel=3,
+        )
+
+
+def _fitting(first: np.ndarray, second: np.ndarray, poses: Float64[np.ndarray, "2 4 4"], pixel: float) -> float:
+    """The share of matches, as rays in two cameras, that meet in front of both to within `FITS_PX` pixels, each of an angle `pixel`."""
+    baseline = poses[1, :3, 3] - poses[0, :3, 3]
+    length = float(np.linalg.norm(baseline))
+    if not length > 0:
+        return 0.5  # nothing can be said
+    a, b = (rays @ pose[:3, :3].T for rays, pose in zip((first, second), poses, strict=True))
+    a, b = (rays / np.linalg.norm(rays, axis=1, keepdims=True) for rays in (a, b))
+    normal = np.cross(baseline / length, a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    near = np.abs((normal * b).sum(1)) < FITS_PX * pixel
+    cosine = (a * b).sum(1)
+    sine_squared = np.maximum(1 - cosine**2, 1e-18)
+    in_front = ((a - cosine[:, None] * b) @ baseline > 0) & ((cosine[:, None] * a - b) @ baseline > 0)
+    still = sine_squared < pixel**2  # too far away to tell in front from behind
+    return float((near & (in_front | still)).mean())

@@ -1,0 +1,203 @@
+"""Cameras of Agisoft Metashape (`Export Cameras` as XML) beside the photos.
+
+A camera has the label of its photo (with or without ending) and a 4x4 matrix, camera to the chunk's world, with OpenCV's axes. A component may have a
+transform with a scale from there to another world; it is applied. A sensor has its calibration: f, b1, b2 (skew), the principal point as an offset from
+the middle of the image, k1 to k4, and p1 and p2, whose order is the reverse of OpenCV's. Fisheye lenses are equidistant. The unit of length is unknown.
+Metashape user manual, appendix D (camera models), and the XML that it writes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from semgs.data.cameras.fisheye import FisheyeLens
+from semgs.data.cameras.lens import AbstractLens, Lens
+from semgs.data.frames import Frame
+from semgs.data.layouts.parts.pose_files import checked_poses
+from semgs.data.layouts.parts.sentences import note_lacking
+from semgs.data.layouts.parts.usable_frames import PICTURES
+from semgs.data.scene import Scene
+from semgs.files.contents import read_bytes
+from semgs.files.errors import InputError, input_error
+from semgs.files.images.pictures import is_turned, read_header
+
+LAYOUT = "Metashape"
+LOOKED_FOR = "an .xml of Metashape's cameras beside photos, or beside images/"
+IMAGES = "images"
+EXPECTED = "the cameras of Metashape as XML"
+START = 4096
+"""Bytes in which the first elements are."""
+
+
+def recognises(path: Path) -> bool:
+    """Whether a path is such a file, or a folder with one, that has two poses or more."""
+    file = _file(path)
+    return file is not None and read_bytes(file, EXPECTED).count(b"<transform>") > 1
+
+
+def open_metashape(path: Path) -> Scene:
+    """The scene of Metashape's cameras; frames are in the order of the file.
+
+    Args:
+        path: the file, or its folder.
+
+    Raises:
+        InputError: the file is damaged, a lens is not supported, or fewer than two cameras have a pose and a photo.
+    """
+    file = _file(path) or path
+    chunk = _read(file).find("chunk")
+    if chunk is None:
+        raise InputError(file, EXPECTED, "no chunk")
+    sensors = {one.get("id", ""): one for one in chunk.iterfind("sensors/sensor")}
+    components = {one.get("id", ""): _similarity(file, one) for one in chunk.iterfind("components/component")}
+    cameras = [one for one in chunk.iterfind("cameras//camera")]
+    posed = [one for one in cameras if (one.findtext("transform") or "").strip()]
+    labels = [one.get("label", "") for one in posed]
+    matrices = []
+    for one, label in zip(posed, labels, strict=True):
+        numbers = _numbers(file, one.findtext("transform"), f"camera {label}")
+        if len(numbers) != 16:
+            raise InputError(file, "the 16 numbers of a matrix", f"{len(numbers)}", f"camera {label}")
+        pose, (scale, motion) = (
+            np.reshape(numbers, (4, 4)),
+            components.get(one.get("component_id", ""), (1.0, np.eye(4))),
+        )
+        pose[:3, 3] *= scale
+        matrices.append(motion @ pose)
+    poses = checked_poses(file, matrices, [f"camera {label}" for label in labels])
+    lenses: dict[str, AbstractLens] = {}
+    pictures = _pictures(file.parent)
+    frames, absent = [], []
+    for one, label, pose in zip(posed, labels, poses, strict=True):
+        picture = pictures.get(label.replace("\\", "/").rpartition("/")[2].lower())
+        if picture is None:
+            absent.append(label)
+            continue
+        number = one.get("sensor_id", "")
+        if number not in lenses:
+            lenses[number] = _lens(file, sensors.get(number), number)
+        is_turned(picture, read_header(picture), lenses[number].size)
+        frames.append(Frame(picture.relative_to(file.parent).as_posix(), picture, lenses[number], pose))
+    unposed = [one.get("label", "") for one in cameras if not (one.findtext("transform") or "").strip()]
+    return Scene(
+        path=path,
+        name=file.absolute().parent.name,
+        layout=LAYOUT,
+        unit="unknown",
+        frames=tuple(frames),
+        absent=tuple(absent),
+        notes=(
+            "Metashape's unit of length is that of its chunk; if it is metres, use --unit metric.",
+            *note_lacking(unposed, len(cameras), "cameras have no pose and are left out"),
+            *note_lacking(absent, len(posed), f"photos of {file.name} are missing"),
+        ),
+    )
+
+
+def _file(path: Path) -> Path | None:
+    """The file of the cameras at a path, None if there is none."""
+    files = [path] if path.is_file() else sorted(path.glob("*.xml")) if path.is_dir() else []
+    for file in files:
+        if file.suffix.lower() == ".xml":
+            with file.open("rb") as opened:
+                start = opened.read(START)
+            if b"<document" in start and b"<chunk" in start:
+                return file
+    return None
+
+
+def _read(file: Path) -> ElementTree.Element:
+    """The root of the XML. Files that define entities, which could be made to grow without end, are refused."""
+    data = read_bytes(file, EXPECTED)
+    if b"<!" in data.replace(b"<!--", b""):
+        raise InputError(file, EXPECTED, "definitions (<!DOCTYPE or <!ENTITY)")
+    try:
+        return ElementTree.fromstring(data)
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise InputError(file, EXPECTED, f"damaged XML: {error}") from error
+
+
+def _numbers(file: Path, text: str | None, place: str) -> list[float]:
+    """The finite numbers in a text."""
+    with input_error(file, "numbers", place):
+        numbers = [float(word) for word in (text or "").split()]
+    if not np.isfinite(numbers).all():
+        raise InputError(file, "finite numbers", f"{(text or '').strip()[:60]}", place)
+    return numbers
+
+
+def _similarity(file: Path, component: ElementTree.Element) -> tuple[float, np.ndarray]:
+    """Scale, and rigid motion after it, from a component to the world; nothing if the file has none."""
+    place, motion = f"component {component.get('id')}", np.eye(4)
+    turn, shift, scale = (_numbers(file, component.findtext(f"transform/{name}"), place) for name in ("rotation", "translation", "scale"))  # fmt: skip
+    if (turn and len(turn) != 9) or (shift and len(shift) != 3) or (scale and (len(scale) != 1 or scale[0] <= 0)):
+        raise InputError(file, "a rotation of 9 numbers, a translation of 3 and a positive scale", "others", place)
+    if turn:
+        motion[:3, :3] = np.reshape(turn, (3, 3))
+    if shift:
+        motion[:3, 3] = shift
+    return (scale[0] if scale else 1.0), motion
+
+
+def _pictures(folder: Path) -> dict[str, Path]:
+    """The photos of a folder, of `images` in it and of its other folders, by their names in lower case, with and without ending; the first counts."""
+    inside = sorted(one for one in folder.iterdir() if one.is_dir() and one.name != IMAGES)
+    found: dict[str, Path] = {}
+    for place in (folder, folder / IMAGES, *inside):
+        for file in sorted(place.iterdir()) if place.is_dir() else ():
+            if file.suffix.lower() in PICTURES and file.is_file():
+                found.setdefault(file.name.lower(), file)
+                found.setdefault(file.stem.lower(), file)
+    return found
+
+
+def _lens(file: Path, sensor: ElementTree.Element | None, number: str) -> AbstractLens:
+    """The lens of a sensor."""
+    place = f"sensor {number}"
+    if sensor is None:
+        raise InputError(file, "a sensor for each camera", "none", place)
+    kind = sensor.get("type", "frame")
+    if kind not in ("frame", "fisheye"):
+        raise InputError(
+            file, "a sensor of type frame or fisheye", kind, place, "undistort the photos in Metashape first"
+        )
+    calibrations = sorted(sensor.iterfind("calibration"), key=lambda one: one.get("class") != "adjusted")
+    if not calibrations:
+        raise InputError(file, "a calibration", "none", place, "align the photos first")
+    resolution = sensor.find("resolution")
+    resolution = calibrations[0].find("resolution") if resolution is None else resolution
+    sides = {} if resolution is None else dict(resolution.items())
+    width, height = (_whole(file, sides, side, place) for side in ("width", "height"))
+    values: dict[str, float] = {}
+    for name in ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2"):
+        numbers = _numbers(file, calibrations[0].findtext(name), f"{place}: {name}")
+        values[name] = numbers[0] if numbers else 0.0
+    focal, centre = (values["f"] + values["b1"], values["f"]), (width / 2 + values["cx"], height / 2 + values["cy"])
+    fisheye, shear = kind == "fisheye", (values["p1"], values["p2"])
+    if abs(values["b2"]) > 1 or (values["k4"] and not fisheye) or (fisheye and any(shear)):
+        found = ", ".join(f"{name} = {values[name]:g}" for name in ("b2", "k4", "p1", "p2"))
+        raise InputError(
+            file,
+            "a lens without skew (b2), k4 of a frame, and p1 and p2 of a fisheye",
+            found,
+            place,
+            "undistort the photos first",
+        )
+    with input_error(file, "a possible camera", place):
+        if fisheye:
+            return FisheyeLens((height, width), focal, centre, (values["k1"], values["k2"], values["k3"], values["k4"]))
+        return Lens(
+            (height, width), focal, centre, (values["k1"], values["k2"], values["p2"], values["p1"], values["k3"])
+        )
+
+
+def _whole(file: Path, sides: Mapping[str, str], name: str, place: str) -> int:
+    """A side of the images [px]."""
+    text = sides.get(name, "")
+    if not text.isascii() or not text.isdigit() or len(text) > 9 or int(text) < 1:
+        raise InputError(file, f"{name} of the images in pixels", text[:20] or "nothing", place)
+    return int(text)

@@ -1,0 +1,1 @@
+"""The network in ONNX: one file that other programs run without PyTorch."""

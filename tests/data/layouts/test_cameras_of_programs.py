@@ -1,0 +1,97 @@
+"""Cameras of Metashape and LLFF: points are where their formats put them, and what is broken is named."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from landmarks import POINTS, found
+from other_cameras import FISHEYE, FRAME, POSES, SIZE, write_llff, write_metashape
+
+from semgs.data.scenes import open_scene
+from semgs.files.errors import InputError
+from semgs.geometry.cameras import project
+
+
+def offset(folder: Path) -> float:
+    """The farthest that a landmark is from where the cameras put it, over all frames [px]."""
+    views, worst = open_scene(folder).read([0, 1, 2], "native"), 0.0
+    for index, image in enumerate(views.images):
+        expected = project(torch.from_numpy(POINTS), views.cameras[index])[:, :2].numpy()
+        inside = ((expected > 8) & (expected < np.array(SIZE[::-1]) - 8)).all(axis=1)
+        assert inside.sum() >= 8
+        worst = max(worst, float(np.abs(found(image, expected[inside], (8, 8)) - expected[inside]).max()))
+    return worst
+
+
+@pytest.mark.parametrize(("kind", "calibration"), [("frame", FRAME), ("fisheye", FISHEYE)])
+def test_a_point_is_where_metashape_puts_it(tmp_path: Path, kind: str, calibration: dict):
+    scene = open_scene(write_metashape(tmp_path / "room", kind, calibration))
+    assert (scene.layout, scene.unit, scene.name) == ("Metashape", "unknown", "room")
+    assert [frame.name for frame in scene.frames] == ["IMG_0.png", "IMG_1.png", "IMG_2.png"]
+    assert "1 of 4 cameras have no pose and are left out, the first is IMG_9." in scene.notes
+    assert offset(tmp_path / "room") < 0.1
+
+
+def test_a_component_scales_turns_and_moves_its_cameras(tmp_path: Path):
+    """Doubled, x to y to z to x, and 10 along x: a camera at (a, b, c) is at (10 + 2 c, 2 a, 2 b)."""
+    text = (
+        "<transform><rotation>0 0 1 1 0 0 0 1 0</rotation><translation>10 0 0</translation><scale>2</scale></transform>"
+    )
+    frame = open_scene(write_metashape(tmp_path, component=text)).frames[1]
+    a, b, c = POSES[1, :3, 3]
+    np.testing.assert_allclose(frame.world_from_camera[:3, 3], [10 + 2 * c, 2 * a, 2 * b], atol=1e-9)
+    np.testing.assert_allclose(frame.world_from_camera[:3, :3], POSES[1, [2, 0, 1], :3], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("</chunk>", "", "damaged XML"),
+        ("<document", "<!DOCTYPE a [<!ENTITY b 'c'>]><document", "found definitions"),
+        ('type="frame">', 'type="spherical">', "sensor 0: expected a sensor of type frame or fisheye, found spherical"),
+        ("<k1>0.1</k1>", "<k1>much</k1>", "sensor 0: k1: expected numbers"),
+        ("<k1>0.1</k1>", "<k4>0.1</k4>", "k4 = 0.1.*undistort the photos first"),
+        ("<f>150.0</f>", "<f>0</f>", "sensor 0: expected a possible camera"),
+        ('sensor_id="0"', 'sensor_id="7"', "sensor 7: expected a sensor for each camera"),
+        ('width="170"', 'width="wide"', "width of the images in pixels, found wide"),
+        ("<transform>", "<transform>1 ", "the 16 numbers of a matrix, found 17"),
+        ("<transform>", "<transform>inf ", "expected finite numbers"),
+    ],
+)
+def test_what_cannot_be_in_metashapes_xml_is_refused(tmp_path: Path, old: str, new: str, message: str):
+    file = write_metashape(tmp_path) / "cameras.xml"
+    assert old in file.read_text()
+    file.write_text(file.read_text().replace(old, new))
+    with pytest.raises(InputError, match=message) as caught:
+        open_scene(tmp_path)
+    assert str(caught.value).startswith(str(file))
+
+
+@pytest.mark.parametrize(("shrink", "name"), [(1, "images"), (4, "images_4")])
+def test_a_point_is_where_llff_puts_it(tmp_path: Path, shrink: int, name: str):
+    scene = open_scene(write_llff(tmp_path / "fern", shrink, name))
+    assert (scene.layout, scene.unit, scene.name, len(scene)) == ("LLFF", "unknown", "fern", 3)
+    assert offset(tmp_path / "fern") < 0.1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda rows: rows[:2], r"a pose for each of the 3 images in images/, found 2"),
+        (lambda rows: rows[:, :15], r"expected an array \[n 17\] of numbers, found float64 \(3, 15\)"),
+        (lambda rows: rows * np.nan, "a number that is not finite"),
+        (lambda rows: rows * (1, 1, 1, 1, 0, *[1] * 12), "row 0: expected a camera for 170x120"),
+        (lambda rows: rows * -1, "row 0: expected a"),
+        (lambda rows: np.array([{"a": 1}], object), "an array of numbers"),
+    ],
+)
+def test_what_cannot_be_in_llffs_poses_is_refused(tmp_path: Path, change, message: str):
+    file = write_llff(tmp_path) / "poses_bounds.npy"
+    np.save(file, change(np.load(file)), allow_pickle=True)
+    with pytest.raises(InputError, match=message) as caught:
+        open_scene(tmp_path)
+    assert re.match(re.escape(str(tmp_path)), str(caught.value))

@@ -1,0 +1,138 @@
+"""Arrays of callers: mistakes that a reader of files would notice, noticed."""
+
+from __future__ import annotations
+
+import warnings
+from inspect import unwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from semgs.data import views as views_module
+from semgs.data.scenes import open_scene
+from semgs.data.views import Views
+from semgs.files.paths import typed_path
+from semgs.model.weights.load import load
+from semgs.rooms.sets.demo_room import demo_scene
+
+K = np.array([[128.0, 0, 80], [0, 126.0, 60], [0, 0, 1]])
+"""Of images of 120x160 (height x width)."""
+POSES = np.stack([np.eye(4), np.eye(4)])
+POSES[1, 0, 3] = 0.3
+IMAGES = np.random.default_rng(0).integers(0, 256, (2, 120, 160, 3), dtype=np.uint8)
+
+
+def views(intrinsics: np.ndarray, images: np.ndarray = IMAGES) -> Views:
+    return Views.from_arrays(images, POSES, intrinsics, (0.5, 10.0))
+
+
+@pytest.mark.parametrize("which", ["all", "one"])
+def test_intrinsics_divided_by_the_image_size_are_refused(which: str):
+    divided = np.repeat((K / [[160], [120], [1]])[None], 2, axis=0)
+    if which == "one":
+        divided[0] = K
+    with pytest.raises(ValueError, match=r"focal lengths 0.8 and 1.05 px .* look divided by the image size"):
+        views(divided)
+
+
+def test_intrinsics_of_images_of_twice_the_size_are_refused():
+    with pytest.raises(
+        ValueError, match=r"principal point \(160, 120\); expected it near the middle .* images of 2 times"
+    ):
+        views(K * [[2], [2], [1]])
+
+
+@pytest.mark.parametrize(("factor", "said"), [(0.5, "0.5"), (1.5, "1.5")])
+def test_intrinsics_of_another_size_are_warned_of(factor: float, said: str):
+    with pytest.warns(UserWarning, match=rf"look like those of images of {said} times this size"):
+        views(K * [[factor], [factor], [1]])
+
+
+@pytest.mark.parametrize("centre", [(150.0, 60.0), (80.0, 12.0), (105.0, 50.0), (96.0, 72.0), (-30.0, 60.0)])
+def test_principal_points_of_crops_are_accepted(centre: tuple[float, float]):
+    moved = K.copy()
+    moved[:2, 2] = centre
+    assert views(moved).cameras.intrinsics[0, :2, 2].tolist() == list(centre)
+
+
+@pytest.mark.parametrize(("changed", "said"), [((0, 0, 1.0), "0.01 to 100 times"), ((1, 1, 2e4), "0.01 to 100 times"), ((0, 2, 1700.0), "within 10 times")])  # fmt: skip
+def test_intrinsics_of_no_lens_are_refused_as_in_files(changed: tuple[int, int, float], said: str):
+    row, column, value = changed
+    wrong = K.copy()
+    wrong[row, column] = value
+    with pytest.raises(ValueError, match=said):
+        views(wrong)
+
+
+@pytest.fixture(scope="module")
+def pair() -> Views:
+    """Two images of the demo room."""
+    return open_scene(demo_scene()).read([0, 2], (180, 240))
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_poses_with_the_axes_of_opengl_are_warned_of(pair: Views, turned: bool):
+    poses = pair.cameras.world_from_camera.numpy() @ np.diag([1.0, -1, -1, 1] if turned else [1.0, 1, 1, 1])
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        Views.from_arrays(pair.images, poses, pair.cameras.intrinsics, (0.5, 10.0))
+    assert [str(one.message)[:40] for one in caught] == ["the poses look like OpenGL's or Blender'"] * turned
+
+
+@pytest.mark.parametrize("poses", ["inverted", "still", "alike"])
+def test_other_poses_are_not_taken_for_opengls(pair: Views, poses: str):
+    matrices = pair.cameras.world_from_camera.clone()
+    if poses == "inverted":
+        matrices = torch.linalg.inv(matrices)
+    elif poses == "still":
+        matrices[1] = matrices[0]
+    else:
+        matrices = torch.eye(4, dtype=torch.float64).repeat(2, 1, 1)
+        matrices[1, 0, 3] = 0.1
+    Views.from_arrays(pair.images, matrices, pair.cameras.intrinsics, (0.5, 10.0))  # a warning would be an error
+
+
+def test_arrays_that_are_read_only_are_copied_without_a_warning():
+    parts = [IMAGES.copy(), POSES.copy(), np.broadcast_to(K, (2, 3, 3))]
+    for part in parts[:2]:
+        part.flags.writeable = False
+    made = Views.from_arrays(*parts, (0.5, 10.0))
+    assert torch.equal(made.images, views(K).images)
+
+
+# The tests check types at every call; these call what users call, which does not.
+
+
+@pytest.mark.parametrize(
+    ("images", "error", "said"),
+    [
+        (["a.png", "b.png"], TypeError, "an image is a path, 'a.png'; expected pixels"),
+        ([Path("a.png")], TypeError, "an image is a path"),
+        ([{"a": 1}, None], TypeError, "an image is a dict; expected an array"),
+        (IMAGES[0], ValueError, r"images are \(120, 160, 3\); expected a list of images"),
+    ],
+)
+def test_what_is_no_list_of_images_is_said_to_be_what_it_is(monkeypatch, images: object, error: type, said: str):
+    monkeypatch.setattr(views_module, "_as_image", unwrap(views_module._as_image))
+    with pytest.raises(error, match=said):
+        unwrap(Views.from_arrays.__func__)(Views, images, POSES, K, (0.5, 10.0))
+
+
+def test_one_pose_for_several_images_is_refused():
+    with pytest.raises(ValueError, match=r"world_from_camera is \(4, 4\) for 2 cameras; expected \[v 4 4\]"):
+        Views.from_arrays(IMAGES, POSES[0], K, (0.5, 10.0))
+
+
+@pytest.mark.parametrize("path", [None, ["a"], 3])
+def test_what_is_no_path_is_said_to_be_what_it_is(path: object):
+    with pytest.raises(TypeError, match=r"a path is (NoneType|list|int); expected text or pathlib\.Path"):
+        unwrap(typed_path)(path)
+
+
+def test_a_network_says_what_it_was_given_instead_of_views():
+    network = load("small", weights="random")
+    for other in ("photos", IMAGES[0], [views(K)], open_scene(demo_scene())):
+        with pytest.raises(TypeError, match=rf"the network takes semgs\.Views, .* and got {type(other).__name__}"):
+            unwrap(type(network).forward)(network, other)
