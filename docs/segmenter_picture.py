@@ -20,7 +20,7 @@ from semgs.figures.view_images import as_bytes
 from semgs.rendering.rendering import label_maps
 
 FRAMES = (0, 4, 3)
-"""The frames of the columns, which semgs reconstruct chooses too; the last is held out."""
+"""The frames of the columns: two input views, and a held-out one."""
 
 SIZE = (224, 336)
 """Height and width of each image."""
