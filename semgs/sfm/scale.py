@@ -39,7 +39,7 @@ def in_metres(solution: Solution, known: KnownDistance) -> Solution:
     Raises:
         ValueError: a photo is not among the registered ones, or the two cameras are in one place.
     """
-    first, second = (_photo(solution.photos, name) for name in (known.first, known.second))
+    first, second = (named_photo(solution.photos, name) for name in (known.first, known.second))
     distance = float(np.linalg.norm(first.world_from_camera[:3, 3] - second.world_from_camera[:3, 3]))
     if not distance > 0:
         raise ValueError(f"--scale-from: {first.name} and {second.name} were taken from one place; name two others")
@@ -62,10 +62,16 @@ def scaled(world_from_camera: np.ndarray, scale: float) -> np.ndarray:
     return pose
 
 
-def _photo(photos: Sequence[PosedPhoto], name: str) -> PosedPhoto:
-    """The photo that a user named."""
+def named_photo(photos: Sequence[PosedPhoto], name: str) -> PosedPhoto:
+    """The photo that a user named: by name, stem or position, or a converted HEIC by its own name.
+
+    Raises:
+        ValueError: it is not among these.
+    """
+    path = PurePath(name)
+    wanted = path.stem if path.suffix.lower() == ".heic" else path.name  # a HEIC is converted, so its name ends otherwise
     for key in (lambda one: one.name, lambda one: PurePath(one.name).stem):
-        found = [photo for photo in photos if key(photo) == PurePath(name).name]
+        found = [photo for photo in photos if key(photo) == wanted]
         if len(found) == 1:
             return found[0]
     if name.isdecimal() and int(name) < len(photos):

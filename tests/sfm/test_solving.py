@@ -19,7 +19,7 @@ from semgs.files.images.pictures import write_png
 from semgs.sfm import solving as module
 from semgs.sfm.photos import UprightPhoto
 from semgs.sfm.pycolmap_library import pycolmap
-from semgs.sfm.scale import KnownDistance, in_metres, scaled
+from semgs.sfm.scale import KnownDistance, in_metres, named_photo, scaled
 from semgs.sfm.scene_folder import PhotoDetails, write_photo_scene
 from semgs.sfm.solving import Solution, best, expected_seconds, posed_photos
 from semgs.sfm.writing import write_colmap
@@ -168,6 +168,13 @@ def test_a_distance_names_photos_that_were_registered(in_two_metres: Solved):
         in_metres(found, KnownDistance("p0", "p0", 1.0))
     with pytest.raises(ValueError, match="expected more than 0"):
         KnownDistance("p0", "p1", -1.0)
+
+
+def test_a_heic_has_its_name_although_it_was_converted(in_two_metres: Solved):
+    photos = in_two_metres.solution.photos
+    assert named_photo(photos, "p1.HEIC").name == "p1.png"
+    with pytest.raises(ValueError, match=r"no camera was estimated for 'p1\.jpg'"):
+        named_photo(photos, "p1.jpg")
 
 
 def refused(folder: Path, tmp_path: Path) -> str:
