@@ -69,7 +69,9 @@ def named_photo(photos: Sequence[PosedPhoto], name: str) -> PosedPhoto:
         ValueError: it is not among these.
     """
     path = PurePath(name)
-    wanted = path.stem if path.suffix.lower() == ".heic" else path.name  # a HEIC is converted, so its name ends otherwise
+    wanted = (
+        path.stem if path.suffix.lower() == ".heic" else path.name
+    )  # a HEIC is converted, so its name ends otherwise
     for key in (lambda one: one.name, lambda one: PurePath(one.name).stem):
         found = [photo for photo in photos if key(photo) == wanted]
         if len(found) == 1:

@@ -157,7 +157,7 @@ def slow(example: Example) -> bool:
     if (
         "--help" in words
         or "--ray" in words
-        or words[0] in {*CARRIERS, "sbatch", "make", "pip"}
+        or words[0] in {*CARRIERS, "sbatch", "make", "pip", "python3"}
         or words[:3] == ["python", "-m", "tools.furniture"]
     ):
         return False
@@ -205,6 +205,8 @@ def shell(example: Example) -> None:
         subprocess.run(["make", "-n", *rest], cwd=ROOT, check=True, capture_output=True)
     elif program == "pip":
         check_pip(rest)
+    elif program == "python3":
+        assert rest == ["-m", "venv", ".venv"], f"python3 {' '.join(rest)}: only the making of .venv is known"
     elif program == "python":
         run_python(rest)
     elif program == "splat-transform":
