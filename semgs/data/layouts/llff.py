@@ -14,7 +14,7 @@ import numpy as np
 from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.pose_files import checked_poses
-from semgs.data.layouts.parts.usable_frames import PICTURES
+from semgs.data.layouts.parts.usable_frames import pictures_in
 from semgs.data.scene import Scene
 from semgs.files.arrays import read_array
 from semgs.files.errors import InputError, input_error
@@ -48,7 +48,7 @@ def open_llff(path: Path) -> Scene:
     rows = read_array(file)
     if rows.ndim != 2 or rows.shape[1] != COLUMNS or rows.dtype.kind not in "fiu":
         raise InputError(file, f"an array [n {COLUMNS}] of numbers", f"{rows.dtype} {rows.shape}")
-    pictures = _pictures(place)
+    pictures = pictures_in(place)
     if len(pictures) != len(rows):
         raise InputError(file, f"a pose for each of the {len(pictures)} images in {place.name}/", f"{len(rows)}")
     matrices = rows[:, :15].astype(np.float64).reshape(-1, 3, 5)
@@ -86,11 +86,6 @@ def open_llff(path: Path) -> Scene:
 
 
 def _folder(folder: Path) -> Path | None:
-    """The folder of the photos: `images`, or smaller copies of them (`images_4`)."""
+    """The folder of the photos, which LLFF sorts by name: `images`, or smaller copies of them (`images_4`)."""
     places = sorted(folder.glob(f"{IMAGES}_*"), key=lambda one: (len(one.name), one.name))
-    return next((one for one in (folder / IMAGES, *places) if one.is_dir() and _pictures(one)), None)
-
-
-def _pictures(folder: Path) -> list[Path]:
-    """The photos of a folder, sorted by name as LLFF sorts them."""
-    return sorted(one for one in folder.iterdir() if one.suffix.lower() in PICTURES and not one.name.startswith("."))
+    return next((one for one in (folder / IMAGES, *places) if one.is_dir() and pictures_in(one)), None)

@@ -54,8 +54,13 @@ def open_metashape(path: Path) -> Scene:
         raise InputError(file, EXPECTED, "no chunk")
     sensors = {one.get("id", ""): one for one in chunk.iterfind("sensors/sensor")}
     components = {one.get("id", ""): _similarity(file, one) for one in chunk.iterfind("components/component")}
-    cameras = [one for one in chunk.iterfind("cameras//camera")]
-    posed = [one for one in cameras if (one.findtext("transform") or "").strip()]
+    cameras = list(chunk.iterfind("cameras//camera"))
+    posed, unposed = list[ElementTree.Element](), list[str]()
+    for one in cameras:
+        if (one.findtext("transform") or "").strip():
+            posed.append(one)
+        else:
+            unposed.append(one.get("label", ""))
     labels = [one.get("label", "") for one in posed]
     matrices = []
     for one, label in zip(posed, labels, strict=True):
@@ -82,7 +87,6 @@ def open_metashape(path: Path) -> Scene:
             lenses[number] = _lens(file, sensors.get(number), number)
         is_turned(picture, read_header(picture), lenses[number].size)
         frames.append(Frame(picture.relative_to(file.parent).as_posix(), picture, lenses[number], pose))
-    unposed = [one.get("label", "") for one in cameras if not (one.findtext("transform") or "").strip()]
     return Scene(
         path=path,
         name=file.absolute().parent.name,

@@ -43,17 +43,17 @@ def report_page(result: Reconstruction, origin: Provenance, seconds: dict[str, f
     scene = result.scene
     limits = depth_limits(_depth_maps(result))
     held_out = len(result.target.positions) if result.target else 0
+    inputs = _galleries(result, result.context, limits)
+    targets = _galleries(result, result.target, limits) if result.target else ()
     sections = [
         *please_note(result.notes),
-        page.Section(
-            "Input views", _own_lead(result), (*_keys(result, limits), *_galleries(result, result.context, limits))
-        ),
+        page.Section("Input views", _own_lead(result), (*_keys(result, limits), *inputs)),
         *(
             [
                 page.Section(
                     "Held-out views",
                     HELD_OUT if result.splat is None else HELD_OUT_OF_LABELS,
-                    _galleries(result, result.target, limits),
+                    targets,
                 )
             ]
             if result.target
@@ -76,16 +76,14 @@ def report_page(result: Reconstruction, origin: Provenance, seconds: dict[str, f
         headlines=_headlines(result, seconds),
         sections=sections,
         foot=f"Made by {origin.software}. The numbers of this page are in report.json.",
-        first=_first_row(result, limits),
+        first=_first_row(result, (targets or inputs)[0]),
         link=page.Link(SCENE_PAGE, "Look around in 3D") if page_in_3d else None,
     )
 
 
-def _first_row(result: Reconstruction, limits: tuple[float, float]) -> page.Gallery:
-    """One view for somebody who opens the report: a held-out one, if there is one."""
-    part = result.target or result.context
-    row = next(block for block in _galleries(result, part, limits) if isinstance(block, page.Gallery))
-    what = "a photo that the network did not get" if part.role == "target" else "an input photo"
+def _first_row(result: Reconstruction, row: page.Gallery) -> page.Gallery:
+    """One view for somebody who opens the report: the row of a held-out one, if there is one."""
+    what = "a photo that the network did not get" if result.target else "an input photo"
     if result.splat is not None:
         what = "a photo of the splat's scene"
     return page.Gallery("At a glance", f"{what}, and the scene from the same camera", row.pictures)

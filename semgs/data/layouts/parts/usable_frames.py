@@ -146,6 +146,11 @@ def numbered_files(folder: Path, start: str = "", endings: Sequence[str] = PICTU
     return {number: found[number][1] for number in sorted(found)}
 
 
+def pictures_in(folder: Path) -> list[Path]:
+    """The images of a folder that are not hidden, sorted by name."""
+    return sorted(one for one in folder.iterdir() if one.suffix.lower() in PICTURES and not one.name.startswith("."))
+
+
 def first_file(folders: Iterable[Path], names: Sequence[str]) -> Path | None:
     """The first existing file with one of these names, looking through the folders in order; None if there is none."""
     return next((one for folder in folders for name in names if (one := folder / name).is_file()), None)

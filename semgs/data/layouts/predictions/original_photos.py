@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 import cv2
 import numpy as np
 
-from semgs.data.layouts.parts.usable_frames import PICTURES
+from semgs.data.layouts.parts.usable_frames import pictures_in
 from semgs.data.layouts.predictions.predicted import Predicted
 from semgs.data.layouts.predictions.preprocessing import Placement, Size
 from semgs.files.errors import InputError
@@ -69,9 +69,7 @@ def find_photos(predicted: Predicted, given: Path | None = None) -> OriginalPhot
     if files is None:
         if folder is None:
             return None
-        files = sorted(
-            one for one in folder.iterdir() if one.suffix.lower() in PICTURES and not one.name.startswith(".")
-        )
+        files = pictures_in(folder)
         if not files and given is None:
             return None
         if len(files) != len(predicted):
