@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float64
+from jaxtyping import Bool, Float64, Int64
 from torch import Tensor
 
 from semgs.geometry.cameras import Cameras
@@ -27,11 +27,13 @@ class Hit:
         position: where the opacity along the ray passes 0.5, in the coordinates of the source's poses [unit of the scene].
         name: of the likeliest class of the pixel; "unknown" if it is not sure enough; None for a scene without classes.
         probability: of the likeliest class, calibrated if the scene has temperatures; None for a scene without classes.
+        thing: the number of the thing that most of this class belongs to there; 0 for none.
     """
 
     position: tuple[float, float, float]
     name: str | None
     probability: float | None
+    thing: int = 0
 
 
 def pick(
@@ -40,6 +42,7 @@ def pick(
     pixel: tuple[float, float],
     visible: Bool[np.ndarray, " g"] | None = None,
     min_confidence: float = 0.0,
+    instances: Int64[np.ndarray, " g"] | None = None,
 ) -> Hit | None:
     """What a pixel shows, by the rules of the renderer: a class map rendered from the same camera has the same class there.
 
@@ -49,6 +52,7 @@ def pick(
         pixel: (x, y); centres of pixels are at .5 [px].
         visible: the Gaussians that count; None is all.
         min_confidence: a class that is less likely is unknown.
+        instances: the number of the thing that each Gaussian belongs to, 0 for none.
 
     Returns:
         None if the opacity stays below 0.5.
@@ -57,6 +61,7 @@ def pick(
     if visible is not None:
         kept = torch.from_numpy(visible)
         gaussians = gaussians.map(lambda tensor: tensor[kept])
+        instances = None if instances is None else instances[visible]
     pinhole = Pinhole.of(camera)
     order = depth_order(gaussians.means, pinhole, scene.near)
     point = torch.tensor([pixel], dtype=torch.float64)
@@ -80,7 +85,8 @@ def pick(
     if gaussians.semantic is None or scene.classes is None:
         return Hit((x, y, z), None, None)
     drawn, light = blended(gaussians.semantic)
-    shares = -light.diff() @ gaussians.semantic.features[drawn] + light[-1] / len(scene.classes)
+    weights, features = -light.diff(), gaussians.semantic.features[drawn]
+    shares = weights @ features + light[-1] / len(scene.classes)
     one = torch.ones(1, 1, 1, dtype=torch.float64)
     rendering = Rendering(
         images=one.expand(1, 3, 1, 1),
@@ -91,7 +97,13 @@ def pick(
     )
     label = int(label_maps(rendering, min_confidence)[0, 0, 0])
     probability = float(confidence_maps(rendering)[0, 0, 0])
-    return Hit((x, y, z), UNKNOWN_NAME if label == UNKNOWN else scene.classes.names[label], probability)
+    if label == UNKNOWN:
+        return Hit((x, y, z), UNKNOWN_NAME, probability)
+    thing = 0
+    if instances is not None:
+        of_class = torch.where(features.argmax(-1) == label, weights, 0)
+        thing = int(np.bincount(instances[drawn.numpy()], of_class.numpy(), 1).argmax())
+    return Hit((x, y, z), scene.classes.names[label], probability, thing)
 
 
 def _ray(pinhole: Pinhole, pixel: tuple[float, float]) -> Float64[Tensor, " 3"]:

@@ -31,6 +31,9 @@ LARGEST_VARIANCE = 60_000.0
 GOLDEN = (5**0.5 - 1) / 2
 """Multiples of it, modulo 1, spread evenly."""
 
+STEPS = 10
+"""Of confidence: viewers hide what is less sure in steps of 10 %."""
+
 ALL = "scene"
 """The group of a scene without classes."""
 
@@ -141,12 +144,18 @@ class SceneSplats:
         """The range of the colours of depth [unit of the scene]."""
         return depth_limits([self.scene.depths.numpy()])
 
-    def splats(self, mode: Mode, tint: float = 0.0) -> SplatArrays:
+    @property
+    def steps(self) -> Int64[np.ndarray, " g"]:
+        """The step of confidence of each Gaussian, 0..9."""
+        return np.clip((STEPS * self.confidences).astype(np.int64), 0, STEPS - 1)
+
+    def splats(self, mode: Mode, tint: float = 0.0, least: int = 0) -> SplatArrays:
         """All Gaussians in a mode, each with the shape that belongs to it: of the semantic Gaussians for classes, confidence and things.
 
         Args:
             mode: what the colours show.
             tint: strength of the class colours over the photos' colours, 0..1, if the mode is colour.
+            least: Gaussians of lower steps of confidence are transparent.
         """
         gaussians = self.scene.gaussians
         semantic = gaussians.semantic or gaussians.colour
@@ -155,12 +164,12 @@ class SceneSplats:
             centres=self.scale * gaussians.means.numpy(),
             covariances=_covariances(shape, self.scale),
             colours=self._shown(mode, tint),
-            opacities=gaussians.opacities.numpy()[:, None],
+            opacities=np.where(self.steps < least, np.float32(0), gaussians.opacities.numpy())[:, None],
         )
 
-    def visible(self, hidden: Sequence[str]) -> Bool[np.ndarray, " g"]:
-        """The Gaussians outside of some groups, those that were thinned out included."""
-        visible = np.ones(len(self.labels), np.bool_)
+    def visible(self, hidden: Sequence[str], least: int = 0) -> Bool[np.ndarray, " g"]:
+        """The Gaussians outside of some groups and of at least a step of confidence, those that were thinned out included."""
+        visible = self.steps >= least
         for group in self.groups:
             if group.name in hidden:
                 visible &= self.labels != self.labels[group.members[0]]

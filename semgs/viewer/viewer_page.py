@@ -19,6 +19,7 @@ from semgs.files.text import printable
 from semgs.robotics.objects import Objects
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import Up, UpDirection, up_of
+from semgs.viewer import panel_texts as texts
 from semgs.viewer.nodes import add_boxes, add_input_views, add_splats, set_first_camera, view_data
 from semgs.viewer.server import serving
 from semgs.viewer.splat_groups import Group, Mode, SceneSplats
@@ -26,9 +27,6 @@ from semgs.viewer.viewer_cameras import input_views
 
 MOST_GAUSSIANS = 100_000
 """With this many Gaussians in colour and in classes, a page has less than 10 MB."""
-
-STEPS = 10
-"""Of confidence. Viewers hide Gaussians by group, so each step of each class is a group."""
 
 TITLE = "<title>Viser</title>"
 
@@ -78,7 +76,7 @@ def scene_page(
     """
     splats = SceneSplats.of(scene, min_confidence, at_most, None if things is None else things.instances)
     views = input_views(scene, splats.scale, photos)
-    steps = np.clip((STEPS * splats.confidences).astype(int), 0, STEPS - 1)
+    steps = splats.steps  # the page hides Gaussians by group, so each step of each class is a group
     parts = [
         [(step, group.members[steps[group.members] == step]) for step in np.unique(steps[group.members]).tolist()]
         for group in splats.groups
@@ -111,7 +109,10 @@ def scene_page(
         "steps": [[step for step, _ in of_group] for of_group in parts],
         **_per_gaussian(splats, np.concatenate(order) if order else np.zeros(0, np.int64)),
         "boxes": things is not None,
-        "names": {} if things is None else {one.instance: f"{one.name} {one.instance}" for one in things.things},
+        "controls": [vars(one) for one in texts.controls_of(modes, things=things is not None, on_page=True)],
+        "words": texts.WORDS,
+        "modeNames": texts.MODES,
+        "names": {} if things is None else texts.thing_names(things),
     }
     page = page.replace(TITLE, f"<title>{escape(printable(scene.source))}</title>", 1)
     page = page.replace("<body>", f"<body>{_inside(data, script or web_text('panel.js'))}", 1)

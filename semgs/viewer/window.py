@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from jaxtyping import UInt8
 
-from semgs.export.scene_objects import PlacedThing, place_things
+from semgs.export.scene_objects import place_things
 from semgs.export.stills import Stills
 from semgs.figures.class_images import overlay
 from semgs.figures.depth_images import depth_bar, depth_ticks
@@ -29,9 +29,10 @@ from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import Up, UpDirection, up_of
 from semgs.viewer import panel_texts as texts
 from semgs.viewer.nodes import add_boxes, add_input_views, add_splats, node_name, set_first_camera, view_data
+from semgs.viewer.panel_texts import Control
 from semgs.viewer.pick import pick
 from semgs.viewer.server import ANY_PORT, LOOPBACK, run_script, serving, url_of
-from semgs.viewer.splat_groups import Mode, SceneSplats
+from semgs.viewer.splat_groups import STEPS, Mode, SceneSplats
 from semgs.viewer.viewer_cameras import InputView, camera_seen_from, input_views, pixel_of
 from semgs.viewer.viewer_page import web_text
 
@@ -50,14 +51,8 @@ RENDER_HEIGHT = 480
 RENDER_WIDTH = 420
 """Width of the panel with that image [px]."""
 
-MODES: dict[str, Mode] = {
-    "Colour": "colour", "Classes": "classes", "Confidence": "confidence", "Depth": "depth", "Things": "things",
-}  # fmt: skip
-"""Names of the modes in the panel."""
-
-HINT = (
-    "Drag to turn, right-drag to move, scroll to zoom; or use the arrow keys and W A S D. Click to see what is there."
-)
+STEP_PERCENT = 100 // STEPS
+"""Of confidence."""
 
 
 @contextmanager
@@ -90,10 +85,9 @@ def open_window(
         InputError: it is not possible to listen on this address.
     """
     splats = SceneSplats.of(scene, min_confidence, at_most, None if things is None else things.instances)
-    boxes = () if things is None else place_things(things)
     with serving(host, port) as server:
         views = input_views(scene, splats.scale, photos)
-        yield Window(server, splats, views, up_of(scene, up), min_confidence, boxes, near_photos)
+        yield Window(server, splats, views, up_of(scene, up), min_confidence, things, near_photos)
 
 
 class Window:
@@ -111,7 +105,7 @@ class Window:
         views: Sequence[InputView],
         up: UpDirection,
         min_confidence: float,
-        boxes: Sequence[PlacedThing] = (),
+        things: Objects | None = None,
         near_photos: bool = True,
     ) -> None:
         self._server, self._splats, self._views, self._min_confidence = server, splats, views, min_confidence
@@ -119,6 +113,7 @@ class Window:
         self._lock = threading.Lock()  # viser calls from many threads
         self._mode: Mode = "colour"
         self._tint = 0.0
+        self._least = 0  # step of confidence
         self._near_photos = near_photos
         run_script(server, web_text("camera.js"))  # before the splats, for which it prepares viser's client
         self.url, self.up = url_of(server), up
@@ -129,7 +124,8 @@ class Window:
             group.name: add_splats(server, f"/gaussians/{node_name(group.name)}", whole.of(group.members))
             for group in splats.groups
         }
-        self._things = add_boxes(server, boxes, splats.scale)
+        self._things = {} if things is None else texts.thing_names(things)
+        self._things_nodes = [] if things is None else add_boxes(server, place_things(things), splats.scale)
         self._add_panel()
         server.scene.on_click()(self._describe_click)
         for number, frustum in enumerate(add_input_views(server, views)):
@@ -137,16 +133,28 @@ class Window:
         run_script(server, f"semgs.start({json.dumps({'views': view_data(views), 'near': near_photos})})")
 
     def _add_panel(self) -> None:
-        """Add all controls."""
-        gui, splats = self._server.gui, self._splats
-        gui.add_html(texts.paragraph(HINT))
-        names = [name for name, mode in MODES.items() if mode in splats.modes]
-        self._mode_control = gui.add_dropdown("Show", names)
-        self._tint_control = gui.add_slider(
-            "Overlay", min=0.0, max=1.0, step=0.05, initial_value=0.0, visible=splats.scene.classes is not None,
-            hint="Strength of the class colours over the photos' colours",
-        )  # fmt: skip
-        limits = splats.depth_limits
+        """Add all controls, in the order that pages have, too."""
+        gui = self._server.gui
+        gui.add_html(texts.hint())
+        self._boxes: dict[str, GuiCheckboxHandle] = {}
+        add = {
+            "show": self._add_modes, "overlay": self._add_overlay, "back": self._add_way_back, "photo": self._add_flights,
+            "near": self._add_near, "photos": self._add_photos, "boxes": self._add_things, "classes": self._add_legend,
+            "confidence": self._add_confidence, "clicked": self._add_clicked, "render": self._add_render,
+        }  # fmt: skip
+        for control in texts.controls_of(self._splats.modes, things=bool(self._things_nodes), on_page=False):
+            add[control.key](control)
+        self._rendered = gui.add_panel(visible=False)
+        self._rendered.float(x=15, y=-15, width=RENDER_WIDTH)
+        with self._rendered.add_tab("Rendered"):
+            self._picture = gui.add_image(np.zeros((1, 1, 3), np.uint8))
+
+    def _add_modes(self, control: Control) -> None:
+        """Add the choice of what splats show, and the scale of its colours."""
+        gui, limits = self._server.gui, self._splats.depth_limits
+        names = [texts.MODES[mode] for mode in self._splats.modes]
+        self._mode_control = gui.add_dropdown(control.name, names, hint=control.help)
+        self._mode_control.on_update(lambda _: self._show_mode())
         self._scales = {
             "depth": gui.add_html(
                 texts.scale_bar(
@@ -165,49 +173,68 @@ class Window:
                 visible=False,
             ),
         }
-        self._mode_control.on_update(lambda _: self._show_mode())
-        self._tint_control.on_update(lambda _: self._show_mode())
-        self._boxes: dict[str, GuiCheckboxHandle] = {}
-        if splats.scene.classes is not None:
-            self._add_legend()
-        with gui.add_folder("Clicked"):
-            self._click_text = gui.add_html(texts.paragraph("Nothing yet."))
-        with gui.add_folder("Views"):
-            numbers = [str(number + 1) for number in range(len(self._views))]
-            back = gui.add_button("Back to the photos", hint="Fly to the nearest photo")
-            back.on_click(lambda event: self._tell(event.client, "semgs.goBack()"))
-            flights = gui.add_button_group("Photo", numbers)
-            flights.on_click(lambda event: self._fly(event.client, int(event.target.value) - 1))
-            near = gui.add_checkbox("Stay where the photos saw", self._near_photos)
-            near.on_update(lambda event: run_script(self._server, f"semgs.stayNear({json.dumps(event.target.value)})"))
-            inputs = gui.add_checkbox("Show the photos", True)
-            inputs.on_update(
-                lambda event: run_script(self._server, f"semgs.showPhotos({json.dumps(event.target.value)})")
-            )
-            if self._things:
-                self._things_control = gui.add_checkbox("Show boxes of things", True)
-                self._things_control.on_update(self._toggle_things)
-            button = gui.add_button(
-                "Render from here", hint="Render an image from this camera with SemGS's own renderer"
-            )
-            button.on_click(lambda event: self._render(event.client))
-        self._rendered = gui.add_panel(visible=False)
-        self._rendered.float(x=15, y=-15, width=RENDER_WIDTH)
-        with self._rendered.add_tab("Rendered"):
-            self._picture = gui.add_image(np.zeros((1, 1, 3), np.uint8))
 
-    def _add_legend(self) -> None:
+    def _add_overlay(self, control: Control) -> None:
+        """Add the strength of the class colours over the photos' colours."""
+        self._tint_control = self._server.gui.add_slider(control.name, 0.0, 1.0, 0.05, 0.0, hint=control.help)
+        self._tint_control.on_update(lambda _: self._show_mode())
+
+    def _add_way_back(self, control: Control) -> None:
+        """Add the way back to the nearest photo."""
+        back = self._server.gui.add_button(control.name, hint=control.help)
+        back.on_click(lambda event: self._tell(event.client, "semgs.goBack()"))
+
+    def _add_flights(self, control: Control) -> None:
+        """Add a button for each photo."""
+        names = [f"{control.name} {number + 1}" for number in range(len(self._views))]
+        flights = self._server.gui.add_button_group("", names, hint=control.help)
+        flights.on_click(lambda event: self._fly(event.client, names.index(event.target.value)))
+
+    def _add_near(self, control: Control) -> None:
+        """Add the bounds of the camera."""
+        near = self._server.gui.add_checkbox(control.name, self._near_photos, hint=control.help)
+        near.on_update(lambda event: run_script(self._server, f"semgs.stayNear({json.dumps(event.target.value)})"))
+
+    def _add_photos(self, control: Control) -> None:
+        """Add the choice whether photos are there."""
+        photos = self._server.gui.add_checkbox(control.name, True, hint=control.help)
+        photos.on_update(lambda event: run_script(self._server, f"semgs.showPhotos({json.dumps(event.target.value)})"))
+
+    def _add_things(self, control: Control) -> None:
+        """Add the choice whether boxes of things are there."""
+        self._things_control = self._server.gui.add_checkbox(control.name, True, hint=control.help)
+        self._things_control.on_update(self._toggle_things)
+
+    def _add_legend(self, control: Control) -> None:
         """Add a checkbox in its colour for each class."""
         gui, groups = self._server.gui, self._splats.groups
-        with gui.add_folder("Classes"):
+        show, hide = texts.WORDS["show_all"], texts.WORDS["hide_all"]
+        with gui.add_folder(control.name):
+            every = gui.add_button_group("", (show, hide))
+            every.on_click(lambda event: self._toggle_all_classes(event.target.value == show))
             for group in groups:
-                box = gui.add_checkbox(texts.legend_label(group), True)
+                box = gui.add_checkbox(texts.legend_label(group), True, hint=control.help)
                 self._boxes[group.name] = box
                 box.on_update(partial(self._toggle_class, group.name))
             style = [(self._boxes[group.name]._impl.uuid, group.colour) for group in groups]
             gui.add_html(texts.legend_style(style))
-            every = gui.add_button_group("All classes", ("show", "hide"))
-            every.on_click(lambda event: self._toggle_all_classes(event.target.value == "show"))
+
+    def _add_confidence(self, control: Control) -> None:
+        """Add the least confidence."""
+        self._least_control = self._server.gui.add_slider(
+            control.name, 0, 100 - STEP_PERCENT, STEP_PERCENT, 0, hint=control.help
+        )
+        self._least_control.on_update(lambda _: self._show_mode())
+
+    def _add_clicked(self, control: Control) -> None:
+        """Add what a click met."""
+        with self._server.gui.add_folder(control.name):
+            self._click_text = self._server.gui.add_html(texts.paragraph(texts.WORDS["click"]))
+
+    def _add_render(self, control: Control) -> None:
+        """Add our own renderer."""
+        button = self._server.gui.add_button(control.name, hint=control.help)
+        button.on_click(lambda event: self._render(event.client))
 
     def _toggle_class(self, name: str, event: object) -> None:
         """Show or hide a class, as its checkbox says."""
@@ -221,19 +248,23 @@ class Window:
 
     def _toggle_things(self, event: object) -> None:
         """Show or hide the boxes of things, as their checkbox says."""
-        for node in self._things:
+        for node in self._things_nodes:
             node.visible = self._things_control.value
 
     def _show_mode(self) -> None:
-        """Replace the splats by those of the mode and the overlay that the panel says. While a slider moves, steps in between are left out."""
+        """Replace the splats by those that the panel says. While a slider moves, steps in between are left out."""
         with self._lock:
-            mode, tint = MODES[self._mode_control.value], self._tint_control.value
-            if (mode, tint) == (self._mode, self._tint):
+            classes = self._splats.scene.classes is not None
+            mode = next(one for one, name in texts.MODES.items() if name == self._mode_control.value)
+            tint = self._tint_control.value if classes else 0.0
+            least = self._least_control.value // STEP_PERCENT if classes else 0
+            if (mode, tint, least) == (self._mode, self._tint, self._least):
                 return
-            self._mode, self._tint = mode, tint
-            whole = self._splats.splats(mode, tint)
+            self._mode, self._tint, self._least = mode, tint, least
+            whole = self._splats.splats(mode, tint, least)
             with self._server.atomic():
-                self._tint_control.visible = mode == "colour" and self._splats.scene.classes is not None
+                if classes:
+                    self._tint_control.visible = mode == "colour"
                 for name, scale in self._scales.items():
                     scale.visible = name == mode
                 for group in self._splats.groups:
@@ -248,8 +279,8 @@ class Window:
             scene, scale = self._splats.scene, self._splats.scale
             camera = camera_seen_from(seen.wxyz, np.array(event.ray_origin), seen.fov, size, scale)
             pixel = pixel_of(np.array(event.ray_direction), camera)
-            hit = pick(scene, camera, pixel, self._find_visible(), self._min_confidence)
-            self._click_text.content = texts.hit_text(hit, self._metric)
+            hit = pick(scene, camera, pixel, self._find_visible(), self._min_confidence, self._splats.instances)
+            self._click_text.content = texts.hit_text(hit, self._metric, self._things)
             if hit is None:
                 self._server.scene.remove_by_name("/clicked")
                 return
@@ -257,8 +288,8 @@ class Window:
             self._server.scene.add_label("/clicked", texts.hit_label(hit), position=at, anchor="bottom-center")
 
     def _find_visible(self) -> np.ndarray:
-        """The Gaussians of the classes that are shown."""
-        return self._splats.visible([name for name, box in self._boxes.items() if not box.value])
+        """The Gaussians that are shown."""
+        return self._splats.visible([name for name, box in self._boxes.items() if not box.value], self._least)
 
     def _fly_to_clicked(self, number: int, event: SceneNodePointerEvent) -> None:
         """Fly to an input view."""

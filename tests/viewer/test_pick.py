@@ -82,3 +82,33 @@ def test_without_classes_there_is_a_position_only():
     scene = wall_and_chair(classes=False)
     hit = pick(scene, scene.cameras[0], (10.5, 20.5))
     assert (hit.name, hit.probability) == (None, None)
+
+
+def test_the_thing_is_that_of_the_clicked_class():
+    """Each view has Gaussians of its own there: those of the first are thing 5, those of the second thing 9."""
+    scene = wall_and_chair()
+    instances = np.full(4000, 9)
+    instances[:2000] = 5
+    first = np.arange(4000) < 2000
+    hit = pick(scene, scene.cameras[0], (10.5, 20.5), first, instances=instances)
+    assert hit is not None
+    assert (hit.name, hit.thing) == ("wall", 5)
+    hit = pick(scene, scene.cameras[0], (10.5, 20.5), ~first, instances=instances)
+    assert hit is not None
+    assert hit.thing == 9
+    nowhere = pick(scene, scene.cameras[0], (10.5, 20.5), first)
+    assert nowhere is not None
+    assert nowhere.thing == 0
+
+
+def test_a_gaussian_of_another_class_does_not_say_which_thing_it_is():
+    """A faint chair, thing 7, hangs in front of the wall, thing 8: the pixel is wall, so the thing is the wall's."""
+    scene = wall_and_chair()
+    wall, chair = 20 * 50 + 10, 20 * 50 + 45
+    gaussians = scene.gaussians.map(lambda tensor: tensor[[chair, wall]].clone())
+    gaussians.means[0] = gaussians.means[1] + 0.2 * (scene.cameras.centres[0] - gaussians.means[1]).float()
+    gaussians.opacities[:] = torch.tensor([0.3, 0.9])
+    object.__setattr__(scene, "gaussians", gaussians)
+    hit = pick(scene, scene.cameras[0], (10.5, 20.5), instances=np.array([7, 8]))
+    assert hit is not None
+    assert (hit.name, hit.thing) == ("wall", 8)

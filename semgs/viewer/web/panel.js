@@ -19,15 +19,22 @@
     return { box, label: make("label", {}, box, ...extra, make("span", { class: "name" }, text)) };
   }
 
-  const modes = { colour: "Colour", classes: "Classes" };
-  const shows = data.modes.map((mode) => button(modes[mode], () => {
-    shows.forEach((one, index) => one.setAttribute("aria-pressed", data.modes[index] === mode));
-    semgs.show({ mode });
-  }, { "aria-pressed": mode === "colour" }));
+  // What the controls are called and how they are ordered comes from panel_texts.py, as in `semgs view`.
+  const { words } = data;
+  const titled = (help, node) => {
+    node.title = help;
+    return node;
+  };
+  const row = (...children) => make("div", { class: "row" }, ...children);
+  const heading = (name, ...children) => make("div", { class: "row apart" }, make("h2", {}, name), ...children);
 
-  const near = check("Stay where the photos saw", (value) => semgs.stayNear(value), data.near);
-  const back = button("Back to the photos", () => semgs.goBack());
-  const flights = data.views.map((view, number) => button(`Photo ${number + 1}`, () => semgs.fly(number), { title: view.name }));
+  function show({ name }) {
+    const shows = data.modes.map((mode) => button(data.modeNames[mode], () => {
+      shows.forEach((one, index) => one.setAttribute("aria-pressed", data.modes[index] === mode));
+      semgs.show({ mode });
+    }, { "aria-pressed": mode === "colour" }));
+    return make("div", { class: "two", role: "group", "aria-label": name }, ...shows);
+  }
 
   const legend = data.classes.map(({ name, colour, share }) => {
     const swatch = make("span", { class: "swatch", style: `background: rgb(${colour.join(" ")})` });
@@ -38,27 +45,50 @@
   function hide() {
     semgs.show({ hidden: legend.flatMap(({ box }, number) => (box.checked ? [] : [number])) });
   }
-  const all = (value) => {
-    legend.forEach(({ box }) => (box.checked = value));
-    hide();
-  };
-  const least = make("output", {}, "all");
-  const slider = make("input", { type: "range", min: 0, max: 9, step: 1, value: 0, "aria-label": "Hide what is less sure", oninput: () => {
-    least.textContent = slider.value > 0 ? `at least ${10 * slider.value} %` : "all";
-    semgs.show({ least: Number(slider.value) });
-  } });
+  function classes({ name }) {
+    const all = (value) => {
+      legend.forEach(({ box }) => (box.checked = value));
+      hide();
+    };
+    const buttons = row(button(words.show_all, () => all(true)), button(words.hide_all, () => all(false)));
+    return make("div", {}, heading(name, buttons), make("ul", {}, ...legend.map(({ label }) => make("li", {}, label))));
+  }
 
-  const clicked = make("div", { "aria-live": "polite" });
-  const number = (value) => value.toFixed(2);
+  function confidence({ name, help }) {
+    const least = make("output", {}, "0 %");
+    const slider = make("input", { type: "range", min: 0, max: 90, step: 10, value: 0, "aria-label": name, oninput: () => {
+      least.textContent = `${slider.value} %`;
+      semgs.show({ least: slider.value / 10 });
+    } });
+    return make("div", {}, heading(name, least), slider, make("p", {}, help));
+  }
+
+  const clicked = make("div", { "aria-live": "polite" }, make("p", {}, words.click));
+  const number = (value) => (data.metric ? value.toFixed(2) : String(Number(value.toPrecision(3))));
   function describe(hit) {
-    semgs.mark(hit ? [hit.raw] : []);
-    if (!hit) return clicked.replaceChildren(make("p", {}, "Nothing: the photos do not show what is behind this."));
-    const rows = data.classes.length ? [["Class", `${data.classes[hit.label].name}, ${Math.round(100 * hit.confidence)} %`]] : [];
-    if (data.names?.[hit.thing]) rows.push(["Thing", data.names[hit.thing]]);
-    rows.push(["Position", `${hit.position.map(number).join(", ")}${data.metric ? " m" : ""}`]);
+    const kind = hit && data.classes.length ? `${data.classes[hit.label].name}, ${Math.round(100 * hit.confidence)} %` : null;
+    semgs.mark(hit ? [hit.raw] : [], kind ?? words.here);
+    if (!hit) return clicked.replaceChildren(make("p", {}, words.nothing));
+    const rows = kind ? [[words.class, kind]] : [];
+    if (data.names[hit.thing]) rows.push([words.thing, data.names[hit.thing]]);
+    rows.push([words.position, `${hit.position.map(number).join(", ")}${data.metric ? " m" : ""}`]);
     clicked.replaceChildren(make("dl", {}, ...rows.flatMap(([name, text]) => [make("dt", {}, name), make("dd", {}, text)])));
   }
-  clicked.append(make("p", {}, "Click on something to see what it is."));
+
+  const build = {
+    show,
+    back: ({ name }) => row(button(name, () => semgs.goBack())),
+    photo: ({ name }) => row(...data.views.map((view, number) => titled(view.name, button(`${name} ${number + 1}`, () => semgs.fly(number))))),
+    near: ({ name }) => check(name, (value) => semgs.stayNear(value), data.near).label,
+    photos: ({ name }) => check(name, (value) => semgs.showPhotos(value), true).label,
+    boxes: ({ name }) => check(name, (value) => semgs.show({ boxes: value }), true).label,
+    classes,
+    confidence,
+    clicked: ({ name }) => make("div", {}, heading(name), clicked),
+  };
+  const always = ["show", "back"]; // also while the rest is folded
+  const nodes = data.controls.map((control) => ({ key: control.key, node: titled(control.help, build[control.key](control)) }));
+  const part = (top) => nodes.filter(({ key }) => always.includes(key) === top).map(({ node }) => node);
 
   const more = button("", () => open(!panel.classList.contains("open")));
   function open(value) {
@@ -66,29 +96,13 @@
     more.textContent = value ? "Less" : "More";
     more.setAttribute("aria-expanded", value);
   }
-  const row = (...children) => make("div", { class: "row" }, ...children);
-  const shown = [near.label, check("Show the photos", (value) => semgs.showPhotos(value), true).label];
-  if (data.boxes) shown.push(check("Show boxes of things", (value) => semgs.show({ boxes: value }), true).label);
   const panel = make("aside", { id: "semgs-panel", "aria-label": "What is shown" },
     make("div", { class: "top" },
-      make("div", { class: "title" }, make("h1", { title: data.title }, data.title), more),
-      ...(shows.length > 1 ? [make("div", { class: "two", role: "group", "aria-label": "What the scene shows" }, ...shows)] : []),
-      row(back)),
-    make("div", { class: "rest" },
-      row(...flights),
-      make("div", {}, ...shown),
-      ...(legend.length ? [
-        make("div", {},
-          make("div", { class: "row apart" }, make("h2", {}, "Classes"), row(button("all", () => all(true)), button("none", () => all(false)))),
-          make("ul", {}, ...legend.map(({ label }) => make("li", {}, label)))),
-        make("div", {}, make("div", { class: "row apart" }, make("h2", {}, "Confidence"), least), slider,
-          make("p", {}, "Hides what the network is less sure of.")),
-      ] : []),
-      make("div", {}, make("h2", {}, "Clicked"), clicked)));
+      make("div", { class: "title" }, make("h1", { title: data.title }, data.title), more), ...part(true)),
+    make("div", { class: "rest" }, ...part(false)));
   open(!phone);
   const hint = make("div", { id: "semgs-hint" },
-    make("span", { class: "mouse" }, "Drag to turn, right-drag to move, scroll to zoom; or use the arrow keys and W A S D. Click to see what is there."),
-    make("span", { class: "touch" }, "One finger turns, two fingers move and zoom. Tap to see what is there."));
+    make("span", { class: "mouse" }, words.mouse), make("span", { class: "touch" }, words.touch));
 
   document.body.append(panel, hint);
   semgs.load(data, () => {

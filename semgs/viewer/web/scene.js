@@ -138,14 +138,15 @@
     return [0, 1, 2].map((k) => det(rows.map((one, i) => one.slice(0, 3).map((value, j) => (j === k ? right[i] : value)))) / whole);
   }
 
-  // Marks of clicks, and a line between two of them, follow the camera.
+  // Marks of clicks, a text beside a single one, and a line between two of them, follow the camera.
   const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
   svg.setAttribute("class", "semgs-marks");
   svg.setAttribute("aria-hidden", "true");
-  let marks = [], painted = "";
-  function mark(points) {
+  let marks = [], words = "", painted = "";
+  function mark(points, text = "") {
     const still = marks.length === 0;
     marks = points;
+    words = text.replace(/[&<>]/g, (one) => `&#${one.charCodeAt(0)};`);
     if (still) follow();
   }
   function follow() {
@@ -160,6 +161,10 @@
     if (spots.length === 2) {
       const [a, b] = spots.map(({ x, y }) => [x.toFixed(1), y.toFixed(1)]);
       dots.unshift(`<line x1="${a[0]}" y1="${a[1]}" x2="${b[0]}" y2="${b[1]}" stroke="#ffd34d" stroke-width="3" stroke-dasharray="7 5"/>`);
+    }
+    if (spots.length === 1 && words) {
+      const [{ x, y }] = spots, left = x > window.innerWidth / 2;
+      dots.push(`<text x="${(x + (left ? -12 : 12)).toFixed(1)}" y="${(y + 5).toFixed(1)}" text-anchor="${left ? "end" : "start"}">${words}</text>`);
     }
     if (dots.join("") !== painted) svg.innerHTML = painted = dots.join("");
   }
