@@ -75,11 +75,13 @@ BOX = '<div style="padding: 0 0.9em 0.6em; font-size: 0.85em; line-height: 1.4">
 
 STYLE = """<style>
 .semgs-touch { display: none } @media (pointer: coarse) { .semgs-touch { display: inline } .semgs-mouse { display: none } }
-.mantine-Flex-root:has(> div > .mantine-Checkbox-root) { flex-direction: row-reverse; justify-content: flex-end; gap: 0.6em }
-.mantine-Flex-root:has(> div > .mantine-Checkbox-root) > div { width: auto !important; flex-grow: 0 !important }
+.mantine-Flex-root:has(> div > p > label):has(.mantine-Checkbox-root) { flex-direction: row-reverse; justify-content: flex-end; gap: 0.6em }
+.mantine-Flex-root:has(> div > p > label):has(.mantine-Checkbox-root) > div { display: flex; width: auto !important; flex-grow: 0 !important }
 .mantine-Flex-root > div:has(> p > label:empty) { display: none }
+@media (max-width: 640px) { .mantine-Paper-root:has(.mantine-ScrollArea-root), .mantine-ScrollArea-content > div { width: 100vw !important; max-width: none !important } }
 </style>"""
-"""For viser's panel: the hint that suits mouse or finger; a checkbox in front of its name; buttons that need no label have none."""
+"""For viser's panel: the hint that suits mouse or finger; a checkbox in front of its name; buttons that need no label have none; a
+phone's panel is as wide as the phone."""
 
 
 def controls_of(modes: Sequence[Mode], *, things: bool, on_page: bool) -> tuple[Control, ...]:
