@@ -207,7 +207,7 @@ def _help() -> str:
         (
             "usage: semgs COMMAND [OPTIONS]",
             "",
-            "From two to four posed photos of a room to a semantic 3D scene of Gaussians, in one forward pass.",
+            "Turns photos of a room into a 3D scene in which everything has a class, in seconds on a CPU.",
             "",
             "commands:",
             *lines,

@@ -82,7 +82,7 @@ def count_pairs(
 
 
 def make_correspondence(counted: Float64[np.ndarray, "theirs ours"], classes: ClassTable) -> Correspondence:
-    """P(our class | their class), with the class frequency of the scenes divided out to the power of one half.
+    """P(our class | their class), divided by the square root of the class frequency in the scenes.
 
     A class of theirs that never occurred says nothing.
 
