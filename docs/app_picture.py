@@ -82,7 +82,7 @@ def film(page: Page, url: str) -> Film:
     room = page.frame_locator("iframe.room")
     room.locator("body[data-ready]").wait_for()
     room.locator(".grid").evaluate("(grid) => grid.scrollIntoView()")
-    page.wait_for_timeout(4000)
+    page.wait_for_timeout(15_000)  # viser fades scenes in, which takes this long in software
     frames.add(1200)
     for step in range(6):
         turn(page, TURN * (1 if step < 3 else -1))

@@ -36,7 +36,7 @@ IMAGES = Path(__file__).parent / "images"
 INPUTS = (5, 7)
 QUALITY = 85
 FLAGS = ("--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars")
-WINDOW = (600, 1060)
+WINDOW = (740, 1060)
 """(height, width) of the browser [px]."""
 
 CELL = 6
@@ -65,7 +65,7 @@ def viewer() -> None:
     photos = [as_bytes(image) for image in open_scene(demo_scene()).read(INPUTS).images]
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         file = Path(folder) / "scene.html"
-        file.write_text(scene_page(encoded(), photos).html)
+        file.write_text(scene_page(replace(encoded(), source="demo"), photos).html)
         program = shutil.which("chromium") or shutil.which("chromium-browser")
         page = playwright.chromium.launch(executable_path=program, args=list(FLAGS)).new_page(
             viewport={"width": WINDOW[1], "height": WINDOW[0]}
@@ -75,7 +75,7 @@ def viewer() -> None:
         page.locator("body[data-ready]").wait_for()
         for step in (lambda: None, lambda: page.get_by_role("button", name="Classes").click()):
             step()
-            page.wait_for_timeout(6000)
+            page.wait_for_timeout(15_000)  # viser fades scenes in, which takes this long in software
             shot = Path(folder) / "shot.png"
             page.screenshot(path=shot)
             shots.append(np.asarray(Image.open(shot).convert("RGB").resize((WINDOW[1] * 7 // 10, WINDOW[0] * 7 // 10))))
