@@ -11,7 +11,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
 
 import torch
 from torch import Tensor
@@ -40,9 +39,11 @@ def norms(network: SemGS, views: Views) -> dict[str, float]:
     own = [named[name].requires_grad_() for name in network.semantic_parameters(shared=False)]
     distributions = network.class_maps(views).distributions
     pixels = widen(distributions, network.stride)[..., : views.size[0], : views.size[1]]
-    over: tuple[Literal["pixels", "sum"], ...] = ("pixels", "sum")
-    smoothness = {name: regional_smoothness(pixels, views.labels, name).mean() for name in over}
-    terms = {"cross-entropy": cross_entropy(distributions, views.labels, stride=network.stride).mean(), **smoothness}
+    terms = {
+        "cross-entropy": cross_entropy(distributions, views.labels, stride=network.stride).mean(),
+        "pixels": regional_smoothness(pixels, views.labels, "pixels").mean(),
+        "sum": regional_smoothness(pixels, views.labels, "sum").mean(),
+    }
     return {name: gradient_norm(value, own) for name, value in terms.items()}
 
 
