@@ -34,6 +34,21 @@ PLAIN_LINE_SECONDS = 30.0
 """Time between lines on a console that is not a terminal."""
 
 
+LOG = "log.jsonl"
+
+
+def read_validations(run: Path, score: str) -> dict[int, float]:
+    """A score of the validations in a run's log, by step. Lines that cannot be read, and a score that is missing, are left out."""
+    found = {}
+    for line in _lines(run / LOG):
+        step = _step_of(line)
+        if step is not None:
+            value = parse_json(line).get("validation", {}).get(score)
+            if value is not None:
+                found[step] = float(value)
+    return found
+
+
 class RunLog:
     """Writes the measurements of steps and validations; a context manager around the loop.
 
@@ -49,7 +64,7 @@ class RunLog:
         self._file = self._events = None
         if out is not None:
             last = step or -1  # a run that begins at step 0 validates there
-            path = out / "log.jsonl"
+            path = out / LOG
             lines = [(_step_of(line), line) for line in _lines(path)]
             if damaged := [line for number, line in lines if number is None]:
                 with (out / DAMAGED).open("ab") as aside:

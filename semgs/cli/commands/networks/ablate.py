@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from semgs.evaluation.tables.table_grid import Grid
     from semgs.training.training_settings import TrainingSettings
 
-RUN, EVALUATION, BASE, TABLE = "run", "evaluation", "base", "ablation.md"
+RUN, EVALUATION, BASE, TABLE, CURVES = "run", "evaluation", "base", "ablation.md", "curves.png"
 VIEWS: dict[AblationStage, tuple[int, ...]] = {"whole": (4,), "semantic": (2, 3)}
 """Input views of the evaluation by default; the paper's table uses 4."""
 TIMED_STEPS = 3
@@ -57,7 +57,7 @@ class Ablate:
     cross-entropy.
 
     OUT will contain SEED/ROW/run and SEED/ROW/evaluation, as from semgs train and semgs evaluate, the rooms that it drew,
-    and ablation.md, the tables. To resume, repeat the command.
+    ablation.md, the tables, and curves.png, mIoU in validation during training (with matplotlib). To resume, repeat the command.
 
     Examples
     - semgs ablate small_plain --out ablation --steps 3000 --dry-run
@@ -269,7 +269,26 @@ class Ablate:
         if not texts["text"]:
             return "no run has been evaluated yet"
         write_text(self.out / TABLE, "\n\n".join(texts["markdown"]) + "\n")
+        self._draw_curves(runs)
         return "\n\n".join([*texts["text"], f"The same in Markdown: {self.out / TABLE}"])
+
+    def _draw_curves(self, runs: list[tuple[AblationRow, int]]) -> None:
+        """Draw how the variants learned, if they were validated and matplotlib is installed."""
+        from semgs.figures.plotting import can_plot
+        from semgs.figures.validation_plot import validation_picture
+        from semgs.files.images.pictures import write_png
+        from semgs.training.run.log import read_validations
+
+        found = {
+            row.title: [
+                curve
+                for other, seed in runs
+                if other is row and (curve := read_validations(self._run(row, seed), "miou"))
+            ]
+            for row in rows_of(self.stage)
+        }
+        if can_plot() and any(found.values()):
+            write_png(self.out / CURVES, validation_picture(found, "mIoU"))
 
     def _reports(self, runs: list[tuple[AblationRow, int]], name: str) -> dict[tuple[str, int], SavedReport]:
         """The reports of all runs that were evaluated on some scenes."""
