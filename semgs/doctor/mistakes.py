@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Float64
 
 from semgs.doctor.rig import FLIP, FileConvention, Rig, inverse
+from semgs.files.text import natural_order
 from semgs.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
 
 FACTORS = np.geomspace(0.25, 4, 41)
@@ -127,7 +128,7 @@ def _off_by_one(given: Given) -> Iterator[Rig]:
 def _sorted_otherwise(given: Given) -> Iterator[Rig]:
     """Sorted as text, 10 comes before 9; sorted as numbers, after it."""
     by_text = sorted(range(len(given.names)), key=lambda index: _unpadded(given.names[index]))
-    by_number = sorted(range(len(given.names)), key=lambda index: _numbers(given.names[index]))
+    by_number = sorted(range(len(given.names)), key=lambda index: natural_order(given.names[index]))
     to_text = np.empty(len(by_text), dtype=np.int64)
     to_text[by_number] = by_text
     for order in (to_text, np.argsort(to_text)):
@@ -263,11 +264,6 @@ def _with_rotation(matrices: Float64[np.ndarray, "n 4 4"], rotations: np.ndarray
 def _reordered(rig: Rig, order: Sequence[int] | np.ndarray) -> Rig:
     """Each image with the pose of another frame."""
     return replace(rig, poses=rig.poses[np.asarray(order)])
-
-
-def _numbers(name: str) -> tuple[tuple[int, str], ...]:
-    """A key that sorts the numbers in a name by size."""
-    return tuple((int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name))
 
 
 def _unpadded(name: str) -> str:
