@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -67,6 +68,32 @@ def test_points_of_a_metric_scene_outside_of_the_range_of_rooms_give_another(tmp
     assert bounds.typical == pytest.approx(middle, rel=0.1)
     assert bounds.near < 0.8 * middle < 1.25 * middle < bounds.far
     assert bounds.reason.endswith("as 100% of them are outside of 0.5 to 10 m, the range of rooms")
+
+
+@pytest.mark.parametrize(
+    ("near", "far", "measured", "rooms"),
+    [
+        (22, 13, None, True),
+        (22, 13, 3000, True),
+        (40, 0, None, False),
+        (40, 0, 3000, True),
+        (60, 0, 3000, False),
+        (0, 40, None, False),
+        (10, 0, 300, False),
+    ],
+)
+def test_wrong_matches_on_both_sides_and_few_that_depth_maps_deny_leave_the_range_of_rooms(
+    tmp_path, near: int, far: int, measured: int | None, rooms: bool
+):
+    """Of 100 points some are at 0.3 and 60 m and the rest at 3 m; depth maps, if there are any, are at 3 m, or at 0.3 m."""
+    made = scene(tmp_path, metric=True)
+    for index in range(3):
+        cv2.imwrite(str(tmp_path / f"d{index}.png"), np.full(SIZE, measured or 0, np.uint16))
+    depths = np.repeat([0.3, 60.0, 3.0], [near, far, 100 - near - far])
+    pose = made.frames[0].world_from_camera
+    points = pose[:3, 3] + depths[:, None] * pose[:3, 2]
+    bounds = replace(made, points=points).depth_range([0])
+    assert ((bounds.near, bounds.far) == (0.5, 10.0)) == rooms
 
 
 @pytest.mark.parametrize("scale", [0.1, 8.0])
