@@ -37,6 +37,8 @@ class Scene:
         name: the name of its folder.
         layout: the detected layout: "transforms.json", "COLMAP", "ScanNet", "ScanNet++ dslr", ...
         unit: of lengths: "metric" or "unknown".
+        unit_source: why lengths are metres, as a sentence without its beginning ("the file says so"); "" if they are not, or if all scenes of the
+            layout are.
         frames: the usable frames.
         classes: the class table of the labels; None if there are no labels or they cannot be read.
         unread_labels: why existing labels cannot be read: their table is unknown or damaged. None otherwise.
@@ -65,6 +67,7 @@ class Scene:
     splits: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     labeller: Labeller | None = None
     posed: bool = True
+    unit_source: str = ""
 
     def __post_init__(self) -> None:
         if len(self.frames) < 2 and self.posed:

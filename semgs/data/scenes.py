@@ -55,14 +55,19 @@ class Layout:
         options = {"as_peers": as_peers} if self.readings else {}
         scene = self.open(path, **options, **({"details": details} if self.details_used else {}))
         if details.unit is not None:
-            scene = replace(scene, unit=details.unit)
+            scene = replace(scene, unit=details.unit, unit_source="you say so")
         check_applicable(path, scene.layout, as_peers, self.readings)
         details.only(path, scene.layout, *self.details_used)
         return scene
 
 
 LAYOUTS = (
-    Layout(transforms_json.recognises, transforms_json.open_transforms, transforms_json.LOOKED_FOR),
+    Layout(
+        transforms_json.recognises,
+        transforms_json.open_transforms,
+        transforms_json.LOOKED_FOR,
+        details_used=transforms_json.DETAILS,
+    ),
     Layout(colmap.recognises, colmap.open_colmap, colmap.LOOKED_FOR, details_used=colmap.DETAILS),
     Layout(replica.recognises, replica.open_replica, replica.LOOKED_FOR, replica.APPLICABLE, replica.DETAILS),
     Layout(tum.recognises, tum.open_tum, tum.LOOKED_FOR, details_used=tum.DETAILS),
