@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -150,6 +150,8 @@ class Scene:
                     return matches[0]
             reason = ", its image is missing" if wanted in {Path(name).name for name in self.absent} else ""
             raise ValueError(f"{self.path} has no usable frame {frame!r}{reason}; the first is {self.frames[0].name}")
+        if not isinstance(frame, int | np.integer):
+            raise TypeError(f"a frame is {type(frame).__name__}; expected its position or name")
         position = operator.index(frame)
         if not 0 <= position < len(self.frames):
             raise ValueError(
@@ -181,6 +183,12 @@ class Scene:
 
     def _positions(self, frames: Sequence[int | str] | None) -> Sequence[int]:
         """The positions of frames; None for all."""
+        if isinstance(frames, str | int):
+            raise TypeError(
+                f"frames are {frames!r:.40}; expected a list of positions or names, such as [{frames!r:.40}]"
+            )
+        if frames is not None and not isinstance(frames, Iterable):
+            raise TypeError(f"frames are {type(frames).__name__}; expected a list of positions or names")
         positions = range(len(self)) if frames is None else [self.index(frame) for frame in frames]
         if not positions:
             raise ValueError(f"the list of frames is empty; {self.path} has {len(self)}")
