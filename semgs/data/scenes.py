@@ -93,6 +93,9 @@ ZOO = Layout(lambda path: False, zoo.open_zoo, "", details_used=zoo.DETAILS)
 SINGLE_FILES = (".zip", record3d.ENDING, *ros.ENDINGS)
 """Endings of files in a folder that may be scenes."""
 
+DEEPEST, MOST_PLACES = 4, 200
+"""So many levels of folders, and so many folders of each, are looked into for advice."""
+
 VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm")
 """Endings of videos, for advice."""
 
@@ -299,7 +302,7 @@ def _hint(path: Path) -> str | None:
         return _NO_VIDEOS if path.suffix.lower() in VIDEOS else "name the scene's folder"
     if (path / OUTPUT).is_file():
         return "this is a result of semgs reconstruct; semgs view, render, query and export open it"
-    inside = next((child for child in _children(path) if _is_known(child)), None)
+    inside = _scene_below(path)
     if inside is not None:
         return f"there is one in {inside}"
     files = list(path.iterdir())
@@ -313,6 +316,16 @@ def _hint(path: Path) -> str | None:
     ):
         return _NO_VIDEOS
     return None if files else "the folder is empty"
+
+
+def _scene_below(path: Path) -> Path | None:
+    """The nearest scene in the folders of a folder, None if there is none or too many folders would have to be looked into."""
+    places = [path]
+    for _ in range(DEEPEST):
+        places = [child for place in places if place.is_dir() for child in _children(place)][:MOST_PLACES]
+        if (found := next((one for one in places if _is_known(one)), None)) is not None:
+            return found
+    return None
 
 
 def _kinds(folder: Path) -> set[str]:
