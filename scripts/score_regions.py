@@ -2,8 +2,8 @@
 
     python scripts/score_regions.py ROOMS WEIGHTS [WEIGHTS ...]
 
-Frames 0 and 2 of each scene are the input views, 1 and 3 the targets. Speckle is the share of pixels in regions of fewer than 38 (0.05 % of
-240x320). A pixel is at a border if a pixel of another true class lies within three steps.
+Frames 0 and 2 of each scene are the input views, 1 and 3 the targets. Speckle is the share of pixels in regions of less than 0.05 % of the image.
+A pixel is at a border if a pixel of another true class lies within three steps.
 """
 
 from __future__ import annotations
@@ -17,23 +17,12 @@ from scipy import ndimage
 
 from semgs.data.scenes import open_scene, scene_paths
 from semgs.data.tables.classes import IGNORE
+from semgs.evaluation.scoring.fragments import fragments
 from semgs.model.weights.load import load
 from semgs.objectives.metrics import accuracy, confusion_matrix, miou
 
-SMALL = 38
-"""Regions of fewer pixels are speckle."""
 STEPS = 3
 """Pixels up to so many steps from another true class are at a border."""
-
-
-def speckle(labels: UInt8[np.ndarray, "h w"]) -> float:
-    """The share of pixels in small regions of one class."""
-    small = 0
-    for index in np.unique(labels):
-        regions, _ = ndimage.label(labels == index)
-        sizes = np.bincount(regions.ravel())[1:]
-        small += int(sizes[sizes < SMALL].sum())
-    return small / labels.size
 
 
 def near_border(labels: UInt8[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
@@ -61,7 +50,7 @@ def scores(weights: str, rooms: str) -> dict[str, float]:
         confusion += confusion_matrix(labels, truth, model.class_count)
         for predicted, true in zip(labels.numpy(), truth.numpy(), strict=True):
             known, border = true != IGNORE, near_border(true)
-            found.append(speckle(predicted))
+            found.append(fragments(predicted))
             for place, part in enumerate((known & border, known & ~border)):
                 right[place] += (predicted == true)[part].sum()
                 all_[place] += part.sum()

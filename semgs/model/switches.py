@@ -17,6 +17,8 @@ class Switches:
     """One shallow CNN for both branches (ablation Sh-Layer)."""
     windows: int = 2
     """Windows along each side of the token map; 1 is full attention (ablation Sw-Trans)."""
+    windows_semantic: int = 0
+    """Windows of the semantic branch if they differ from those of the colour branch; 0 for the same."""
     camera_aware_colour: bool = True
     """Camera-aware attention in the colour branch (ablation C-Inj)."""
     camera_aware_semantic: bool = True
@@ -61,6 +63,7 @@ def switches_of(settings: NetworkSettings) -> Switches:
     return replace(
         found,
         shared_layers=not semantic.own_cnn,
+        windows_semantic=0 if semantic.transformer.windows == found.windows else semantic.transformer.windows,
         camera_aware_semantic=semantic.transformer.camera_aware,
         semantic_transformer=semantic.compares_views,
         class_backbone=isinstance(semantic.refinement, MobileNet),
@@ -82,7 +85,6 @@ def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSe
     """
     before = switches_of(settings)
     now = replace(before, **changes)
-    both: dict[str, Any] = {"windows": now.windows, "output_transform": now.output_transform}
     depth = replace(
         settings.colour.depth,
         cost_filter=now.cost_filter,
@@ -91,7 +93,12 @@ def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSe
     )
     colour = replace(
         settings.colour,
-        transformer=replace(settings.colour.transformer, camera_aware=now.camera_aware_colour, **both),
+        transformer=replace(
+            settings.colour.transformer,
+            camera_aware=now.camera_aware_colour,
+            output_transform=now.output_transform,
+            windows=now.windows,
+        ),
         depth=depth,
     )
     if now.paper_heads != before.paper_heads:
@@ -103,7 +110,12 @@ def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSe
             compares_views=now.semantic_transformer,
             own_cnn=not now.shared_layers,
             fusion=now.class_fusion,
-            transformer=replace(semantic.transformer, camera_aware=now.camera_aware_semantic, **both),
+            transformer=replace(
+                semantic.transformer,
+                camera_aware=now.camera_aware_semantic,
+                output_transform=now.output_transform,
+                windows=now.windows_semantic or now.windows,
+            ),
         )
         if now.class_backbone != before.class_backbone:
             semantic = replace(semantic, refinement=MobileNet() if now.class_backbone else TwoBlocks())

@@ -53,7 +53,7 @@ SKIPPED = {
 
 SMALLER = {
     "batch": "--size 48x64 --workers 1",
-    "ablate": "--steps 1 --size 32x48 --views 2 --workers 0 --test val24",
+    "ablate": "--steps 1 --size 32x48 --views 2 --workers 0 --test val24 --rooms 1",
     "bench": "--quick",
     "evaluate": "--size 48x64 --views 2",
     "evaluate --single": "--size 48x64",

@@ -31,6 +31,7 @@ RUNS = {
     "pose_noise_photos": (("{room}", "--seeds", "1"), "\n2 | 1 | "),
     "refine_rooms": (("{rooms}", "--passes", "1"), "\n| between | "),
     "score_regions": (("{rooms}", "small"), "small mIoU 0."),
+    "smoothness_gradient": (("small", "{rooms}"), "\nequal at "),
     "sensor_depth": (("small", "{rooms}", "--rooms", "2"), "| rooms | 40% | 2 | depth_abs_rel |"),
     "teach": (("{shared}/pretrained/mosaic_ade32.tflite", "{out}", "{rooms}"), "12 images, "),
     "up_error": ((), "degrees; "),

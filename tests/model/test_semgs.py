@@ -117,6 +117,7 @@ CAMERA_BLIND = {"camera_aware_colour": False, "camera_aware_semantic": False}
     [
         {"shared_layers": False},
         {"windows": 1},
+        {"windows_semantic": 1},
         CAMERA_BLIND,
         {"shared_layers": False, "windows": 1, **CAMERA_BLIND},
         {"output_transform": False},

@@ -36,6 +36,7 @@ class FrameScores:
         seconds_encode, seconds_render: wall-clock.
         confidences: the labelled and seen pixels by their confidence, as `semgs.objectives.selective` counts them.
         hidden: pixels that count in none of them; not saved.
+        fragments: share of the predicted class map in tiny regions (`semgs.evaluation.scoring.fragments`); not saved, and None unless asked for.
     """
 
     scene: str
@@ -56,6 +57,7 @@ class FrameScores:
     depth_seen: DepthScores | None = None
     confidences: Int64[np.ndarray, "level 2"] | None = None
     hidden: int = 0
+    fragments: float | None = None
 
 
 def score(

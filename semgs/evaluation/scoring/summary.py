@@ -76,7 +76,7 @@ def group_metrics(frames: Sequence[FrameScores]) -> list[MetricGroup]:
     """The metrics of some targets, in groups. Each group uses the targets that have what it needs."""
     groups: tuple[tuple[tuple[str, ...], str, Callable[..., Values]], ...] = (
         (CLASS_METRICS, "confusion", _class_values),
-        *(((name,), name, partial(_means, name)) for name in (*PICTURE_METRICS, "psnr_seen", "unseen")),
+        *(((name,), name, partial(_means, name)) for name in (*PICTURE_METRICS, "psnr_seen", "unseen", "fragments")),
         *(
             ((f"{name}_per_image_seen",), f"{name}_seen", partial(_means_over_scenes, f"{name}_seen"))
             for name in ("miou", "accuracy")

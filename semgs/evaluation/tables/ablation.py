@@ -1,140 +1,168 @@
-"""The paper's ablation: training settings of its five variants, and the table of their reports."""
+"""The tables of an ablation, from the reports of its variants: their scores, what each part adds, and where it adds it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import replace
 from statistics import mean
 
-from semgs.evaluation.scoring.intervals import Interval, paired_differences
+from semgs.evaluation.frames.view_relations import ViewRelation, thirds
+from semgs.evaluation.scoring.fragments import with_fragments
+from semgs.evaluation.scoring.frame_scores import FrameScores
+from semgs.evaluation.scoring.intervals import Interval, intervals
+from semgs.evaluation.scoring.seed_differences import Pair, seed_differences
 from semgs.evaluation.tables.evaluation_report import SavedReport
 from semgs.evaluation.tables.table_grid import Cell, Grid
 from semgs.objectives.measures import TITLES
-from semgs.training.training_settings import TrainingSettings
+from semgs.training.ablation_rows import AblationRow
 
-METRICS = ("miou", "miou_per_image", "accuracy", "class_accuracy")
-"""The columns of the paper's table; mIoU in both kinds."""
+METRICS = ("miou", "miou_per_image", "accuracy", "class_accuracy", "fragments")
+"""The columns of the paper's table, mIoU in both kinds, and the share of the class maps that is in tiny regions."""
 
-
-@dataclass(frozen=True)
-class AblationRow:
-    """A variant in the paper's table: the parts of the variant above it, and one more.
-
-    Attributes:
-        name: of its folder.
-        title: the part that it adds, as in the paper.
-        shared_layers, windows, camera_aware: parts of its network.
-        smoothness: whether its loss has the smoothness term.
-    """
-
-    name: str
-    title: str
-    shared_layers: bool = True
-    windows: bool = True
-    camera_aware: bool = True
-    smoothness: bool = True
-
-    @property
-    def parts(self) -> tuple[bool, ...]:
-        """The four parts in the order of the paper's columns."""
-        return self.shared_layers, self.windows, self.camera_aware, self.smoothness
+Reports = Mapping[tuple[str, int], SavedReport]
+"""By variant's name and seed; unfinished variants may be missing."""
 
 
-ROWS = (
-    AblationRow("none", "none", shared_layers=False, windows=False, camera_aware=False, smoothness=False),
-    AblationRow("shared", "+ Sh-Layer", windows=False, camera_aware=False, smoothness=False),
-    AblationRow("windows", "+ Sw-Trans", camera_aware=False, smoothness=False),
-    AblationRow("camera", "+ C-Inj", smoothness=False),
-    AblationRow("full", "+ Sm-Loss"),
-)
-"""From none of the parts to the full method, in the paper's order."""
-
-
-def row_settings(settings: TrainingSettings, row: AblationRow, seed: int) -> TrainingSettings:
-    """The settings of a variant: those of the full method with only the variant's parts, and this seed.
+def read_fragments(report: SavedReport) -> SavedReport:
+    """A report with the fragments of the class maps beside it, in the scores of targets and in the numbers.
 
     Raises:
-        ValueError: the full method itself lacks a part, so two variants would be equal.
+        InputError: a class map is missing or damaged.
     """
-    full = settings.network
-    lacks = [
-        title
-        for title, there in {
-            "Sh-Layer": full.shared_layers,
-            "Sw-Trans": full.windows > 1,
-            "C-Inj": full.camera_aware_colour and full.camera_aware_semantic,
-            "Sm-Loss": settings.losses.smoothness > 0,
-        }.items()
-        if not there
-    ]
-    if lacks:
-        raise ValueError(f"the full method lacks {', '.join(lacks)}; an ablation starts from all four parts")
-    network = replace(
-        full,
-        shared_layers=row.shared_layers,
-        windows=full.windows if row.windows else 1,
-        camera_aware_colour=row.camera_aware,
-        camera_aware_semantic=row.camera_aware,
-    )
-    losses = settings.losses if row.smoothness else replace(settings.losses, smoothness=0.0)
-    return replace(settings, network=network, losses=losses, seed=seed)
+    results = {}
+    for views, result in report.results.items():
+        frames = tuple(with_fragments(result.frames, report.path.parent))
+        found = intervals([replace(_of_classes(frame), confusion=None) for frame in frames]).get("fragments")
+        ends = {} if found is None else {"fragments": [found.low, found.high]}
+        numbers = dict(result.numbers) | {
+            "fragments": mean(frame.fragments or 0.0 for frame in frames),
+            "intervals": {**result.numbers["intervals"], **ends},
+        }
+        results[views] = replace(result, frames=frames, numbers=numbers)
+    return replace(report, results=results)
 
 
-def ablation_grid(reports: Mapping[tuple[str, int], SavedReport], views: int) -> Grid:
+def ablation_grid(rows: Sequence[AblationRow], reports: Reports, views: int) -> Grid:
     """The paper's table: which parts each variant has, then the metrics with their 95 % intervals.
 
     Args:
-        reports: by variant's name and seed; unfinished variants may be missing.
+        rows: the variants, in order.
+        reports: of those that are finished.
         views: the number of contexts to show.
 
     With several seeds, a cell is their mean and half their range.
     """
-    rows, over = [], "scenes"
-    for row in ROWS:
+    shown, over = [], "scenes"
+    for row in rows:
         done = [report.results[views] for (name, _), report in sorted(reports.items()) if name == row.name]
         if not done:
             continue
         over = str(done[0].numbers["intervals_over"])
         parts = [Cell("✓" if there else "–") for there in row.parts]
         scores = [Cell(_score([result.numbers for result in done], metric)) for metric in METRICS]
-        rows.append((Cell(row.title), *parts, *scores))
+        shown.append((Cell(row.title), *parts, *scores))
     targets = len(next(iter(reports.values())).results[views].frames) if reports else 0
     seeds = sorted({seed for _, seed in reports})
     notes = [f"In brackets: the 95 % interval over {over}."]
     if len(seeds) > 1:
-        notes.append(f"Means over {len(seeds)} seeds, ± half the difference between the highest and the lowest.")
+        notes = [f"Means over {len(seeds)} seeds, ± half the difference between the highest and the lowest."]
     return Grid(
         title=f"Ablation, {views} input views, {targets} targets, seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}",
-        head=("row", "Sh-Layer", "Sw-Trans", "C-Inj", "Sm-Loss", *[TITLES[metric] for metric in METRICS]),
-        rows=tuple(rows),
+        head=("row", "Sh-Layer", "Sw-Trans", "C-Inj", "Sm-Loss", *map(_title, METRICS)),
+        rows=tuple(shown),
         notes=tuple(notes),
     )
 
 
-def steps_grid(reports: Mapping[tuple[str, int], SavedReport], views: int) -> Grid:
-    """What each part adds: its variant minus the one above, for each seed, with paired 95 % intervals.
+def steps_grid(rows: Sequence[AblationRow], reports: Reports, views: int) -> Grid:
+    """What each part adds: its variant minus the one that it adds to, the mean over seeds, with 95 % intervals.
 
     Args:
-        reports: as for `ablation_grid`.
-        views: the number of contexts to show.
+        rows, reports, views: as for `ablation_grid`.
     """
-    rows = []
-    for before, after in pairwise(ROWS):
-        for seed in sorted({seed for _, seed in reports}):
-            if (before.name, seed) not in reports or (after.name, seed) not in reports:
-                continue
-            first, second = (reports[one.name, seed].results[views] for one in (before, after))
-            differences = paired_differences(first.frames, second.frames)
-            cells = [_difference_cell(differences.get(metric)) for metric in METRICS]
-            rows.append((Cell(after.title), Cell(str(seed)), *cells))
+    shown, most = [], 0
+    for row in rows:
+        pairs = _pairs(row, reports, views)
+        if pairs:
+            differences = seed_differences(pairs)
+            shown.append((Cell(row.title), *[_difference_cell(differences.get(metric)) for metric in METRICS]))
+            most = max(most, len(pairs))
     return Grid(
         title="What each part adds",
-        head=("part", "seed", *[TITLES[metric] for metric in METRICS]),
-        rows=tuple(rows),
+        head=("part", *map(_title, METRICS)),
+        rows=tuple(shown),
         mark=" *",
-        notes=("* the interval excludes 0. Intervals are over targets; training again would vary by more.",),
+        notes=(_EXCLUDES, _OVER_SEEDS if most > 1 else _OVER_TARGETS),
     )
+
+
+def where_grid(rows: Sequence[AblationRow], reports: Reports, views: int, relations: Sequence[ViewRelation]) -> Grid:
+    """Where each part adds what it adds: the targets in thirds, by the overlap of their input views and by the angle between them.
+
+    Args:
+        rows, reports, views: as for `ablation_grid`.
+        relations: of the input views of each target.
+    """
+    overlaps, angles = [one.overlap for one in relations], [one.angle for one in relations]
+    bins = [(f"overlap {_ends(overlaps, part, '.2f')}", part) for part in thirds(overlaps)]
+    bins += [(f"angle {_ends(angles, part, '.0f')}°", part) for part in thirds(angles)]
+    shown = []
+    for row in rows:
+        pairs = _pairs(row, reports, views)
+        if not pairs:
+            continue
+        found = [seed_differences([_only(pair, part) for pair in pairs]) for _, part in bins]
+        for metric in ("miou", "accuracy"):
+            cells = [_difference_cell(differences.get(metric)) for differences in found]
+            shown.append((Cell(row.title), Cell(_title(metric)), *cells))
+    return Grid(
+        title="What each part adds, by how the input views lie to one another",
+        head=("part", "score", *[name for name, _ in bins]),
+        rows=tuple(shown),
+        mark=" *",
+        notes=(
+            _EXCLUDES,
+            "Each third of the targets, by the smallest overlap or the largest angle of two of their input views.",
+        ),
+    )
+
+
+_EXCLUDES = "* the interval excludes 0."
+_OVER_TARGETS = "Intervals are over targets; training again would vary by more."
+_OVER_SEEDS = "Intervals are over scenes and seeds."
+
+
+def _pairs(row: AblationRow, reports: Reports, views: int) -> list[Pair]:
+    """The scores of a variant and of the one above it, for every seed that has both."""
+    seeds = sorted(seed for name, seed in reports if name == row.name and (row.above, seed) in reports)
+
+    def scores(name: str, seed: int) -> list[FrameScores]:
+        return [_of_classes(frame) for frame in reports[name, seed].results[views].frames]
+
+    return [(scores(row.above, seed), scores(row.name, seed)) for seed in seeds]
+
+
+def _of_classes(frame: FrameScores) -> FrameScores:
+    """The scores of a target that the tables show, and no others, which would take their time."""
+    return FrameScores(
+        frame.scene, frame.target, frame.contexts, frame.confusion, frame.truth, fragments=frame.fragments
+    )
+
+
+def _only(pair: Pair, positions: Sequence[int]) -> Pair:
+    """The scores of some targets."""
+    first, second = pair
+    return [first[position] for position in positions], [second[position] for position in positions]
+
+
+def _ends(values: Sequence[float], positions: Sequence[int], form: str) -> str:
+    """The smallest and the largest of some values."""
+    chosen = [values[position] for position in positions]
+    return f"{min(chosen):{form}}–{max(chosen):{form}}" if chosen else "–"
+
+
+def _title(metric: str) -> str:
+    return TITLES.get(metric, metric)
 
 
 def _difference_cell(difference: Interval | None) -> Cell:
@@ -147,7 +175,7 @@ def _difference_cell(difference: Interval | None) -> Cell:
 
 def _score(done: Sequence[Mapping], metric: str) -> str:
     """A metric of a variant: value and interval, or for several seeds mean and half range."""
-    values = [one[metric] for one in done if one[metric] is not None]
+    values = [one[metric] for one in done if one.get(metric) is not None]
     if not values:
         return "–"
     if len(values) > 1:

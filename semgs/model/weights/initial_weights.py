@@ -31,6 +31,9 @@ from semgs.model.weights.weights_file import fill, is_ours, read_header, read_te
 SEMANTIC_SHAPE = ("class_backbone",)
 """Switches that only shape the semantic branch: from weights with other values, everything else is kept."""
 
+FRESH_SHAPE = ("shared_layers", "windows_semantic", "camera_aware_semantic", "semantic_transformer")
+"""The other switches of the semantic branch: weights with other values fit if the branch is drawn anew."""
+
 MORE_DEPTH = ("cost_filter", "depth_cue", "depth_upsampling")
 """Switches that add layers to depth: from weights without these layers, everything else is kept."""
 
@@ -61,8 +64,8 @@ def initial_network(
         classes: the class table to train on.
         own_classes: use weights with another class table, but with a new class head; otherwise they are refused.
         switches: fields of `semgs.model.switches.Switches` that differ from the network of that name. They must agree with the weights,
-            except for the shape of the semantic branch, for layers added to depth and for switches without layers: layers that differ
-            start at random, all others are kept.
+            except for the class backbone, for layers added to depth, for switches without layers and, with `fresh_semantics`, for the
+            semantic branch: layers that differ start at random, all others are kept.
         fresh_semantics: always reinitialise the semantic branch.
         backbone: a file of published MobileNetV2 weights for a network with `class_backbone`; "" keeps that of `init`. With such a file
             as `init`, everything but the backbone is random.
@@ -104,9 +107,10 @@ def _from_weights(
 ) -> SemGS:
     """The network of a weights file, with the requested switches and class table."""
     header = read_header(path)
-    _check_switches(path, requested, switches_of(header.settings))
+    own_branch = (*SEMANTIC_SHAPE, *FRESH_SHAPE) if fresh_semantics else SEMANTIC_SHAPE
+    _check_switches(path, requested, switches_of(header.settings), own_branch)
     present = _switched(header.settings, {key: requested[key] for key in NO_WEIGHTS if key in requested})
-    layers = {key: requested[key] for key in (*SEMANTIC_SHAPE, *MORE_DEPTH) if key in requested}
+    layers = {key: requested[key] for key in (*own_branch, *MORE_DEPTH) if key in requested}
     wanted = _switched(present, layers)
     if header.settings.name != name:
         return load(name, path, classes=classes)  # raises an InputError
@@ -121,10 +125,16 @@ def _from_weights(
     return model
 
 
-def _check_switches(path: Path, requested: Mapping[str, Any], present: Switches) -> None:
-    """Refuse weights whose switches differ from the requested ones, unless layers can be added or exchanged."""
+def _check_switches(path: Path, requested: Mapping[str, Any], present: Switches, own_branch: tuple[str, ...]) -> None:
+    """Refuse weights whose switches differ from the requested ones, unless layers can be added or exchanged.
+
+    Args:
+        path: of the weights.
+        requested, present: the switches of the network and of the weights.
+        own_branch: switches that only change a semantic branch that does not keep its weights.
+    """
     for key, value in requested.items():
-        fits = key in (*SEMANTIC_SHAPE, *NO_WEIGHTS) or (
+        fits = key in (*own_branch, *NO_WEIGHTS) or (
             key in MORE_DEPTH and getattr(present, key) == getattr(Switches, key)
         )
         if getattr(present, key) != value and not fits:

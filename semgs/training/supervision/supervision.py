@@ -13,9 +13,10 @@ from semgs.data.tables.classes import IGNORE
 from semgs.data.views import Batch, Views
 from semgs.files.errors import InputError
 from semgs.model.classes.semantic import ClassMaps
+from semgs.model.layers.network_input import widen
 from semgs.objectives.depth_losses import depth_losses
 from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
-from semgs.objectives.losses import cross_entropy, depth_error, losses
+from semgs.objectives.losses import cross_entropy, depth_error, losses, regional_smoothness
 from semgs.objectives.metrics import psnr
 from semgs.scene.encoding import Encoding
 from semgs.training.data.teacher import divergence
@@ -36,7 +37,7 @@ def make_supervision(
         teacher_classes: number of classes of the teacher; 0 for no teacher.
     """
     if settings.supervision == "labels":
-        return Labels(class_weights)
+        return Labels(class_weights, settings.losses)
     if settings.supervision == "pictures":
         return Pictures(class_weights, teacher_classes, settings.teacher_weight)
     if settings.supervision == "depth":
@@ -95,17 +96,27 @@ class Labels(Supervision):
 
     Attributes:
         class_weights: factor of each class in the cross-entropy; None is 1 for all.
+        losses: weights of the paper's terms. The cross-entropy counts once, and the smoothness as often as its weight is a multiple of that
+            of the cross-entropy.
     """
 
     class_weights: tuple[float, ...] | None = None
+    losses: LossWeights = field(default_factory=LossWeights)
 
     def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
-        """The cross-entropy of the input views.
+        """The cross-entropy and the smoothness of the input views.
 
         Raises:
             ValueError: they have no labels.
         """
-        return _label_terms(network, network.class_maps(batch.context), batch.context, self.class_weights, "labels")
+        views, maps = batch.context, network.class_maps(batch.context)
+        terms = _label_terms(network, maps, views, self.class_weights, "labels")
+        assert views.labels is not None
+        pixels = widen(maps.distributions.flatten(end_dim=-4), network.stride)[..., : views.size[0], : views.size[1]]
+        labels = views.labels.to(pixels.device).flatten(end_dim=-3)
+        smoothness = regional_smoothness(pixels, labels, self.losses.smoothness_over).mean()
+        share = self.losses.smoothness / self.losses.semantic
+        return terms | {"total": terms["total"] + share * smoothness, "smoothness": smoothness.detach()}
 
     def learning(self, network: Any) -> set[str]:
         """The semantic branch and the layers that it shares."""

@@ -24,7 +24,7 @@ class SupervisionSettings:
     without the transformer between views; a first stage that learns what things look like. depth: depth of the plane sweep against true
     depth; needs depth, but no labels."""
     losses: LossWeights = field(default_factory=LossWeights)
-    """Weights of the paper's three loss terms."""
+    """Weights of the paper's three loss terms. With --supervision labels, only the ratio of smoothness and semantic matters."""
     depth_losses: DepthLossWeights = field(default_factory=DepthLossWeights)
     """Weights of the loss terms for --supervision depth."""
     class_weights: tuple[float, ...] | Literal["inverse_root_frequency", "inverse_fourth_root_frequency"] | None = None
@@ -51,6 +51,10 @@ class SupervisionSettings:
             class_weights=(
                 not rule or self.class_weights in CLASS_WEIGHTINGS,
                 f"a factor for each class of the table, {', '.join(CLASS_WEIGHTINGS)}, or None",
+            ),
+            losses=(
+                self.supervision != "labels" or self.losses.semantic > 0,
+                "a cross-entropy above 0 (--losses.semantic) with --supervision labels",
             ),
             depth_weight=(self.depth_weight >= 0, "0 or more"),
             teacher=(not self.teacher or self.single_images, "none, except with --supervision pictures"),

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from semgs.cli.main import main
 from semgs.files.images.pictures import write_png
 from semgs.model.weights.initial_weights import initial_network
+from semgs.model.weights.load import load
 from semgs.model.weights.weights_file import save
+from semgs.training.ablation_rows import SEMANTIC_ROWS
 from semgs.training.loop import Outcome
 from semgs.training.presets import small_plain
 from semgs.training.run.execution import Execution
@@ -110,6 +114,9 @@ def test_rooms_that_are_trained_in_are_refused_before_anything_is_trained(tmp_pa
         ("--accumulate 2", "a step of 1 scenes cannot be shared by 1 processes in 2 pieces each"),
         ("--nodes 2", "--nodes"),
         ("--test nowhere", "nowhere"),
+        ("--transfer nowhere", "nowhere"),
+        ("--transfer . .", "--transfer needs folders of different names"),
+        ("--stage semantic --full .", "--full is for --stage whole"),
     ],
 )
 def test_what_cannot_be_is_one_line_and_nothing_is_written(tmp_path: Path, line: str, told: str, capsys):
@@ -120,12 +127,68 @@ def test_what_cannot_be_is_one_line_and_nothing_is_written(tmp_path: Path, line:
 
 def test_a_dry_run_says_what_would_be_trained_and_writes_nothing(tmp_path: Path, monkeypatch, capsys):
     timed = []
-    monkeypatch.setattr("semgs.training.loop.train", lambda settings, out, execution: timed.append(settings.steps))
+    monkeypatch.setattr(
+        "semgs.training.loop.train",
+        lambda settings, out, execution: timed.append((settings.supervision, settings.steps)),
+    )
     line = [*LINE.split(), "--out", str(tmp_path / "out"), "--seeds", "3", "4", "--dry-run"]
     assert main(line) == 0
-    assert "10 trainings of 2 steps of 1 scenes at 32x48 (20 steps)" in capsys.readouterr().out
-    assert timed == [1, 3]
+    assert "variant: 10 x 2 steps of 1 scenes at 32x48" in capsys.readouterr().out
+    assert timed == [("rendered", 1), ("rendered", 3)]
+    timed.clear()
+    assert main([*line, "--stage", "semantic", "--steps", "80"]) == 0
+    told = capsys.readouterr().out
+    assert "base: depth: 1 x 50 steps" in told
+    assert "base: colour: 1 x 10 steps" in told
+    assert "variant: 14 x 80 steps" in told
+    assert "then 14 evaluations with 2 views" in told
+    assert [kind for kind, _ in timed] == ["depth", "depth", "rendered", "rendered", "labels", "labels"]
     assert not (tmp_path / "out").exists()
+
+
+def test_the_semantic_rows_share_a_base_and_are_tested_on_other_worlds_too(
+    tmp_path, labelled, trained, monkeypatch, capsys
+):
+    monkeypatch.setattr("semgs.cli.commands.networks.ablate.rows_of", lambda stage: SEMANTIC_ROWS[3:6:2])
+    other, abroad = (shutil.copytree(labelled, tmp_path / name) for name in ("elsewhere", "abroad"))
+    line = [*LINE.split(), "--stage", "semantic", "--data", str(labelled), "--out", str(tmp_path / "out")]
+    assert main([*line, "--test", str(other), "--transfer", str(abroad)]) == 0
+    told = capsys.readouterr().out
+    base = [(settings.supervision, settings.init) for _, settings in trained[:2]]
+    assert base == [("depth", "random"), ("rendered", str(tmp_path / "out/base/depth/weights.safetensors"))]
+    assert [name for name, _ in trained[2:]] == ["camera", "smoothness_sum"]
+    assert {settings.init for _, settings in trained[2:]} == {str(tmp_path / "out/base/colour/weights.safetensors")}
+    assert len(list((tmp_path / "out").glob("seed_0/*/evaluation/report.json"))) == 2
+    assert len(list((tmp_path / "out").glob("seed_0/*/evaluation_abroad/report.json"))) == 2
+    assert told.index("Evaluated on elsewhere") < told.index("Evaluated on abroad")
+    assert "+ Sm-Loss, summed" in told
+    assert "overlap" in told
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1500)
+def test_a_semantic_ablation_in_rooms(tmp_path: Path, capsys):
+    """A miniature of the experiment: real trainings, real rooms, two tables."""
+    line = [*LINE.split(), "--stage", "semantic", "--rooms", "3", "--steps", "8", "--out", str(tmp_path / "out")]
+    test = tmp_path / "test"
+    assert (
+        main(["rooms", str(test), "--scenes", "2", "--frames", "4", "--size", "32x48", "--seed", "5", "--workers", "0"])
+        == 0
+    )
+    assert main([*line, "--test", str(test)]) == 0
+    told = capsys.readouterr().out
+    assert told.count("Ablation, 2 input views, 4 targets") == 1
+    assert len(list((tmp_path / "out").glob("seed_0/*/evaluation/report.json"))) == 7
+    depth, colour = (
+        load("small_plain", tmp_path / f"out/base/{stage}/weights.safetensors") for stage in ("depth", "colour")
+    )
+    row = load("small_plain", tmp_path / "out/seed_0/full/run/weights.safetensors").state_dict()
+    kept = [name for name in row if not name.startswith("semantic.")]
+    assert all(torch.equal(row[name], colour.state_dict()[name]) for name in kept)  # depth and colour stay
+    assert any(not torch.equal(row[name], colour.state_dict()[name]) for name in row if name.startswith("semantic."))
+    assert all(torch.equal(depth.state_dict()[name], row[name]) for name in depth.depth_parameters())
+    assert main([*line, "--test", str(test)]) == 0  # nothing is left to do
+    assert capsys.readouterr().out.count("step 8 of 8") == 0
 
 
 @pytest.mark.long

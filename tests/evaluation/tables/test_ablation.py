@@ -1,62 +1,15 @@
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 
+from semgs.evaluation.frames.view_relations import ViewRelation
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.tables.ablation import ROWS, ablation_grid, row_settings, steps_grid
+from semgs.evaluation.tables.ablation import ablation_grid, steps_grid, where_grid
 from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
 from semgs.evaluation.tables.table_grid import printed
-from semgs.model.switches import Switches
-from semgs.objectives.loss_weights import LossWeights
-from semgs.training.presets import small
-
-PAPER = [  # the check marks of the paper's Table III: Sh-Layer, Sw-Trans, C-Inj, Sm-Loss
-    (False, False, False, False),
-    (True, False, False, False),
-    (True, True, False, False),
-    (True, True, True, False),
-    (True, True, True, True),
-]
-
-
-def test_the_rows_are_those_of_the_paper():
-    found = []
-    for row in ROWS:
-        settings = row_settings(small(), row, 5)
-        network = settings.network
-        assert network.camera_aware_colour == network.camera_aware_semantic
-        parts = (
-            network.shared_layers,
-            network.windows > 1,
-            network.camera_aware_colour,
-            settings.losses.smoothness > 0,
-        )
-        assert parts == row.parts
-        found.append(parts)
-    assert found == PAPER
-
-
-def test_nothing_else_differs_between_rows_of_a_seed():
-    settings = replace(small(), steps=7, losses=LossWeights(0.2, 0.9, 0.003))
-    rows = [row_settings(settings, row, 9) for row in ROWS]
-    assert all(
-        replace(row, network=settings.network, losses=settings.losses) == replace(settings, seed=9) for row in rows
-    )
-    assert [one.losses for one in rows[:4]] == [LossWeights(0.2, 0.9, 0.0)] * 4
-    assert rows[4] == replace(settings, seed=9)
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [replace(small(), network=Switches(windows=1)), replace(small(), losses=LossWeights(smoothness=0.0))],
-)
-def test_a_full_method_that_lacks_a_part_is_refused(settings):
-    with pytest.raises(ValueError, match=r"the full method lacks (Sw-Trans|Sm-Loss)"):
-        row_settings(settings, ROWS[0], 1)
+from semgs.training.ablation_rows import ROWS
 
 
 def report(correct: int, scenes: int = 6) -> SavedReport:
@@ -80,7 +33,7 @@ def report(correct: int, scenes: int = 6) -> SavedReport:
 
 
 def test_the_table_marks_the_parts_and_shows_value_and_interval():
-    grid = ablation_grid({("none", 1): report(6), ("full", 1): report(8)}, 4)
+    grid = ablation_grid(ROWS, {("none", 1): report(6), ("full", 1): report(8)}, 4)
     assert [[cell.text for cell in row[:5]] for row in grid.rows] == [
         ["none", "–", "–", "–", "–"],
         ["+ Sm-Loss", "✓", "✓", "✓", "✓"],
@@ -93,18 +46,39 @@ def test_the_table_marks_the_parts_and_shows_value_and_interval():
 
 
 def test_several_seeds_become_their_mean_and_half_of_their_range():
-    grid = ablation_grid({("full", 1): report(6), ("full", 2): report(8)}, 4)
+    grid = ablation_grid(ROWS, {("full", 1): report(6), ("full", 2): report(8)}, 4)
     values = [report(correct).results[4].numbers["accuracy"] for correct in (6, 8)]
     assert grid.rows[0][7].text == f"{sum(values) / 2:.3f} ± {(values[1] - values[0]) / 2:.3f}"
     assert "2 seeds" in grid.notes[-1]
 
 
-def test_steps_are_each_row_minus_the_row_above_with_the_same_seed():
+def test_steps_are_each_row_minus_the_row_above_over_the_seeds_that_have_both():
     reports = {("none", 1): report(6), ("shared", 1): report(8), ("shared", 2): report(7), ("camera", 1): report(9)}
-    grid = steps_grid(reports, 4)
-    assert [(row[0].text, row[1].text) for row in grid.rows] == [("+ Sh-Layer", "1")]
+    grid = steps_grid(ROWS, reports, 4)
+    assert [row[0].text for row in grid.rows] == ["+ Sh-Layer"]
     accuracy = report(8).results[4].numbers["accuracy"] - report(6).results[4].numbers["accuracy"]
     column = grid.head.index("acc.")
     assert grid.rows[0][column].text.startswith(f"{accuracy:+.3f} (")
     assert grid.rows[0][column].marked  # every scene gained
     assert "+ Sh-Layer" in printed(grid, "markdown")
+    assert "over targets" in grid.notes[-1]
+    both = steps_grid(ROWS, reports | {("none", 2): report(7)}, 4)
+    assert both.rows[0][column].text.startswith(f"{accuracy / 2:+.3f} (")  # the second seed gained nothing
+    assert not both.rows[0][column].marked
+    assert "seeds" in both.notes[-1]
+
+
+def test_where_a_part_helps_is_told_for_thirds_of_the_targets_by_overlap_and_by_angle():
+    """Targets of even scenes gain two of ten pixels, those of odd scenes one."""
+    before, after = report(6), report(8)
+    relations = [
+        ViewRelation(overlap, angle)
+        for overlap, angle in zip((0.9, 0.8, 0.3, 0.2, 0.6, 0.5), (1.0, 2.0, 40.0, 50.0, 20.0, 10.0), strict=True)
+    ]
+    grid = where_grid(ROWS, {("none", 1): before, ("shared", 1): after}, 4, relations)
+    assert grid.head == (
+        "part", "score", "overlap 0.20–0.30", "overlap 0.50–0.60", "overlap 0.80–0.90", "angle 1–2°", "angle 10–20°", "angle 40–50°",
+    )  # fmt: skip
+    assert [row[1].text for row in grid.rows] == ["mIoU", "acc."]
+    first, second = (sum(np.diag(r.results[4].frames[k].confusion).sum() for k in (2, 3)) for r in (before, after))
+    assert grid.rows[1][2].text.startswith(f"{(second - first) / 20:+.3f} (")

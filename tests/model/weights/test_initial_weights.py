@@ -85,6 +85,24 @@ def test_the_semantic_branch_is_drawn_anew_where_that_is_asked_for():
     assert all(name.startswith("semantic.") for name in drawn)
 
 
+def test_a_branch_that_is_drawn_anew_may_have_other_switches_than_that_of_the_weights(tmp_path: Path):
+    save(tmp_path / "w.safetensors", initial_network("small_plain", "random"), {})
+    switches = {"shared_layers": False, "windows_semantic": 1, "camera_aware_semantic": False}
+    model = initial_network("small_plain", str(tmp_path / "w.safetensors"), switches=switches, fresh_semantics=True)
+    assert model.settings == switched(load("small_plain", tmp_path / "w.safetensors").settings, switches)
+    assert model.semantic.cnn is not None
+    there = load("small_plain", tmp_path / "w.safetensors").state_dict()
+    assert all(
+        torch.equal(tensor, there[name])
+        for name, tensor in model.state_dict().items()
+        if not name.startswith("semantic.")
+    )
+    with pytest.raises(InputError, match="shared_layers = False"):
+        initial_network("small_plain", str(tmp_path / "w.safetensors"), switches=switches)
+    with pytest.raises(InputError, match="windows = 1"):
+        initial_network("small_plain", str(tmp_path / "w.safetensors"), switches={"windows": 1}, fresh_semantics=True)
+
+
 @pytest.mark.long
 def test_a_branch_that_weights_have_is_kept_where_it_is_asked_for_again(tmp_path: Path):
     model = load("small_plain", plain(tmp_path))

@@ -65,7 +65,9 @@ class Undecided(nn.Module):
 def test_the_settings_name_one_of_four(settings):
     weights = (2.0,) * 20
     assert make_supervision(settings, weights) == Rendered(LossWeights(0.5, 1.0, 0.1), weights, 0.1, True)
-    assert make_supervision(replace(settings, supervision="labels"), weights) == Labels(weights)
+    assert make_supervision(replace(settings, supervision="labels"), weights) == Labels(
+        weights, LossWeights(0.5, 1.0, 0.1)
+    )
     taught = replace(settings, supervision="pictures", teacher_weight=2.0)
     assert make_supervision(taught, weights, 7) == Pictures(weights, 7, 2.0)
     assert make_supervision(replace(settings, supervision="depth"), weights) == Depth(DepthLossWeights(1.3, 0.5, 0.1))
@@ -87,6 +89,36 @@ def test_an_undecided_network_loses_the_logarithm_of_the_classes(batch, supervis
     assert math.isnan(float(terms["psnr"]))
     doubled = Objective(network, supervision(class_weights=(2.0,) * 20))(one)
     assert float(doubled["total"]) == pytest.approx(2 * float(terms["total"]))
+
+
+class Striped:
+    """Is sure of class 1 in every other column of Gaussians, with probabilities 0.6 and 0.2 in turns."""
+
+    stride = 2
+
+    def class_maps(self, views: Views, alone: bool = False) -> ClassMaps:
+        height, width = views.size
+        maps = torch.full((*views.images.shape[:-3], 20, height // 2, width // 2), 0.4 / 19)
+        maps[..., 1, :, ::2], maps[..., 1, :, 1::2] = 0.6, 0.2
+        return ClassMaps(maps, None)
+
+
+def test_the_smoothness_of_labelled_views_is_that_of_the_map_at_their_pixels(batch):
+    """All pixels are of class 1. At each of 11 borders between columns of Gaussians, 16 pixels differ by 0.4 from their right neighbour:
+    70.4 in sum, over 384 pixels 0.1833."""
+    one = batch(0)
+    one.context.labels[:] = 1
+    assert one.context.size == (16, 24)
+    plain = Objective(Striped(), Labels(losses=LossWeights(0.1, 1.0, 0.0)))(one)
+    mean = Objective(Striped(), Labels(losses=LossWeights(0.1, 1.0, 0.001)))(one)
+    total = Objective(Striped(), Labels(losses=LossWeights(0.1, 1.0, 0.001, smoothness_over="sum")))(one)
+    entropy = -(math.log(0.6) + math.log(0.2)) / 2
+    assert float(plain["total"]) == pytest.approx(entropy, rel=1e-5)
+    assert float(mean["smoothness"]) == pytest.approx(70.4 / 384, rel=1e-5)
+    assert float(mean["total"]) == pytest.approx(entropy + 0.01 * 70.4 / 384, rel=1e-6)
+    assert float(total["total"]) == pytest.approx(entropy + 0.704, rel=1e-5)
+    with pytest.raises(ValueError, match="losses"):
+        SupervisionSettings(supervision="labels", losses=LossWeights(semantic=0.0))
 
 
 @pytest.mark.parametrize("supervision", [Labels(), Pictures()], ids=["labels", "pictures"])

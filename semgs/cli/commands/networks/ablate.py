@@ -1,4 +1,4 @@
-"""`semgs ablate`: the paper's ablation. Trains five variants with the same steps and seeds, evaluates them and prints a table."""
+"""`semgs ablate`: the paper's ablation. Trains its variants with the same steps and seeds, evaluates them and prints tables."""
 
 from __future__ import annotations
 
@@ -9,24 +9,36 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from semgs.cli.commands.networks.ablation_rooms import Drawn, draw_rooms
 from semgs.cli.commands.networks.training_runs import deadline, train_or_resume
 from semgs.cli.options.execution_options import ExecutionOptions
 from semgs.cli.options.training_options import PresetSettings
-from semgs.cli.options.types import Views
+from semgs.cli.options.types import Count, SeveralViews
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
+from semgs.training.ablation_rows import (
+    BASE_STAGES,
+    ROWS,
+    AblationRow,
+    AblationStage,
+    base_settings,
+    row_settings,
+    rows_of,
+    semantic_row_settings,
+)
+from semgs.training.data.data_sources import ROOMS
 from semgs.training.run.execution import Execution
 
 if TYPE_CHECKING:
-    from semgs.evaluation.tables.ablation import AblationRow
     from semgs.evaluation.tables.evaluation_report import SavedReport
+    from semgs.evaluation.tables.table_grid import Grid
     from semgs.training.training_settings import TrainingSettings
 
-RUN, EVALUATION, ROOMS, TABLE = "run", "evaluation", "rooms", "ablation.md"
-SCENES = 24
-"""Rooms that are generated for evaluation if --test is not given."""
+RUN, EVALUATION, BASE, TABLE = "run", "evaluation", "base", "ablation.md"
+VIEWS: dict[AblationStage, tuple[int, ...]] = {"whole": (4,), "semantic": (2, 3)}
+"""Input views of the evaluation by default; the paper's table uses 4."""
 TIMED_STEPS = 3
 """Steps that --dry-run times."""
 
@@ -34,34 +46,46 @@ TIMED_STEPS = 3
 @tyro.conf.configure(tyro.conf.CascadeSubcommandArgs, tyro.conf.OmitSubcommandPrefixes)
 @dataclass(frozen=True)
 class Ablate:
-    """Train and evaluate the five variants of the paper's ablation, then print their table with intervals.
+    """Train and evaluate the variants of the paper's ablation, then print their tables with intervals.
 
     The first variant has none of the method's four parts; each further one adds a part: shared layers, windows, camera-aware attention,
     and the smoothness loss, which gives the full method. All use the same settings, steps and seeds. Name a preset, then the settings
     to change, as for semgs train.
 
-    OUT will contain SEED/ROW/run and SEED/ROW/evaluation, as from semgs train and semgs evaluate, rooms/ to evaluate on (without --test),
-    and ablation.md, the table. To resume, repeat the command.
+    With --stage semantic, depth and colour are trained once, for three quarters of the steps, and then kept; each variant trains only its
+    semantic branch, by the labels of its input views. Two more variants have the smoothness loss as a sum, and at the strength of the
+    cross-entropy.
+
+    OUT will contain SEED/ROW/run and SEED/ROW/evaluation, as from semgs train and semgs evaluate, the rooms that it drew,
+    and ablation.md, the tables. To resume, repeat the command.
 
     Examples
     - semgs ablate small_plain --out ablation --steps 3000 --dry-run
     - semgs ablate small_plain --out ablation --steps 3000 --seeds 1 2
+    - semgs ablate small_plain --stage semantic --out ablation --steps 4000 --size 120x160 --seeds 1 2 3
     - semgs ablate paper --out ablation --data scannet/train --init re10k.ckpt --test scans --test-scenes scannet-sray-test --protocol peers
     """
 
     settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Output folder: new, empty, or one with the same settings to resume."""
+    stage: AblationStage = "whole"
+    """whole: train every variant from its first step. semantic: only its semantic branch, on the same depth and colour; far cheaper."""
+    rooms: Count = 1600
+    """With --stage semantic: rooms to train on, drawn once for all variants, without --data."""
     test: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = None
-    """Scenes to evaluate on, at the training size. By default, 24 generated rooms that training never sees."""
+    """Scenes to evaluate on, at the training size. By default, 48 generated rooms that training never sees, and with --stage semantic also 48
+    rooms in another style."""
     test_scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
     """Only evaluate on the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line."""
+    transfer: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="DIR [DIR ...]", help_behavior_hint="")] = ()
+    """Scenes of other worlds to evaluate on as well."""
     protocol: Literal["neighbours", "peers"] = "neighbours"
     """Which frames to evaluate, as for semgs evaluate."""
-    views: Views = 4
-    """Input views in the evaluation; the paper's table uses 4."""
+    views: Annotated[SeveralViews, tyro.conf.arg(help_behavior_hint="")] = ()
+    """Input views in the evaluation; by default 4, as in the paper's table, and 2 and 3 with --stage semantic."""
     seeds: Annotated[tuple[int, ...], tyro.conf.arg(metavar="SEED [SEED ...]", help_behavior_hint="")] = ()
-    """Train all five variants once per seed; by default, once with the seed of the settings."""
+    """Train all variants once per seed; by default, once with the seed of the settings."""
     full: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
     """A finished semgs train run of the full method with these settings. It is evaluated but not trained again."""
     dry_run: bool = False
@@ -69,23 +93,18 @@ class Ablate:
     compute: Annotated[ExecutionOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=ExecutionOptions)
 
     def run(self) -> None:
-        """Train and evaluate what is missing, and print the table.
+        """Train and evaluate what is missing, and print the tables.
 
         Raises:
             InputError: the folder or the evaluation data cannot be used.
             UsageError: the settings are invalid, or a training failed.
         """
         self._check()
-        from semgs.evaluation.tables.ablation import ROWS, row_settings
-
         with what_the_user_gave():
-            runs = [
-                (row, row_settings(self.settings, row, seed))
-                for seed in self.seeds or (self.settings.seed,)
-                for row in ROWS
-            ]
+            runs = [(row, seed) for seed in self.seeds or (self.settings.seed,) for row in rows_of(self.stage)]
+            planned = [self._settings(row, seed) for row, seed in runs]
         self._check_unseen()
-        self._check_full(runs[-1][1])
+        self._check_full(planned[-1])
         execution = self.compute.execution()
         with what_the_user_gave():
             execution.share().check(self.settings.batch)
@@ -93,20 +112,29 @@ class Ablate:
             print(self._cost(len(runs), execution.device))
             return
         ends = deadline(self.compute.minutes)
-        for number, (row, settings) in enumerate(runs, 1):
-            title = f"{number}/{len(runs)} {row.title}, seed {settings.seed}"
+        if self.stage == "semantic" and not self._train_base(execution, ends):
+            print("time is up: depth and colour are not finished; repeat the command to resume")
+            return
+        for number, ((row, seed), settings) in enumerate(zip(runs, planned, strict=True), 1):
+            title = f"{number}/{len(runs)} {row.title}, seed {seed}"
             if not self._train(title, row, settings, execution, ends):
                 print(f"time is up: run {number} of {len(runs)} is not finished; repeat the command to resume")
                 break
-            self._evaluate(row, settings, execution.device)
-        print(self._table([(row, settings.seed) for row, settings in runs]))
+            for name, path in self._tests().items():
+                self._evaluate(row, settings, execution.device, name, path)
+        print(self._tables(runs))
 
     def _check(self) -> None:
         """Check what can be checked without importing torch."""
-        if self.test is not None:
-            existing_folder(self.test)
-        elif self.test_scenes:
+        for folder in (*((self.test,) if self.test else ()), *self.transfer):
+            existing_folder(folder)
+        if self.test is None and self.test_scenes:
             raise UsageError("--test-scenes is for --test DIR")
+        names = [folder.absolute().name for folder in self.transfer]
+        if len(set(names)) != len(names) or {"other"} & set(names):
+            raise UsageError("--transfer needs folders of different names, none of them other")
+        if self.full is not None and self.stage == "semantic":
+            raise UsageError("--full is for --stage whole")
         if self.full is not None and len(self.seeds) > 1:
             raise UsageError("--full is a single run, so give at most one seed with --seeds")
         if len(set(self.seeds)) != len(self.seeds):
@@ -120,14 +148,15 @@ class Ablate:
         from semgs.data.scenes import scene_paths
         from semgs.training.data.data_check.open_sources import training_paths
 
-        if self.test is None:
+        if self.test is None and not self.transfer:
             return
         trained = [
             name for source, paths in training_paths(self.settings) for name in scenes_by_name(Path(source.path), paths)
         ]
-        wanted = read_list(self.test_scenes) if self.test_scenes else None
-        tested = scenes_by_name(self.test, scene_paths(self.test, wanted))
-        check_unseen(self.test, trained, tested, "train without these (--scenes), or evaluate on others")
+        for folder in (*((self.test,) if self.test else ()), *self.transfer):
+            wanted = read_list(self.test_scenes) if self.test_scenes and folder == self.test else None
+            tested = scenes_by_name(folder, scene_paths(folder, wanted))
+            check_unseen(folder, trained, tested, "train without these (--scenes), or evaluate on others")
 
     def _check_full(self, settings: TrainingSettings) -> None:
         """Refuse --full if that run has other settings or is not finished."""
@@ -140,6 +169,52 @@ class Ablate:
             raise UsageError(f"--full {self.full} has other settings: {list_changes(other, 'here')}")
         if not is_finished(self.full):
             raise UsageError(f"--full {self.full} is not finished; repeat its semgs train command first")
+
+    def _settings(self, row: AblationRow, seed: int) -> TrainingSettings:
+        """The settings of a variant."""
+        if self.stage == "whole":
+            return row_settings(self.settings, row, seed)
+        return semantic_row_settings(self._shared(), row, seed, self._base(BASE_STAGES[-1]) / "weights.safetensors")
+
+    def _shared(self) -> TrainingSettings:
+        """The settings that all trainings of a semantic ablation share: those given, with the same rooms for all."""
+        drawn = self.settings.data == (ROOMS,)
+        return replace(self.settings, data=(str(self._room_sets()["training"].folder),)) if drawn else self.settings
+
+    def _room_sets(self) -> dict[str, Drawn]:
+        """The rooms that are drawn if they are needed, by what they are for."""
+        return {
+            "training": Drawn(self.out / "rooms_training", "home", "training", self.rooms),
+            "test": Drawn(self.out / "rooms", "home", "validation"),
+            "other": Drawn(self.out / "rooms_other", "other", "other"),
+        }
+
+    def _tests(self) -> dict[str, Path]:
+        """What to evaluate on, by the name of the folder of its evaluations; rooms are drawn if they are missing."""
+
+        def drawn(name: str) -> Path:
+            return draw_rooms(self._room_sets()[name], self.settings, self.compute.workers)
+
+        found = {EVALUATION: drawn("test") if self.test is None else self.test}
+        if self.stage == "semantic" and self.test is None:
+            found[f"{EVALUATION}_other"] = drawn("other")
+        return found | {f"{EVALUATION}_{folder.absolute().name}": folder for folder in self.transfer}
+
+    def _base(self, stage: str) -> Path:
+        """The run folder of a training of the base."""
+        return self.out / BASE / stage
+
+    def _train_base(self, execution: Execution, ends: float | None) -> bool:
+        """Train depth, then colour, for all variants. Returns whether they are finished."""
+        if self.settings.data == (ROOMS,):
+            draw_rooms(self._room_sets()["training"], self.settings, self.compute.workers)
+        before: Path | None = None
+        for stage in BASE_STAGES:
+            settings = base_settings(self._shared(), stage, before)
+            if not train_or_resume(f"Base: {stage}", self._base(stage), settings, execution, ends):
+                return False
+            before = self._base(stage) / "weights.safetensors"
+        return True
 
     def _folder(self, row: AblationRow, seed: int) -> Path:
         return self.out / f"seed_{seed}" / row.name
@@ -157,79 +232,116 @@ class Ablate:
             return True
         return train_or_resume(title, run, settings, execution, ends)
 
-    def _evaluate(self, row: AblationRow, settings: TrainingSettings, device: str) -> None:
-        """Evaluate a trained variant, unless that was done before."""
+    def _evaluate(self, row: AblationRow, settings: TrainingSettings, device: str, name: str, path: Path) -> None:
+        """Evaluate a trained variant on some scenes, unless that was done before."""
         from semgs.evaluation.run import Job, load_candidate, open_labelled_scenes, plan_targets, run_evaluation
         from semgs.training.run.run_folder import WEIGHTS
 
-        folder = self._folder(row, settings.seed)
-        if (folder / EVALUATION).exists():
+        folder = self._folder(row, settings.seed) / name
+        if folder.exists():
             return
-        path = self._rooms(settings) if self.test is None else self.test
         with show_stage("Reading scenes"):
-            data = open_labelled_scenes(path, wanted=self.test_scenes, needs_labels=True)
-        plan = plan_targets((self.protocol,), data.scenes, (self.views,), settings.size)
+            data = open_labelled_scenes(path, wanted=self.test_scenes if path == self.test else "", needs_labels=True)
+        plan = plan_targets((self.protocol,), data.scenes, self._views(), settings.size)
         weights = self._run(row, settings.seed) / WEIGHTS
         with what_the_user_gave():
             candidate = load_candidate(weights, data.classes, device, row.title)
-        with what_fits(), show_progress(f"Evaluating {row.title}", len(plan.tasks)) as done:
-            run_evaluation(folder / EVALUATION, Job(data, plan, candidate), done=done)
+        with what_fits(), show_progress(f"Evaluating {row.title} on {path.name}", len(plan.tasks)) as done:
+            run_evaluation(folder, Job(data, plan, candidate), done=done)
 
-    def _rooms(self, settings: TrainingSettings) -> Path:
-        """Rooms to evaluate on; they are generated if they do not exist yet."""
-        from semgs.rooms.assets.asset_library import Library
-        from semgs.rooms.sets.dataset import RoomSettings, write_dataset
-        from semgs.training.data.data_settings import VALIDATION_SEED
+    def _views(self) -> tuple[int, ...]:
+        """The numbers of input views in the evaluation."""
+        return self.views or VIEWS[self.stage]
 
-        library = Library(settings.assets, "validation", check=False) if settings.assets else None
-        rooms = RoomSettings(VALIDATION_SEED, settings.size, library=library)
-        with what_the_user_gave(), show_progress("Generating rooms", SCENES) as done:
-            write_dataset(self.out / ROOMS, rooms, SCENES, workers=self.compute.workers, done=done)
-        return self.out / ROOMS
-
-    def _table(self, runs: list[tuple[AblationRow, int]]) -> str:
-        """The table of all evaluated runs; it is also written to OUT."""
-        from semgs.evaluation.tables.ablation import ablation_grid, steps_grid
-        from semgs.evaluation.tables.comparison_tables import check_comparable
-        from semgs.evaluation.tables.evaluation_report import read_report
+    def _tables(self, runs: list[tuple[AblationRow, int]]) -> str:
+        """The tables of all evaluated runs; they are also written to OUT."""
         from semgs.evaluation.tables.table_grid import printed
         from semgs.files.atomic import write_text
 
-        reports: dict[tuple[str, int], SavedReport] = {}
-        for row, seed in runs:
-            folder = self._folder(row, seed) / EVALUATION
-            if folder.exists():
-                reports[row.name, seed] = read_report(folder)
-        if not reports:
+        texts: dict[Literal["text", "markdown"], list[str]] = {"text": [], "markdown": []}
+        for name, path in self._tests().items():
+            reports = self._reports(runs, name)
+            if not reports:
+                continue
+            for form, blocks in texts.items():
+                heading = f"{'## ' if form == 'markdown' else ''}Evaluated on {path.name}"
+                blocks += [heading, *(printed(grid, form) for grid in self._grids(reports, path))]
+        if not texts["text"]:
             return "no run has been evaluated yet"
-        missing = next((one.path for one in reports.values() if self.views not in one.results), None)
-        if missing is not None:
-            raise InputError(missing, f"results for {self.views} views", "none", advice="choose another --out")
-        check_comparable(list(reports.values()))
-        grids = [ablation_grid(reports, self.views), steps_grid(reports, self.views)]
-        write_text(self.out / TABLE, "\n\n".join(printed(grid, "markdown") for grid in grids) + "\n")
-        return "\n\n".join([*(printed(grid, "text") for grid in grids), f"The same in Markdown: {self.out / TABLE}"])
+        write_text(self.out / TABLE, "\n\n".join(texts["markdown"]) + "\n")
+        return "\n\n".join([*texts["text"], f"The same in Markdown: {self.out / TABLE}"])
+
+    def _reports(self, runs: list[tuple[AblationRow, int]], name: str) -> dict[tuple[str, int], SavedReport]:
+        """The reports of all runs that were evaluated on some scenes."""
+        from semgs.evaluation.tables.ablation import read_fragments
+        from semgs.evaluation.tables.comparison_tables import check_comparable
+        from semgs.evaluation.tables.evaluation_report import read_report
+
+        folders = {(row.name, seed): self._folder(row, seed) / name for row, seed in runs}
+        found = {run: read_report(folder) for run, folder in folders.items() if folder.exists()}
+        for report in found.values():
+            if missing := [str(count) for count in self._views() if count not in report.results]:
+                expected = f"results for {' and '.join(missing)} views"
+                raise InputError(report.path, expected, "none", advice="choose another --out")
+        check_comparable(list(found.values()))
+        return {run: read_fragments(report) for run, report in found.items()}
+
+    def _grids(self, reports: dict[tuple[str, int], SavedReport], path: Path) -> list[Grid]:
+        """The tables of the reports of some scenes."""
+        from semgs.evaluation.frames.view_relations import view_relations
+        from semgs.evaluation.run import open_labelled_scenes, plan_targets
+        from semgs.evaluation.tables.ablation import ablation_grid, steps_grid, where_grid
+
+        data = open_labelled_scenes(path, wanted=self.test_scenes if path == self.test else "")
+        plan = plan_targets((self.protocol,), data.scenes, self._views(), self.settings.size)
+        grids, rows = [], rows_of(self.stage)
+        for views in self._views():
+            relations = view_relations(plan, views)
+            grids += [
+                ablation_grid(rows, reports, views),
+                steps_grid(rows, reports, views),
+                where_grid(rows, reports, views, relations),
+            ]
+        return grids
 
     def _cost(self, runs: int, device: str) -> str:
-        """What would be trained, and an estimate of the time from three steps of the full method."""
-        from tempfile import TemporaryDirectory
-
-        from semgs.training.loop import train
-
-        settings = replace(self.settings, steps=TIMED_STEPS, validation_scenes=0, scene_reuse=1)
-        warm = replace(settings, steps=1)
-        with TemporaryDirectory() as folder, show_stage("Timing three steps"), what_the_user_gave():
-            execution = Execution(device, workers=0)
-            train(warm, Path(folder) / "warm", execution)
-            began = time.perf_counter()
-            train(settings, Path(folder) / "timed", execution)
-            seconds = (time.perf_counter() - began) / TIMED_STEPS
+        """What would be trained, and an estimate of the time from three steps of each kind of training."""
         full = self.settings
+        kinds = [("variant", runs, full)]
+        if self.stage == "semantic":
+            row = semantic_row_settings(full, ROWS[-1], full.seed, Path())
+            base = [(f"base: {stage}", 1, base_settings(full, stage, None)) for stage in BASE_STAGES]
+            kinds = [*base, ("variant", runs, replace(row, init=full.init, semantic_branch="kept"))]
         height, width = full.size
-        minutes = full.steps * seconds / 60
-        return (
-            f"{runs} trainings of {full.steps} steps of {full.batch} scenes at {height}x{width} ({runs * full.steps} steps), then "
-            f"{runs} evaluations with {self.views} views\n"
-            f"about {seconds:.2f} s per step on this machine: {minutes:.0f} min per training, {runs * minutes / 60:.1f} h in total, "
-            "not counting evaluation and validation"
+        lines, hours = [], 0.0
+        with show_stage("Timing three steps of each kind of training"), what_the_user_gave():
+            for kind, count, settings in kinds:
+                seconds = _seconds_a_step(settings, device)
+                hours += count * settings.steps * seconds / 3600
+                lines.append(
+                    f"{kind}: {count} x {settings.steps} steps of {settings.batch} scenes at {height}x{width}, about {seconds:.2f} s per step on "
+                    f"this machine, {settings.steps * seconds / 60:.0f} min each"
+                )
+        counts = " and ".join(map(str, self._views()))
+        return "\n".join(
+            [
+                *lines,
+                f"then {runs} evaluations with {counts} views",
+                f"about {hours:.1f} h in total, not counting evaluation, validation and the drawing of rooms",
+            ]
         )
+
+
+def _seconds_a_step(settings: TrainingSettings, device: str) -> float:
+    """Seconds that a step takes here, the mean of three after a first."""
+    from tempfile import TemporaryDirectory
+
+    from semgs.training.loop import train
+
+    short = replace(settings, steps=TIMED_STEPS, validation_scenes=0, scene_reuse=1)
+    with TemporaryDirectory() as folder:
+        execution = Execution(device, workers=0)
+        train(replace(short, steps=1), Path(folder) / "warm", execution)
+        began = time.perf_counter()
+        train(short, Path(folder) / "timed", execution)
+        return (time.perf_counter() - began) / TIMED_STEPS
