@@ -12,6 +12,8 @@ from semgs.files.strict_json import read_json
 
 FORMAT = "semgs.bench"
 VERSION = 1
+OLDER_BF16 = "_bfloat16"
+"""How older versions wrote bf16 in the names of rows."""
 
 
 @dataclass(frozen=True)
@@ -97,11 +99,11 @@ def _entry(result: BenchResult) -> dict[str, Any]:
 
 
 def _result(entry: dict[str, Any]) -> BenchResult:
-    """A result from JSON; further keys, which older versions wrote, are ignored."""
+    """A result from JSON; further keys, which older versions wrote, are ignored, and their names become those of now."""
     names = ("seconds", "seconds_median", "peak_memory_mb")
     reason = entry.get("reason")
     return BenchResult(
-        name=str(entry["name"]),
+        name=str(entry["name"]).replace(OLDER_BF16, "_bf16"),
         repeats=int(entry["repeats"]),
         reason=None if reason is None else str(reason),
         **{name: None if entry[name] is None else float(entry[name]) for name in names},

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 Kind = Literal["network", "refine", "render", "train", "command"]
-Precision = Literal["float32", "bfloat16"]
+Precision = Literal["float32", "bf16"]
 
 SIZE = (240, 320)
 """Height and width of the images [px]."""
@@ -15,7 +15,7 @@ SIZE = (240, 320)
 THREADS = 2
 """Compute threads."""
 
-PRECISIONS: tuple[Precision, ...] = ("float32", "bfloat16")
+PRECISIONS: tuple[Precision, ...] = ("float32", "bf16")
 NETWORKS = ("base", "small")
 STAGES = ("cnn", "transformer_colour", "transformer_semantic", "cost_volume", "depth", "heads", "render")
 """Parts of a frame: those of the network, then rendering one target."""

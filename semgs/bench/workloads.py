@@ -119,7 +119,7 @@ def _frame(row: BenchRow) -> Run:
         camera = camera.arranged(lambda array: array.expand(row.batch, *array.shape))
     # Moved to the device once, as in a program that already has its images there.
     views = views.to(row.device)
-    half = row.precision == "bfloat16"
+    half = row.precision == "bf16"
 
     def run(watch: Watch) -> None:
         with torch.no_grad(), watch(WHOLE):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -37,6 +37,8 @@ class Scene:
         name: the name of its folder.
         layout: the detected layout: "transforms.json", "COLMAP", "ScanNet", "ScanNet++ dslr", ...
         unit: of lengths: "metric" or "unknown".
+        unit_source: why lengths are metres, as a sentence without its beginning ("the file says so"); "" if they are not, or if all scenes of the
+            layout are.
         frames: the usable frames.
         classes: the class table of the labels; None if there are no labels or they cannot be read.
         unread_labels: why existing labels cannot be read: their table is unknown or damaged. None otherwise.
@@ -65,6 +67,7 @@ class Scene:
     splits: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     labeller: Labeller | None = None
     posed: bool = True
+    unit_source: str = ""
 
     def __post_init__(self) -> None:
         if len(self.frames) < 2 and self.posed:
@@ -147,6 +150,8 @@ class Scene:
                     return matches[0]
             reason = ", its image is missing" if wanted in {Path(name).name for name in self.absent} else ""
             raise ValueError(f"{self.path} has no usable frame {frame!r}{reason}; the first is {self.frames[0].name}")
+        if not isinstance(frame, int | np.integer):
+            raise TypeError(f"a frame is {type(frame).__name__}; expected its position or name")
         position = operator.index(frame)
         if not 0 <= position < len(self.frames):
             raise ValueError(
@@ -178,6 +183,12 @@ class Scene:
 
     def _positions(self, frames: Sequence[int | str] | None) -> Sequence[int]:
         """The positions of frames; None for all."""
+        if isinstance(frames, str | int):
+            raise TypeError(
+                f"frames are {frames!r:.40}; expected a list of positions or names, such as [{frames!r:.40}]"
+            )
+        if frames is not None and not isinstance(frames, Iterable):
+            raise TypeError(f"frames are {type(frames).__name__}; expected a list of positions or names")
         positions = range(len(self)) if frames is None else [self.index(frame) for frame in frames]
         if not positions:
             raise ValueError(f"the list of frames is empty; {self.path} has {len(self)}")

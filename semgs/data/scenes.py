@@ -55,14 +55,19 @@ class Layout:
         options = {"as_peers": as_peers} if self.readings else {}
         scene = self.open(path, **options, **({"details": details} if self.details_used else {}))
         if details.unit is not None:
-            scene = replace(scene, unit=details.unit)
+            scene = replace(scene, unit=details.unit, unit_source="you say so")
         check_applicable(path, scene.layout, as_peers, self.readings)
         details.only(path, scene.layout, *self.details_used)
         return scene
 
 
 LAYOUTS = (
-    Layout(transforms_json.recognises, transforms_json.open_transforms, transforms_json.LOOKED_FOR),
+    Layout(
+        transforms_json.recognises,
+        transforms_json.open_transforms,
+        transforms_json.LOOKED_FOR,
+        details_used=transforms_json.DETAILS,
+    ),
     Layout(colmap.recognises, colmap.open_colmap, colmap.LOOKED_FOR, details_used=colmap.DETAILS),
     Layout(replica.recognises, replica.open_replica, replica.LOOKED_FOR, replica.APPLICABLE, replica.DETAILS),
     Layout(tum.recognises, tum.open_tum, tum.LOOKED_FOR, details_used=tum.DETAILS),
@@ -87,6 +92,9 @@ ZOO = Layout(lambda path: False, zoo.open_zoo, "", details_used=zoo.DETAILS)
 
 SINGLE_FILES = (".zip", record3d.ENDING, *ros.ENDINGS)
 """Endings of files in a folder that may be scenes."""
+
+DEEPEST, MOST_PLACES = 4, 200
+"""So many levels of folders, and so many folders of each, are looked into for advice."""
 
 VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm")
 """Endings of videos, for advice."""
@@ -294,7 +302,7 @@ def _hint(path: Path) -> str | None:
         return _NO_VIDEOS if path.suffix.lower() in VIDEOS else "name the scene's folder"
     if (path / OUTPUT).is_file():
         return "this is a result of semgs reconstruct; semgs view, render, query and export open it"
-    inside = next((child for child in _children(path) if _is_known(child)), None)
+    inside = _scene_below(path)
     if inside is not None:
         return f"there is one in {inside}"
     files = list(path.iterdir())
@@ -308,6 +316,16 @@ def _hint(path: Path) -> str | None:
     ):
         return _NO_VIDEOS
     return None if files else "the folder is empty"
+
+
+def _scene_below(path: Path) -> Path | None:
+    """The nearest scene in the folders of a folder, None if there is none or too many folders would have to be looked into."""
+    places = [path]
+    for _ in range(DEEPEST):
+        places = [child for place in places if place.is_dir() for child in _children(place)][:MOST_PLACES]
+        if (found := next((one for one in places if _is_known(one)), None)) is not None:
+            return found
+    return None
 
 
 def _kinds(folder: Path) -> set[str]:

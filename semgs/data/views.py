@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from os import PathLike
 from typing import Any
@@ -112,6 +112,10 @@ class Views:
         if isinstance(images, np.ndarray | Tensor) and images.ndim == 3:
             raise ValueError(
                 f"images are {tuple(images.shape)}; expected a list of images, or [v h w 3] uint8 or [v 3 h w] float"
+            )
+        if not isinstance(images, Iterable) or isinstance(images, str):
+            raise TypeError(
+                f"images are {type(images).__name__}; expected [v h w 3] uint8, [v 3 h w] float, or a list of images"
             )
         pixels = torch.stack([_as_image(image) for image in images])
         matrices = as_float64(intrinsics)

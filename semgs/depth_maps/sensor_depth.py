@@ -15,6 +15,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from semgs.data.bounds.depth_range import DepthRange
+from semgs.data.frames import Frame
+from semgs.data.maps import DepthMap, DepthThroughLens
 from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.depth_maps.depth_fit import DepthFit
@@ -143,6 +145,12 @@ def sensor_spread(depths: Float[Tensor, "*n"]) -> Float[Tensor, "*n"]:
     return (0.0012 + 0.0019 * (z - 0.4).square()) / z
 
 
+def _unit_of(frame: Frame) -> str:
+    """How a frame's depth map counts, if it is a file."""
+    depth = frame.depth.map if isinstance(frame.depth, DepthThroughLens) else frame.depth
+    return f" ({depth.path} in counts of {depth.unit:.3g} m, 0 where unknown)" if isinstance(depth, DepthMap) else ""
+
+
 def read_measured(scene: Scene, positions: Sequence[int], size: tuple[int, int], depth_range: DepthRange) -> Views:
     """Read frames of which a sensor measured the depth; arguments as for `Scene.read`.
 
@@ -163,7 +171,7 @@ def read_measured(scene: Scene, positions: Sequence[int], size: tuple[int, int],
             raise InputError(
                 scene.path,
                 f"a measured depth at {percent(FEWEST_MEASURED)} of its pixels or more, as --depth sensor and both need",
-                percent(share),
+                f"{percent(share)}{_unit_of(scene.frames[position])}",
                 key=scene.frames[position].name,
             )
     return views

@@ -9,8 +9,8 @@ from typing import Literal, final
 import numpy as np
 
 from semgs.data.scene import Scene
-from semgs.doctor.misses import CAP_PX, miss, pair_misses, triangulated_depth
-from semgs.doctor.mistakes import BAD_DEPTH, MILLIMETRES, MISTAKES, Given, Mistake, plausible
+from semgs.doctor.misses import CAP_PX, miss, pair_misses, triangulated_depth, triangulated_depths
+from semgs.doctor.mistakes import BAD_DEPTH, DEPTH_UNIT, MILLIMETRES, MISTAKES, Given, Mistake, plausible
 from semgs.doctor.registered import unregistered
 from semgs.doctor.rig import FileConvention, Rig, rig_of
 from semgs.doctor.warps import DepthView, find_depth_views, warp_error
@@ -137,6 +137,26 @@ class Diagnosis:
     depth_focal: float = np.nan
 
     @property
+    def distance(self) -> float:
+        """The median distance at which the cameras put what both images of a pair show, by parallax alone [the scene's unit]; NaN if they miss the matches."""
+        return triangulated_depth(self.given, self.evidence.matches) if self._fits_alone else np.nan
+
+    @property
+    def depth_ratio(self) -> float:
+        """The median of measured depth over the distance by parallax; NaN if the cameras miss the matches, or few have depth."""
+        if not self._fits_alone or not self.evidence.matches.measured:
+            return np.nan
+        ratios = self.evidence.matches.depths[:, 0] / triangulated_depths(self.given, self.evidence.matches)
+        known = ratios[np.isfinite(ratios)]
+        return float(np.median(known)) if len(known) >= MANY else np.nan
+
+    @property
+    def _fits_alone(self) -> bool:
+        """Whether the cameras fit the matches if nothing had been measured."""
+        alone = self.evidence.matches.without_depth()
+        return len(alone) > 0 and miss(self.given, alone) <= FITS
+
+    @property
     def finding(self) -> Finding | None:
         """The likeliest mistake, None if there is none."""
         return self.findings[0] if self.findings else None
@@ -169,7 +189,10 @@ class Diagnosis:
         if self.finding is None:
             return f"{said}, and no usual mistake explains it."
         also = "".join(f", or {one.mistake.name} ({self.amount(one.error)})" for one in self.findings[1:])
-        return f"{said}. Likely mistake: {self.finding.mistake.name}, {self.amount(self.finding.error)} when corrected{also}."
+        which = self.finding.mistake.name
+        if self.finding.mistake is DEPTH_UNIT:
+            which += f" (it fits if it is multiplied by {self.finding.rig.depth_unit:g}; see --depth-unit)"
+        return f"{said}. Likely mistake: {which}, {self.amount(self.finding.error)} when corrected{also}."
 
 
 def diagnose(scene: Scene, frames: Sequence[int] | None = None, features: int = FEATURES) -> Diagnosis:

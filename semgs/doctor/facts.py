@@ -7,14 +7,19 @@ import numpy as np
 from semgs.data.choosing.covisibility import Covisibility, DepthGrids
 from semgs.data.scene import Scene
 from semgs.data.spread import spread
+from semgs.doctor.unit import UnitVerdict
 from semgs.figures.number_texts import length, percent
 
 MOST_FRAMES = 40
 """Baselines and overlaps are those of this many frames, evenly spread, and their neighbours in the file's order."""
 
 
-def facts(scene: Scene) -> tuple[tuple[str, str], ...]:
+def facts(scene: Scene, unit: UnitVerdict) -> tuple[tuple[str, str], ...]:
     """Pairs of name and text.
+
+    Args:
+        scene: the scene.
+        unit: what is known about the unit of its lengths.
 
     Raises:
         InputError: the scale has to be found from images, and one cannot be read.
@@ -38,7 +43,7 @@ def facts(scene: Scene) -> tuple[tuple[str, str], ...]:
         ("focal length", f"{_range(focal[:, 0])} px across, {_range(focal[:, 1])} px down"),
         ("angle of view", f"{_range(angles[:, 0])} degrees across, {_range(angles[:, 1])} degrees down"),
         ("lens distortion", "none" if all(lens.is_pinhole for lens in lenses) else "undone on reading"),
-        ("unit", "metres" if metric else "unknown"),
+        ("unit", unit.text),
         ("measured depth", f"{measured} of {len(scene)} frames" + ("" if not measured else _depths(grids, few, metric))),
         ("depth range", f"{length(bounds.near, metric)} to {length(bounds.far, metric)}: {bounds.reason}"),
         ("distance of neighbours", f"{length(float(np.median(steps)), metric)}, at most {length(float(steps.max()), metric)}"),

@@ -47,7 +47,14 @@ def miss(rig: Rig, matches: Matches) -> float:
 
 
 def triangulated_depth(rig: Rig, matches: Matches) -> float:
-    """The median z-depth in their first frame at which the cameras put matches, by parallax alone [the scene's unit]; NaN if there is none.
+    """The median of `triangulated_depths` [the scene's unit]; NaN if there is none."""
+    depths = triangulated_depths(rig, matches)
+    known = depths[np.isfinite(depths)]
+    return float(np.median(known)) if len(known) else np.nan
+
+
+def triangulated_depths(rig: Rig, matches: Matches) -> Float64[np.ndarray, " m"]:
+    """The z-depth in its first frame at which the cameras put each match, by parallax alone [the scene's unit]; NaN if that is not in front of it.
 
     A point at depth z on the ray a is at z R a + t in the second frame, parallel to the ray b there: z (b x R a) = -(b x t), solved by least
     squares.
@@ -59,8 +66,7 @@ def triangulated_depth(rig: Rig, matches: Matches) -> float:
     across, step = np.cross(b, np.einsum("mij,mj->mi", motion[:, :3, :3], a)), np.cross(b, motion[:, :3, 3])
     with np.errstate(divide="ignore", invalid="ignore"):
         depths = -(across * step).sum(1) / (across**2).sum(1)
-    depths = depths[np.isfinite(depths) & (depths > 0)]
-    return float(np.median(depths)) if len(depths) else np.nan
+    return np.where(np.isfinite(depths) & (depths > 0), depths, np.nan)
 
 
 def epipolar_line(rig: Rig, i: int, j: int, point: Float64[np.ndarray, " xy"]) -> Float64[np.ndarray, "k 2"]:

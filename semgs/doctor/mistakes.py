@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Float64
 
 from semgs.doctor.rig import FLIP, FileConvention, Rig, inverse
+from semgs.files.text import natural_order
 from semgs.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
 
 FACTORS = np.geomspace(0.25, 4, 41)
@@ -22,6 +23,9 @@ SHIFTS = np.linspace(-0.2, 0.2, 9)
 
 STEPS = 4
 """Refinements of a search; each divides its step by 4."""
+
+UNIT_FACTORS = (1e-3, 1e-2, 0.1, 10.0, 1e2, 1e3, 0.2, 5.0, 0.25, 4.0)
+"""Between usual units of depth maps: powers of ten, 5,000 counts a metre (TUM RGB-D) for 1,000, and 4,000 (depth cameras that count quarters of a millimetre)."""
 
 PLAUSIBLE_DEPTH = (0.4, 15.0)
 """Median depths of rooms [m]."""
@@ -127,7 +131,7 @@ def _off_by_one(given: Given) -> Iterator[Rig]:
 def _sorted_otherwise(given: Given) -> Iterator[Rig]:
     """Sorted as text, 10 comes before 9; sorted as numbers, after it."""
     by_text = sorted(range(len(given.names)), key=lambda index: _unpadded(given.names[index]))
-    by_number = sorted(range(len(given.names)), key=lambda index: _numbers(given.names[index]))
+    by_number = sorted(range(len(given.names)), key=lambda index: natural_order(given.names[index]))
     to_text = np.empty(len(by_text), dtype=np.int64)
     to_text[by_number] = by_text
     for order in (to_text, np.argsort(to_text)):
@@ -208,9 +212,9 @@ def _millimetres(given: Given) -> Iterator[Rig]:
 
 
 def _other_depth_unit(given: Given) -> Iterator[Rig]:
-    for power in (-3, -2, -1, 1, 2, 3):
-        if np.isnan(given.depth) or plausible(given.depth * 10.0**power):
-            yield replace(given.rig, depth_unit=given.rig.depth_unit * 10.0**power)
+    for factor in UNIT_FACTORS:
+        if np.isnan(given.depth) or plausible(given.depth * factor):
+            yield replace(given.rig, depth_unit=given.rig.depth_unit * factor)
 
 
 def _without_depth(given: Given) -> Iterator[Rig]:
@@ -225,6 +229,8 @@ def plausible(depth: float) -> bool:
 
 MILLIMETRES = Mistake("positions in millimetres or centimetres", _millimetres)
 
+DEPTH_UNIT = Mistake("wrong unit of depth", _other_depth_unit)
+
 MISTAKES = (
     Mistake("poses inverted (world to camera for camera to world, or the reverse)", _inverted),
     Mistake("OpenGL and OpenCV axes confused", _other_axes),
@@ -235,7 +241,7 @@ MISTAKES = (
     Mistake("fx and fy swapped", _focal_swapped),
     Mistake("cx and cy swapped", _centre_swapped),
     MILLIMETRES,
-    Mistake("depth unit off by a power of ten", _other_depth_unit),
+    DEPTH_UNIT,
     Mistake("images in reverse order", _reversed),
     Mistake("images off by one", _off_by_one),
     Mistake("images sorted as text (10 before 9)", _sorted_otherwise),
@@ -263,11 +269,6 @@ def _with_rotation(matrices: Float64[np.ndarray, "n 4 4"], rotations: np.ndarray
 def _reordered(rig: Rig, order: Sequence[int] | np.ndarray) -> Rig:
     """Each image with the pose of another frame."""
     return replace(rig, poses=rig.poses[np.asarray(order)])
-
-
-def _numbers(name: str) -> tuple[tuple[int, str], ...]:
-    """A key that sorts the numbers in a name by size."""
-    return tuple((int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name))
 
 
 def _unpadded(name: str) -> str:

@@ -23,8 +23,10 @@ import torch
 
 from semgs.data.tables.classes import ClassTable
 from semgs.files.atomic import write_bytes
+from semgs.files.paths import typed_path
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.harmonics import DEGREE_0
+from semgs.runtime.argument_types import check_type
 
 _FULL = 15  # harmonics above degree 0, per channel, at degree 3
 _SMALLEST_SCALE = 1e-20  # the log of 0, for a flat Gaussian, is not finite; this renders the same
@@ -52,6 +54,7 @@ def save_ply(
         ValueError: they have a batch axis, or a number is not finite, or a further property has another count or a name that is taken.
         OSError: the file cannot be written.
     """
+    Gaussians.check_type(gaussians)
     _write(path, gaussians, gaussians.colour, extra or {}, comments)
 
 
@@ -69,6 +72,8 @@ def save_semantic_ply(path: str | Path, gaussians: Gaussians, classes: ClassTabl
         ValueError: as for `save_ply`; or the Gaussians have no classes, or another number than the table.
         OSError: the file cannot be written.
     """
+    Gaussians.check_type(gaussians)
+    check_type("classes are", classes, ClassTable, "a class table, such as encoding.classes or load_scene(...).classes")
     if gaussians.semantic is None:
         raise ValueError("the Gaussians have no classes; expected those of a model with a semantic branch")
     if gaussians.semantic.features.shape[-1] != len(classes):
@@ -101,6 +106,7 @@ def _write(
     comments: Sequence[str] = (),
 ) -> None:
     """Write positions and opacities with the shapes and harmonics of one branch."""
+    path = typed_path(path)
     if gaussians.means.ndim != 2:
         raise ValueError(f"means are {tuple(gaussians.means.shape)}; a PLY holds one scene, expected [g 3]")
     means, opacities, quaternions, scales, harmonics = (

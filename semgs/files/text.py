@@ -1,7 +1,8 @@
-"""Names of files, scenes and classes, made safe to print."""
+"""Names of files, scenes and classes: made safe to print, and sorted."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 
@@ -20,6 +21,12 @@ def listed(names: Sequence[str], most: int = 5) -> str:
     """The first names on one line, and how many more there are."""
     rest = len(names) - most
     return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def natural_order(name: str) -> tuple[list[tuple[int, str]], str]:
+    """A key to sort names with numbers in them: text and numbers alternate, and numbers count by value, so 2 comes before 10."""
+    parts = re.split(r"([0-9]+)", name.lower())
+    return [(int(part), "") if index % 2 else (0, part) for index, part in enumerate(parts)], name
 
 
 def _escaped(character: str) -> str:

@@ -98,6 +98,16 @@ class Cameras:
         poses[..., :3, 3] -= as_float64(origin)
         return Cameras.trusted(poses, self.intrinsics, self.size)
 
+    @classmethod
+    def check_type(cls, value: object) -> None:
+        """Refuse what is given for cameras and is none.
+
+        Raises:
+            TypeError: it has another type.
+        """
+        if not isinstance(value, cls):
+            raise TypeError(f"cameras are {type(value).__name__}; expected semgs.Cameras, such as views.cameras")
+
     @property
     def batch(self) -> tuple[int, ...]:
         """The leading axes."""
@@ -132,7 +142,10 @@ def checked_size(size: Sequence[int]) -> tuple[int, int]:
 
     Raises:
         ValueError: it is not two positive integers.
+        TypeError: it is no pair.
     """
+    if isinstance(size, str) or not isinstance(size, Sequence | np.ndarray | Tensor):
+        raise TypeError(f"size is {type(size).__name__}; expected two positive integers (height, width)")
     height, width = (int(side) for side in size) if len(size) == 2 else (0, 0)
     if (height, width) != tuple(size) or height < 1 or width < 1:
         raise ValueError(f"size is {tuple(size)}; expected two positive integers (height, width)")
@@ -140,11 +153,17 @@ def checked_size(size: Sequence[int]) -> tuple[int, int]:
 
 
 def as_float64(numbers: Arrays) -> Float64[Tensor, " ..."]:
-    """Numbers in any form as a float64 tensor on the CPU, without gradient."""
+    """Numbers in any form as a float64 tensor on the CPU, without gradient.
+
+    Raises:
+        TypeError: they are no numbers.
+    """
     if isinstance(numbers, Tensor):
         return numbers.detach().to("cpu", torch.float64)
     if isinstance(numbers, list | tuple) and numbers and isinstance(numbers[0], Tensor):
         return torch.stack([as_float64(tensor) for tensor in numbers])
+    if isinstance(numbers, str) or not isinstance(numbers, Sequence | np.ndarray | float | int):
+        raise TypeError(f"an array is {type(numbers).__name__}; expected numbers")
     return torch.as_tensor(writable(np.asarray(numbers, dtype=np.float64)))
 
 

@@ -82,6 +82,18 @@ class Gaussians:
             "Gaussians", means=self.means, opacities=self.opacities, colour=self.colour, semantic=self.semantic
         )
 
+    @classmethod
+    def check_type(cls, value: object) -> None:
+        """Refuse what is given for Gaussians and is none.
+
+        Raises:
+            TypeError: it has another type.
+        """
+        if not isinstance(value, cls):
+            raise TypeError(
+                f"gaussians are {type(value).__name__}; expected semgs.Gaussians, such as encoding.gaussians or load_scene(...).gaussians"
+            )
+
     def checked(self) -> Gaussians:
         """These Gaussians, every number checked.
 

@@ -97,6 +97,10 @@ def stream(
     Raises:
         ValueError: an argument is outside its range, or a frame has neither three nor four parts.
     """
+    if not isinstance(frames, Iterable):
+        raise TypeError(
+            f"frames are {type(frames).__name__}; expected (image, world_from_camera, intrinsics) again and again, as they come"
+        )
     model = load(network) if isinstance(network, str) else network
     near, far = depth_range
     bounds = DepthRange(near, far, "metric", "as given")
@@ -140,6 +144,10 @@ class FrameReader:
         Raises:
             ValueError: it has neither three nor four parts.
         """
+        if not isinstance(frame, Sequence) or isinstance(frame, str):
+            raise TypeError(
+                f"a frame is {type(frame).__name__}; expected image, pose and intrinsics, and perhaps its time"
+            )
         if len(frame) not in (3, 4):
             raise ValueError(
                 f"a frame has {len(frame)} parts; expected image, pose and intrinsics, and perhaps its time"

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.choosing.choice import Choice
 from semgs.data.scene import Scene
@@ -12,8 +14,10 @@ from semgs.data.views import Views
 from semgs.files.errors import InputError
 from semgs.mapping.keyframes import COVERED
 from semgs.mapping.mapper import Mapper, Merged, Window
+from semgs.mapping.walk_order import walk_order
 from semgs.reconstruction.notes import left_out, notes_on_walk
 from semgs.runtime.stopwatch import Stages
+from semgs.scene.encoding import Encoding
 
 HELD_OUT = 4
 """At most this many frames that are no keyframes are rendered and compared."""
@@ -24,7 +28,7 @@ VOXEL_SHARE = 0.0015
 
 @dataclass(frozen=True)
 class Walk:
-    """All frames of a recording, in file order.
+    """All frames of a recording, in the order of the walk.
 
     Attributes:
         views: of a window, 2 to 4.
@@ -53,11 +57,22 @@ def map_walk(
     """
     with stages("read", "Finding the depth range"):
         bounds = scene.depth_range()
-    mapper = Mapper(window, bounds, views=walk.views, voxel=VOXEL_SHARE * bounds.typical)
+    order = walk_order(
+        [frame.name for frame in scene.frames],
+        np.stack([frame.world_from_camera for frame in scene.frames]),
+        bounds.typical,
+    )
+
+    def window_of(numbers: Sequence[int], views: Views) -> Encoding:
+        """The window of the frames with these numbers in the order of the walk."""
+        return window([order.positions[number] for number in numbers], views)
+
+    mapper = Mapper(window_of, bounds, views=walk.views, voxel=VOXEL_SHARE * bounds.typical)
     errors: list[str] = []
-    for position, frame in enumerate(scene.frames):
+    for number, position in enumerate(order.positions, 1):
+        frame = scene.frames[position]
         try:
-            with stages("read", f"Reading frame {position + 1} of {len(scene)}"):
+            with stages("read", f"Reading frame {number} of {len(scene)}"):
                 view = read([position], bounds)
         except InputError as error:
             errors.append(error.first_line)
@@ -69,13 +84,13 @@ def map_walk(
     if merged is None:
         why = errors[0] if errors else left_out(mapper) or "no frame shares 30% of what it sees with another"
         raise InputError(scene.path, "at least two usable frames that overlap", f"none: {why}")
-    keyframes = merged.numbers
-    others = [number for number in mapper.usable if number not in keyframes]
+    keyframes = tuple(order.positions[number] for number in merged.numbers)
+    others = [order.positions[number] for number in mapper.usable if number not in merged.numbers]
     count = min(HELD_OUT, len(others))
     targets = tuple(others[(2 * place + 1) * len(others) // (2 * count)] for place in range(count))
     reason = (
         f"all frames: {len(keyframes)} of {len(scene)} are keyframes, because earlier ones saw less than {COVERED:.0%} of what they see; "
         f"{mapper.windows} windows"
     )
-    notes = (*errors[:1], *notes_on_walk(mapper, scene.unit == "metric"))
+    notes = (*filter(None, (order.note,)), *errors[:1], *notes_on_walk(mapper, scene.unit == "metric"))
     return Choice(keyframes, targets, reason, bounds, notes), merged

@@ -62,6 +62,7 @@ def render(
         ImportError: the back-end is gsplat, which is not installed.
         RuntimeError: this process was forked from one that had already rendered or encoded.
     """
+    Gaussians.check_type(gaussians)
     backdrop = torch.as_tensor(background, dtype=torch.float64)
     if backdrop.shape != (3,):
         raise ValueError(f"background is {tuple(backdrop.shape)}; expected 3 numbers (red, green, blue)")
@@ -107,8 +108,7 @@ def render_each_view(
     Raises:
         ValueError, ImportError, RuntimeError: as for `render`.
     """
-    if not isinstance(cameras, Cameras):
-        raise TypeError(f"cameras are {type(cameras).__name__}; expected semgs.Cameras, such as views.cameras")
+    Cameras.check_type(cameras)
     check_not_forked()
     backend_module, device = _choose_backend(backend, gaussians.means)
     batch = tuple(gaussians.means.shape[:-2])

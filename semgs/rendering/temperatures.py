@@ -13,6 +13,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from semgs.runtime.argument_types import check_type
+
 
 @dataclass(frozen=True)
 class Temperatures:
@@ -41,6 +43,9 @@ def tempered(distributions: Float[Tensor, "*batch class"], temperature: float) -
     Raises:
         ValueError: the temperature is not positive.
     """
+    check_type(
+        "distributions are", distributions, Tensor, "a tensor, such as rendering.semantics moved to its last axis"
+    )
     if not temperature > 0:
         raise ValueError(f"a temperature of {temperature}; expected one above 0")
     return (logarithms(distributions) / temperature).softmax(-1)

@@ -19,6 +19,7 @@ from semgs.rendering.temperatures import highest_probability
 from semgs.robotics.boxes import Box, box_of
 from semgs.robotics.level import level_from_world
 from semgs.robotics.object_libraries import clustering_library
+from semgs.runtime.argument_types import check_type
 
 STUFF = ("wall", "floor", "ceiling")
 """Classes that are no things: ScanNet's instances leave out the first two; other tables have the third."""
@@ -114,6 +115,8 @@ def objects(
         ValueError: the Gaussians have no classes or another number than the table, have a batch axis, or an argument is out of range.
         ImportError: scikit-learn or trimesh is not installed.
     """
+    Gaussians.check_type(gaussians)
+    check_type("classes are", classes, ClassTable, "a class table, such as load_scene(...).classes")
     if gaussians.semantic is None:
         raise ValueError("the Gaussians have no classes; expected those of a model with a semantic branch")
     features = gaussians.semantic.features.detach().cpu()

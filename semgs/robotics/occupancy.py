@@ -98,6 +98,8 @@ def occupancy(
         NoFloorError: no floor was found.
         ValueError: an argument is out of range.
     """
+    Gaussians.check_type(gaussians)
+    Cameras.check_type(cameras)
     if not (0 < step < height and resolution > 0 and reach > 0):
         raise ValueError(
             f"step is {step}, height {height}, resolution {resolution} and reach {reach}; expected 0 < step < height, and positive others"

@@ -57,6 +57,10 @@ def frame_from_messages(image: Any, info: Any, pose: Any, *, rectified: bool = F
     Raises:
         ValueError: the encoding is not supported, the CameraInfo does not belong to the image, or the pose is none, or is that of another frame.
     """
+    for what, message, part in (("an image", image, "data"), ("the camera", info, "width")):
+        if not (hasattr(message, "header") and hasattr(message, part)):
+            kind = "Image or CompressedImage" if message is image else "CameraInfo"
+            raise TypeError(f"{what} is {type(message).__name__}; expected a message {kind}")
     world_from_camera = _camera_pose(image, pose)
     seen = _pinhole(image, info, rectified)
     return seen.image, world_from_camera, seen.lens.intrinsics, stamp_of(image) / 1e9
@@ -102,9 +106,14 @@ def pose_matrix(message: Any) -> Float64[np.ndarray, "4 4"]:
     Raises:
         ValueError: a number is not finite, or the quaternion is zero, as in an empty message.
     """
+    given = message
     for part in ("pose", "transform"):  # of a stamped message
         message = getattr(message, part, message)
     is_transform = hasattr(message, "rotation")
+    if not (is_transform or hasattr(message, "orientation")):
+        raise TypeError(
+            f"a pose is {type(given).__name__}; expected a message Pose, PoseStamped, Transform or TransformStamped"
+        )
     place, turn = (message.translation, message.rotation) if is_transform else (message.position, message.orientation)
     quaternion = np.array([turn.w, turn.x, turn.y, turn.z], np.float64)
     found = np.eye(4)

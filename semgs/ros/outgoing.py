@@ -18,6 +18,7 @@ from semgs.files.bags import message_store
 from semgs.geometry.rotations import quaternion_from_matrix
 from semgs.robotics.objects import Objects
 from semgs.robotics.occupancy import Occupancy
+from semgs.runtime.argument_types import check_type
 from semgs.scene.scene_file import SavedScene
 
 
@@ -32,6 +33,7 @@ def point_cloud(scene: SavedScene, header: Any, found: Objects | None = None) ->
     Raises:
         ImportError: rosbags is not installed.
     """
+    check_type("the scene is", scene, SavedScene, "semgs.SavedScene, such as scene.saved of a stream")
     instances = None if found is None else found.instances
     return cloud_message(make_points(scene, instances), message_store().types, _header(header))
 
@@ -48,6 +50,7 @@ def detections(found: Objects, header: Any) -> Any:
     Raises:
         ImportError: rosbags is not installed.
     """
+    check_type("things are", found, Objects, "what semgs.objects returns")
     types = message_store().types
     array = types["vision_msgs/msg/Detection3DArray"]
     return array(_header(header), [_detection(one, header, types) for one in place_things(found)])
@@ -64,6 +67,7 @@ def label_info(classes: ClassTable, header: Any, threshold: float = 0.0) -> Any:
     Raises:
         ImportError: rosbags is not installed.
     """
+    check_type("classes are", classes, ClassTable, "a class table, such as scene.classes")
     types = message_store().types
     named = [types["vision_msgs/msg/VisionClass"](number, name) for number, name in enumerate(classes.names)]
     return types["vision_msgs/msg/LabelInfo"](_header(header), named, threshold)
@@ -81,6 +85,7 @@ def occupancy_grid(found: Occupancy, header: Any) -> Any:
     Raises:
         ImportError: rosbags is not installed.
     """
+    check_type("the map is", found, Occupancy, "what semgs.occupancy returns")
     types = message_store().types
     height, width = found.cells.shape
     frame_from_level = found.level_from_world.T
@@ -99,6 +104,8 @@ def serialized(message: Any) -> bytes:
     Raises:
         ImportError: rosbags is not installed.
     """
+    if not hasattr(message, "__msgtype__"):
+        raise TypeError(f"a message is {type(message).__name__}; expected what the other functions of semgs.ros return")
     return bytes(message_store().serialize_cdr(message, message.__msgtype__))
 
 

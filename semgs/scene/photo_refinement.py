@@ -17,6 +17,7 @@ from torch import Tensor
 
 from semgs.data.views import Views
 from semgs.geometry.gaussians import Gaussians
+from semgs.runtime.argument_types import check_type
 from semgs.scene.encoding import Encoding
 
 PASSES, WALK_PASSES = 15, 7
@@ -129,6 +130,8 @@ def refine_until(
     Raises:
         ValueError: as for `refine`.
     """
+    check_type("the encoding is", encoding, Encoding, 'the output of a network, such as load("small")(views)')
+    check_type("views are", views, Views, "semgs.Views, the input views of the encoding")
     if passes < 1:
         raise ValueError(f"passes is {passes}; expected 1 or more")
     if encoding.depths.shape != (len(views), *views.size):

@@ -34,6 +34,7 @@ from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError, input_error
+from semgs.files.paths import typed_path
 from semgs.files.records import make_record
 from semgs.files.strict_json import parse_json
 from semgs.files.tensor_files import open_tensors
@@ -43,6 +44,7 @@ from semgs.geometry.summaries import describe
 from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
 from semgs.rendering.temperatures import Temperatures
+from semgs.runtime.argument_types import check_type
 from semgs.scene.encoding import Encoding, block_size, per_gaussian
 
 FILE_NAME = "scene.safetensors"
@@ -166,6 +168,8 @@ class SavedScene:
         Raises:
             ValueError: sizes or counts disagree.
         """
+        check_type("the encoding is", encoding, Encoding, 'the output of a network, such as load("small")(views)')
+        check_type("views are", views, Views, "semgs.Views, the input views of the encoding")
         return cls(
             gaussians=encoding.gaussians,
             cameras=views.cameras,
@@ -249,6 +253,8 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
     Raises:
         OSError: the file cannot be written.
     """
+    check_type("the scene is", scene, SavedScene, "semgs.SavedScene, such as SavedScene.of(encoding, views, unit=...)")
+    path = typed_path(path)
     gaussians, in_source = scene.gaussians, scene.cameras
     if any(scene.origin):
         in_source = in_source.relative_to([-side for side in scene.origin])
@@ -297,7 +303,8 @@ def load_scene(path: str | Path) -> SavedScene:
     Raises:
         InputError: it is missing, incomplete, no scene file, of a newer version, or its contents are not a valid `SavedScene`.
     """
-    file = Path(path) / FILE_NAME if Path(path).is_dir() else Path(path)
+    path = typed_path(path)
+    file = path / FILE_NAME if path.is_dir() else path
     if not file.is_file():
         raise InputError(
             file, "a scene file", "no such file", advice="give the folder or file that `semgs reconstruct --out` wrote"

@@ -20,7 +20,7 @@ from semgs.files.atomic import write_bytes
 from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import MOST_PIXELS, jpeg_bytes, read_header, read_optics, read_upright
-from semgs.files.text import listed
+from semgs.files.text import listed, natural_order
 
 UNREAD = (
     ".webp", ".avif", ".gif", ".bmp", ".tif", ".tiff", ".heif", ".jxl", ".jp2", ".exr", ".hdr",
@@ -135,7 +135,7 @@ def _pictures_of(folder: Path) -> list[Path]:
         for file in (folder.iterdir() if folder.is_dir() else ())
         if file.suffix.lower() in (*PICTURES, *UNREAD) and not file.name.startswith(".") and file.is_file()
     ]
-    return sorted(found, key=lambda file: _natural(file.name))
+    return sorted(found, key=lambda file: natural_order(file.name))
 
 
 def photos_below(path: Path) -> dict[str, int]:
@@ -309,12 +309,6 @@ def small_grey(pixels: np.ndarray) -> np.ndarray:
 def sharpness_of(grey: np.ndarray) -> float:
     """The variance of the Laplacian of an image in grey."""
     return float(cv2.Laplacian(grey, cv2.CV_64F).var())
-
-
-def _natural(name: str) -> list[tuple[int, str]]:
-    """A key to sort names with numbers in them: text and numbers alternate, and numbers count by value."""
-    parts = re.split(r"(\d+)", name.lower())
-    return [(int(part), "") if index % 2 else (0, part) for index, part in enumerate(parts)]
 
 
 def jpeg_name(file: Path, files: Sequence[Path]) -> str:

@@ -53,7 +53,7 @@ def write_photo_scene(
     images.mkdir()
     photos = copy_frames(path, images, known.frames) if path.is_file() else copy_photos(path, images)
     listed = photos.photos if known.focal_px is None else with_focal(photos, known.focal_px)
-    seconds = expected_seconds(listed, photos.ordered, usable_cores())
+    seconds = expected_seconds(listed, photos.ordered, usable_cores(), known.focal_px is not None)
     say(f"Estimating the cameras of {len(listed)} photos: about {seconds:.0f} s")
     solution = solve(photos, listed, known.focal_px is not None)
     if known.distance is not None:

@@ -73,7 +73,7 @@ LEAST_ANGLE_DEG = 1.0
 """Rays to the points have to meet at this angle in the median, or the cameras hardly moved."""
 
 SECONDS_PER_PHOTO, SECONDS_PER_PAIR, SECONDS_PER_CAMERA = 2.5, 0.09, 0.25
-"""Of one core to find a photo's features at `LARGEST_SIDE`, to match two photos, and to add a camera, which one thread does. Small photos take less."""
+"""Of one core to find a photo's features at `LARGEST_SIDE`, to match two photos, and to add a camera each time that all are solved, which one thread does. Small photos take less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,14 +112,28 @@ class Solution:
     notes: tuple[str, ...] = ()
 
 
-def expected_seconds(photos: Sequence[UprightPhoto], ordered: bool, cores: int) -> float:
-    """About how long `solve` takes."""
+def expected_seconds(photos: Sequence[UprightPhoto], ordered: bool, cores: int, focal_given: bool = False) -> float:
+    """About how long `solve` takes. If the photos turn out to have several lenses, each grouping takes as long as one solving in addition."""
     count = len(photos)
     pairs = sum(1 for i in range(count) for j in range(i + 1, count) if not ordered or j - i <= 10)
     longer = max(max(photo.size) for photo in photos)
     finding = SECONDS_PER_PHOTO * count * min(1.0, (longer / LARGEST_SIDE) ** 2)
     matching = SECONDS_PER_PAIR * pairs * min(1.0, (longer / 640) ** 2)
-    return 1 + (finding + matching) / cores + SECONDS_PER_CAMERA * count * min(1.0, longer / 1000)
+    held = focal_given or count == 2
+    solved = len(STARTS) if _tries_starts(photos, held) else 1
+    solved += _frees_each(photos, ordered, held)
+    return 1 + (finding + matching) / cores + solved * SECONDS_PER_CAMERA * count * min(1.0, longer / 1000)
+
+
+def _tries_starts(photos: Sequence[UprightPhoto], held: bool) -> bool:
+    """Whether cameras are solved from each of `STARTS`."""
+    known = all(photo.focal_px is not None for photo in photos)
+    return not (held or known or len(photos) >= DISTORTED)
+
+
+def _frees_each(photos: Sequence[UprightPhoto], ordered: bool, held: bool) -> bool:
+    """Whether cameras are solved once more with a focal length for each photo."""
+    return not held and may_be_several(photos, ordered)
 
 
 def solve(photos: PhotoSet, listed: Sequence[UprightPhoto], focal_given: bool = False) -> Solution:
@@ -137,23 +151,22 @@ def solve(photos: PhotoSet, listed: Sequence[UprightPhoto], focal_given: bool = 
     library = pycolmap()
     check_utf8(photos.folder, "pycolmap")
     held = focal_given or len(listed) == 2
-    known = all(photo.focal_px is not None for photo in listed)
     with TemporaryDirectory(prefix="semgs-") as temporary:
         work = Path(temporary)
         database = work / "features.db"
         library.set_random_seed(SEED)
         _extract(database, photos.folder, listed)
         _match(database, photos.ordered, min(LARGEST_SIDE, max(max(photo.size) for photo in listed)))
-        if held or known or len(listed) >= DISTORTED:
-            models = _models(database, photos.folder, work, held, listed)
-        else:
+        if _tries_starts(listed, held):
             models = []
             for start in STARTS:
                 _start_at(database, start)
                 models += _models(database, photos.folder, work, held, listed)
+        else:
+            models = _models(database, photos.folder, work, held, listed)
         equal = best(models)
         groups = None
-        if not held and may_be_several(listed, photos.ordered):
+        if _frees_each(listed, photos.ordered, held):
             equal, groups = _with_several_lenses(database, photos.folder, work, listed, equal)
         model = equal[0] if equal else None
         if model is None or _median_angle_deg(model) < LEAST_ANGLE_DEG:

@@ -33,7 +33,9 @@ from semgs.data.views import Batch
 from semgs.files.atomic import remove_parts
 from semgs.files.errors import input_error
 from semgs.files.images.pictures import write_png
+from semgs.files.paths import typed_path
 from semgs.rooms.assets.lock import verify
+from semgs.runtime.argument_types import check_type
 from semgs.training.data.batches import Portion, training_batches, validation_batches
 from semgs.training.data.data_check.data_check import check_data
 from semgs.training.data.data_settings import DataSettings
@@ -120,6 +122,8 @@ def train(
         FloatingPointError: ten steps in a row had no finite gradient; the last batch is saved in the run folder.
     """
     began = time.monotonic()
+    check_type("settings are", settings, TrainingSettings, "TrainingSettings, such as those of a preset")
+    out = typed_path(out)
     execution = execution or Execution()
     settings.check_complete()
     execution.share().check(settings.batch)

@@ -92,6 +92,9 @@ def test_a_file_of_an_older_version_is_read_without_what_is_no_longer_measured(t
     content = {"format": "semgs.bench", "version": 1, "machine": {"ceilings": {}}, "results": [entry | older]}
     path.write_text(json.dumps(content))
     assert read_bench(path).results == (BenchResult("cnn_base_n2", 0.2, 0.25, 5, 498.0),)
+    content["results"][0]["name"] = "total_small_n2_bfloat16"
+    path.write_text(json.dumps(content))
+    assert read_bench(path).results[0].name == "total_small_n2_bf16"
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ def test_no_two_rows_have_the_same_name() -> None:
 @pytest.mark.parametrize(
     "name",
     [
-        *(f"total_{net}_n{n}_{how}" for net in ("base", "small") for n in (2, 3, 4) for how in ("float32", "bfloat16")),
+        *(f"total_{net}_n{n}_{how}" for net in ("base", "small") for n in (2, 3, 4) for how in ("float32", "bf16")),
         "cnn_base_n2", "transformer_colour_base_n2", "transformer_semantic_small_n2", "cost_volume_base_n2", "depth_small_n2",
         "heads_base_n2", "render_n2", "render_n2_colour", "render_n2_backward", "train_small_n2", "command_help",
     ],
@@ -41,7 +41,7 @@ def test_the_stages_of_a_frame_are_measured_with_it() -> None:
     assert rows["cnn_base_n2"].run == rows["heads_base_n2"].run == rows["total_base_n2_float32"].run
     assert rows["cnn_base_n2"].run != rows["cnn_small_n2"].run
     assert rows["render_n2"].run != rows["render_n2_colour"].run
-    assert rows["total_small_n2_float32"].run != rows["total_small_n2_bfloat16"].run
+    assert rows["total_small_n2_float32"].run != rows["total_small_n2_bf16"].run
 
 
 def test_the_quick_look_leaves_out_what_takes_long() -> None:

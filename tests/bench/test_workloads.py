@@ -86,7 +86,7 @@ def test_a_row_on_cuda_says_what_is_missing() -> None:
     if torch.cuda.is_available():
         pytest.skip("there is a CUDA device here")
     with pytest.raises(CannotMeasureError, match="no CUDA device"):
-        prepare(ROWS["total_base_n2_bfloat16_b8_cuda"])
+        prepare(ROWS["total_base_n2_bf16_b8_cuda"])
 
 
 def test_the_generated_scene_is_what_its_row_says() -> None:

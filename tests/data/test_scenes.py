@@ -164,11 +164,12 @@ def test_a_file_without_a_known_layout_is_refused(tmp_path):
         open_scenes(tmp_path / "clip.mp4")
 
 
-def test_the_scene_one_folder_below_is_pointed_to(folder):
-    (folder / "inside").mkdir()
+@pytest.mark.parametrize("inside", ["inside", "outputs/room/sfm/model"])
+def test_the_nearest_scene_below_is_pointed_to(folder, inside):
+    (folder / inside).mkdir(parents=True)
     for file in [*folder.glob("*t"), folder / "transforms.json"]:
-        file.rename(folder / "inside" / file.name)
-    with pytest.raises(InputError, match=f"there is one in {folder / 'inside'}"):
+        file.rename(folder / inside / file.name)
+    with pytest.raises(InputError, match=f"there is one in {folder / inside}"):
         open_scene(folder)
 
 

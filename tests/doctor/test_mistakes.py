@@ -92,7 +92,7 @@ def test_without_depth_scale_cannot_be_told_and_the_rest_is_named(planted: Plant
     rig = walk()
     matches = seen(rig, depth=False)
     wrong = planted.make(rig, np.random.default_rng(0))
-    if "millimetres" in planted.name or "depth unit" in planted.name:
+    if "millimetres" in planted.name or "unit of depth" in planted.name:
         found = judge_cameras(wrong, matches)
         assert found.verdict == "good"
         assert planted.name in [one.name for one in found.undecided]

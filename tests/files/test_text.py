@@ -7,7 +7,7 @@ import os
 import pytest
 
 from semgs.files.errors import InputError
-from semgs.files.text import listed, printable
+from semgs.files.text import listed, natural_order, printable
 
 
 @pytest.mark.parametrize(
@@ -35,3 +35,8 @@ def test_a_list_names_the_first_ones_and_counts_the_rest():
     assert listed(["a", "b", "c"], 3) == "a, b, c"
     assert listed(["a", "b", "c", "d"], 2) == "a, b and 2 more"
     assert listed([]) == ""
+
+
+def test_numbers_in_names_are_sorted_by_value_and_letters_of_any_case_alike() -> None:
+    names = ["b2", "B10", "a1²3", "a1", "10", "9", "b2.png", "a\u0661"]
+    assert sorted(names, key=natural_order) == ["9", "10", "a1", "a1²3", "a\u0661", "b2", "b2.png", "B10"]

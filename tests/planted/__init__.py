@@ -18,6 +18,7 @@ from planted.mapping import MAPPING
 from planted.model import MODEL
 from planted.mutant import Mutant
 from planted.objectives import OBJECTIVES
+from planted.other_tools import OTHER_TOOLS
 from planted.preparation import PREPARATION
 from planted.reconstruction import RECONSTRUCTION
 from planted.rendering import RENDERING
@@ -46,6 +47,7 @@ MUTANTS: tuple[Mutant, ...] = (
     *MAPPING,
     *MODEL,
     *OBJECTIVES,
+    *OTHER_TOOLS,
     *PREPARATION,
     *RECONSTRUCTION,
     *RENDERING,

@@ -59,7 +59,7 @@ DOCTOR = (
     ),
     Mutant(
         "the unit of depth is only made smaller", "semgs/doctor/mistakes.py",
-        "for power in (-3, -2, -1, 1, 2, 3):", "for power in (-3, -2, -1):",
+        "(1e-3, 1e-2, 0.1, 10.0, 1e2, 1e3, 0.2, 5.0, 0.25, 4.0)", "(1e-3, 1e-2, 0.1, 0.2, 0.25)",
         (f"{OF_DOCTOR}test_with_measured_depth_each_mistake_is_named_and_undone",),
     ),
     Mutant(

@@ -373,3 +373,21 @@ def test_photos_of_one_exposure_give_the_same_bits_whether_it_is_fitted_or_not(
     assert torch.equal(auto, taken)
     assert not torch.equal(fitted, taken)
     torch.testing.assert_close(fitted, taken, atol=0.05, rtol=0)
+
+
+def test_a_recording_in_random_order_gives_what_the_walk_gives(
+    wall_scene: Callable[..., Scene], oracle: Network
+) -> None:
+    """The file lists the frames in another order; their names are those of the walk."""
+    walk = wall_scene(shifts=tuple(0.15 * number for number in range(8)))
+    order = [5, 0, 7, 2, 6, 1, 4, 3]
+    shuffled = replace(walk, frames=tuple(walk.frames[number] for number in order))
+    straight, other = (reconstruct(scene, Walk(), oracle, (32, 32)) for scene in (walk, shuffled))
+    assert [order[position] for position in other.context.positions] == list(straight.context.positions)
+    assert other.context.names == straight.context.names
+    assert other.target is not None
+    assert straight.target is not None
+    assert {order[position] for position in other.target.positions} == set(straight.target.positions)
+    assert torch.equal(other.encoding.gaussians.means, straight.encoding.gaussians.means)
+    (note,) = set(other.notes) - set(straight.notes)
+    assert note == "The file lists the frames in no order of a walk, so they are taken in the order of their names."

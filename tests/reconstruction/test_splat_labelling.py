@@ -97,7 +97,7 @@ def test_gaussians_that_no_photo_sees_stay_unseen_and_the_notes_say_how_many(sce
 
 def test_the_notes_are_those_of_every_reconstruction_but_for_guessed_depth(scene: Scene, splat: Gaussians) -> None:
     """One photo has no parallax and no overlap, but nobody guessed the depth of a splat."""
-    unknown = replace(scene, unit="unknown")
+    unknown = replace(scene, unit="unknown", notes=())
     result = label_splat(unknown, splat, Labelling(TrueMaps(scene, [])), GIVEN, [0], up="-y")
     assert [note[:40] for note in result.notes if "Gaussians are outside" not in note] == [
         "1 of 1 images have another aspect ratio ",

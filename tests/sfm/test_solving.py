@@ -91,10 +91,26 @@ def test_photos_are_numbered_in_their_order_though_a_later_one_is_done_first(tmp
 def test_the_expected_time_counts_photos_pairs_and_cameras():
     large = [UprightPhoto(f"{n}.png", (1200, 1600)) for n in range(3)]
     # 3 photos of 2.5 s and 3 pairs of 0.09 s on two cores, then 3 cameras of 0.25 s on one, and a second to start
-    assert expected_seconds(large, False, 2) == pytest.approx(1 + (7.5 + 0.27) / 2 + 0.75)
+    assert expected_seconds(large, False, 2, focal_given=True) == pytest.approx(1 + (7.5 + 0.27) / 2 + 0.75)
+    # without a focal length, cameras are solved from five starts
+    assert expected_seconds(large, False, 2) == pytest.approx(1 + (7.5 + 0.27) / 2 + 5 * 0.75)
     # at a fifth of the side: 0.04 of the finding, 0.25 of the matching, 0.32 of the cameras
     small = [UprightPhoto(f"{n}.png", (240, 320)) for n in range(3)]
-    assert expected_seconds(small, False, 1) == pytest.approx(1 + 0.3 + 0.0675 + 0.24)
+    assert expected_seconds(small, False, 1, focal_given=True) == pytest.approx(1 + 0.3 + 0.0675 + 0.24)
+
+
+def test_the_expected_time_counts_every_solving():
+    """Six photos from five starts and with a focal length for each; eight once and with one for each; frames of a clip, and photos with EXIF, have one lens."""
+
+    def solvings(count: int, *, ordered: bool = False, focal_px: float | None = None) -> float:
+        photos = [UprightPhoto(f"{n}.png", (1200, 1600), focal_px) for n in range(count)]
+        given = expected_seconds(photos, ordered, 1, focal_given=True)
+        return 1 + (expected_seconds(photos, ordered, 1) - given) / (0.25 * count)
+
+    assert solvings(6) == pytest.approx(6)
+    assert solvings(8) == pytest.approx(2)
+    assert solvings(8, ordered=True) == solvings(8, focal_px=1300.0) == pytest.approx(1)
+    assert solvings(2) == pytest.approx(1)
 
 
 @pytest.mark.long

@@ -124,7 +124,7 @@ PLANTED = (
     Planted("fx and fy swapped", _focal_swapped),
     Planted("cx and cy swapped", _centre_swapped),
     Planted("positions in millimetres or centimetres", _millimetres),
-    Planted("depth unit off by a power of ten", _depth_unit),
+    Planted("wrong unit of depth", _depth_unit),
     Planted("images in reverse order", _reversed),
     Planted("images off by one", _off_by_one),
     Planted("focal length of another image size", _focal_of_other_size),

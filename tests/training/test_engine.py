@@ -27,7 +27,7 @@ class Probe(nn.Module):
 
 
 @pytest.mark.parametrize(
-    ("precision", "dtype"), [("32", torch.float32), ("auto", torch.float32), ("bf16", torch.bfloat16)]
+    ("precision", "dtype"), [("float32", torch.float32), ("auto", torch.float32), ("bf16", torch.bfloat16)]
 )
 def test_layers_compute_in_the_precision_asked_for_and_nothing_else_is_touched(precision, dtype):
     fabric = launch(Execution(precision=precision))

@@ -52,7 +52,7 @@ def test_a_step_measures_the_same_on_both_devices_and_validates(cuda, supervisio
     assert there.gradient_norm == pytest.approx(here.gradient_norm, rel=1e-2)
 
 
-@pytest.mark.parametrize("precision", ["32", "auto"])
+@pytest.mark.parametrize("precision", ["float32", "auto"])
 def test_a_run_on_cuda_goes_on_and_leaves_weights_that_load(tmp_path: Path, precision: str) -> None:
     pytest.importorskip("embreex")
     settings = replace(

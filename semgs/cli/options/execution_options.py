@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from semgs.cli.device import chosen_device
-from semgs.cli.options.types import Count, Device, Minutes, Workers, at_least, one_word
+from semgs.cli.options.types import Count, Device, Minutes, PrecisionOrAuto, Workers, at_least, one_word
 from semgs.cli.usage_errors import UsageError
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ class ExecutionOptions:
     """Where to compute; auto uses a CUDA GPU if there is one. Only the CPU gives exactly the same numbers every time."""
     devices: Count = 1
     """GPUs to use on this machine, or CPU processes. They share the scenes of each step."""
-    precision: Literal["auto", "32", "bf16"] = "32"
+    precision: PrecisionOrAuto = "float32"
     """Precision of the layers: 32, bf16, or auto for bf16 on GPUs that support it. The paper does not state one. Cameras, depth, opacity,
     Gaussians and losses always use float32 or better."""
     accumulate: Count = 1

@@ -31,6 +31,9 @@ FEW_POINTS = 20
 CONTRADICTS = 0.25
 """If at least this share of the points of a metric scene is outside of the range of rooms, the range comes from the points."""
 
+MOSTLY = 0.5
+"""The same if depth maps are within the range of rooms: then fewer points may be wrong matches."""
+
 BOTH_CONTRADICT = 0.05
 """The same if depth maps say so too, or if there are only depth maps: they have no wrong matches."""
 
@@ -101,12 +104,15 @@ def depth_range(
     if unit != "metric":
         return _from_baseline(frames, positions, unit) if seen is None else _around(seen.inverse, unit, seen.reason)
     share = 0.0 if seen is None else _outside(seen.inverse)
-    if seen is None or BOTH_CONTRADICT <= share < CONTRADICTS:
+    if seen is None or BOTH_CONTRADICT <= share < MOSTLY:
         measured = _inverse_depths_of_maps([frames[index] for index in dict.fromkeys(spread(positions, 4))])
-        if len(measured) < FEW_POINTS or _outside(measured) < BOTH_CONTRADICT:
+        if len(measured) >= FEW_POINTS:
+            if _outside(measured) < BOTH_CONTRADICT:
+                return rooms
+            seen = seen or Seen(measured, "from the depth maps")
+            share = max(share, _outside(measured))
+        elif seen is None or share < CONTRADICTS:
             return rooms
-        seen = seen or Seen(measured, "from the depth maps")
-        share = max(share, _outside(measured))
     elif share < CONTRADICTS:
         return rooms
     near, far = INDOOR_DEPTH_RANGE
@@ -146,9 +152,9 @@ def _seen(
 
 
 def _outside(inverse: np.ndarray) -> float:
-    """The share of inverse depths [1/m] outside of the range of rooms."""
+    """The share of inverse depths [1/m] that are on one side of the range of rooms rather than on the other: wrong matches are on both."""
     near, far = INDOOR_DEPTH_RANGE
-    return float(((inverse > SLACK / near) | (inverse < 1 / (SLACK * far))).mean())
+    return abs(float((inverse > SLACK / near).mean() - (inverse < 1 / (SLACK * far)).mean()))
 
 
 def _inverse_depths_of_maps(frames: Sequence[Frame]) -> np.ndarray:

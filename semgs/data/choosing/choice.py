@@ -16,9 +16,11 @@ import numpy as np
 from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.bounds.parallax import FrameFeatures
 from semgs.data.choosing.covisibility import WIDEST_ANGLE, Covisibility, DepthGrids, flat_grid
+from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
 from semgs.data.spread import spread
 from semgs.files.errors import InputError
+from semgs.files.text import listed
 
 IDEAL_BASELINE = (0.05, 0.15)
 """Relative to the depth. The preference peaks at the geometric mean of the two."""
@@ -112,7 +114,7 @@ def choose(scene: Scene, count: int) -> Choice:
         raise InputError(
             scene.path,
             f"two frames that share {LEAST_SHARED:.0%} of what they see",
-            f"{overlaps.max():.0%} at most",
+            f"{overlaps.max():.0%} at most{_by_depth_maps(scene, few, together.medians)}",
             advice="to use some anyway, name them (--context)",
         )
     chosen = [int(index) for index in divmod(pair, len(few))]
@@ -236,6 +238,18 @@ def _one_of(fit: np.ndarray, otherwise: np.ndarray, taken: Sequence[int], rng: n
     fit[list(taken)], otherwise[list(taken)] = 0, -1
     total = fit.sum()
     return int(rng.choice(len(fit), p=fit / total)) if total > 0 else int(np.argmax(otherwise))
+
+
+def _by_depth_maps(scene: Scene, few: Sequence[int], medians: np.ndarray) -> str:
+    """What depth maps said, and in which unit, if frames have some: if that is wrong, nothing seems to be shared."""
+    units = {one.unit for index in few if isinstance(one := scene.frames[index].depth, DepthMap)}
+    if not units:
+        return ""
+    unit = " m" if scene.unit == "metric" else ""
+    return (
+        f" by their depth maps, whose median is {np.median(medians):.2g}{unit} if they count in {listed([f'{one:.3g}' for one in sorted(units)])} m "
+        "(if they count in another unit, give it: --depth-unit)"
+    )
 
 
 def _check_count(scene: Scene, count: int) -> None:

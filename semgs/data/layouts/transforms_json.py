@@ -22,6 +22,7 @@ from semgs.data.layouts.parts.sentences import note_damaged_points, note_lacking
 from semgs.data.layouts.parts.sparse_points import points_in_view, read_ply_points
 from semgs.data.maps import ClassMap, DepthMap, MaskMap
 from semgs.data.scene import Scene
+from semgs.data.scene_details import SceneDetails
 from semgs.data.spread import spread
 from semgs.data.tables.class_files import read_class_file
 from semgs.data.tables.classes import IGNORE, ClassTable, class_table
@@ -30,6 +31,7 @@ from semgs.files.errors import InputError, input_error
 from semgs.files.images.pictures import is_turned, read_header
 from semgs.files.stored import Stored
 
+DETAILS = ("depth_unit",)
 FILE_NAMES = ("transforms.json", "transforms_train.json")
 LOOKED_FOR = "transforms.json (nerfstudio, instant-ngp; also in a .zip)"
 
@@ -49,6 +51,9 @@ DEPTH_UNIT = 0.001
 
 JUDGED, DENSE, ROOM_DEPTH = 3, 0.2, (0.4, 15.0)
 """If the file does not say its unit, so many depth maps are judged: lengths are metres if this share of their pixels is known, with a median between these [m]."""
+
+OF_COLMAP = "colmap_im_id"
+"""nerfstudio's key of frames that COLMAP solved."""
 
 DEPTHS = (".png", ".npy", ".pgm")
 DEPTH_OF_NGP, SCALE_OF_NGP, ENABLED_OF_NGP = "depth_path", "integer_depth_scale", "enable_depth_loading"
@@ -70,24 +75,29 @@ def recognises(path: Path) -> bool:
     return path.suffix.lower() == ".json" if path.is_file() else _file(path) is not None
 
 
-def open_transforms(path: Path) -> Scene:
+def open_transforms(path: Path, details: SceneDetails | None = None) -> Scene:
     """The scene of a transforms file, or of a folder or a zip archive with one.
+
+    Args:
+        path: the file, folder or archive.
+        details: `depth_unit` overrides the file's.
 
     Raises:
         InputError: it is not JSON, a key is missing or invalid, there are fewer than two images, or one has another size than its
             camera. The error names the file and key.
     """
+    depth_unit = None if details is None else details.depth_unit
     if path.suffix.lower() == ".zip" and path.is_file():
         archive = Archive(path, members(path))
         member = _member(archive.members)
         if member is None:
             raise InputError(path, FILE_NAMES[0], "none in the archive")
-        return _scene(path, member, path.stem, lambda name: archive.beside(member, name))
+        return _scene(path, member, path.stem, lambda name: archive.beside(member, name), depth_unit)
     file = path if path.is_file() else _file(path) or path / FILE_NAMES[0]
-    return _scene(file, file, file.absolute().parent.name, lambda name: _on_disk(file.parent / name))
+    return _scene(file, file, file.absolute().parent.name, lambda name: _on_disk(file.parent / name), depth_unit)
 
 
-def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scene:
+def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside, depth_unit: float | None) -> Scene:
     """The scene that a transforms file describes.
 
     Args:
@@ -95,6 +105,7 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
         file: the transforms file.
         name_of_scene: the name of the scene.
         beside: finds the files that it lists.
+        depth_unit: metres per count of the depth maps; None for what the file says.
     """
     shared = read_fields(file)
     listed = shared.objects("frames")
@@ -109,7 +120,7 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
             absent.append(name)
             continue
         lens = _lens(fields, picture, notes)
-        depth = _depth(fields, notes, beside)
+        depth = _depth(fields, notes, beside, depth_unit)
         label = _map(fields, "label_file_path", (".png",), notes, beside)
         if label is not None:
             labels[len(frames)] = label
@@ -127,7 +138,7 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
     except InputError as error:
         unread = error
     points, about_points = _points(shared, beside)
-    unit, about_unit = _unit(shared, frames)
+    unit, unit_source, about_unit = _unit(shared, listed, frames)
     if points is not None:
         frames = [replace(frame, points=points_in_view(frame, points)) for frame in frames]
     return Scene(
@@ -143,6 +154,7 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside) -> Scen
         points=points if points is not None and len(points) else None,
         applied_transform=_applied_transform(shared),
         applied_scale=shared.positive("applied_scale"),
+        unit_source=unit_source,
     )
 
 
@@ -224,16 +236,16 @@ def _map(fields: Fields, key: str, kinds: Sequence[str], notes: _Notes, beside: 
     return path
 
 
-def _depth(fields: Fields, notes: _Notes, beside: Beside) -> DepthMap | None:
-    """The depth of a frame, by nerfstudio's keys or by instant-ngp's."""
-    unit = fields.positive("depth_unit_scale_factor") or DEPTH_UNIT
+def _depth(fields: Fields, notes: _Notes, beside: Beside, given: float | None) -> DepthMap | None:
+    """The depth of a frame, by nerfstudio's keys or by instant-ngp's; the given unit overrides theirs."""
+    unit = given or fields.positive("depth_unit_scale_factor") or DEPTH_UNIT
     stored = _map(fields, "depth_file_path", DEPTHS, notes, beside)
     if stored is not None:
         return DepthMap(stored, unit)
     stored = _map(fields, DEPTH_OF_NGP, DEPTHS, notes, beside)
     if stored is None:
         return None
-    scale = fields.number(SCALE_OF_NGP)
+    scale = given or fields.number(SCALE_OF_NGP)
     enabled = fields.value(ENABLED_OF_NGP)
     if enabled is not None and not fields.flag(ENABLED_OF_NGP):
         notes.disabled_maps.append(stored.name)
@@ -305,22 +317,26 @@ def _focal(fields: Fields, axis: str, side: int) -> float | None:
     return 0.5 * side / math.tan(0.5 * radians)
 
 
-def _unit(shared: Fields, frames: Sequence[Frame]) -> tuple[str, list[str]]:
-    """Metric if the file says so, or if it does not say and a sensor seems to have measured a room in metres. With a note if depth maps leave it open."""
+def _unit(shared: Fields, listed: Sequence[Fields], frames: Sequence[Frame]) -> tuple[str, str, list[str]]:
+    """Metric if the file says so, or if it does not say and a sensor seems to have measured a room in metres. With the reason, and a note if it is a guess."""
     metric = shared.value("metric")
     if isinstance(metric, str) and metric.strip().lower() in ("true", "false"):
         metric = shared.flag("metric")
     if metric is None:
-        doubt = _doubt([frame.depth for frame in frames if isinstance(frame.depth, DepthMap)])
+        maps = [frame.depth for frame in frames if isinstance(frame.depth, DepthMap)]
+        from_colmap = any(fields.value(OF_COLMAP) is not None for fields in listed)
+        doubt = "its cameras are COLMAP's, whose unit is arbitrary" if maps and from_colmap else _doubt(maps)
         if doubt is None:
-            return "metric", []
+            return "metric", "its depth maps look like a sensor's in a room, but no file says so", [
+                "Lengths are taken for metres, as the depth maps look like a sensor's in a room. The file does not say so: if they are not, "
+                "use --unit unknown; if they are, write \"metric\": true."
+            ]  # fmt: skip
         advice = 'if they are, use --unit metric, or write "metric": true'
-        return "unknown", [
-            f"Lengths are not taken for metres, as the file does not say so and {doubt}; {advice}."
-        ] if doubt else []
+        note = f"Lengths are not taken for metres, as the file does not say so and {doubt}; {advice}."
+        return "unknown", "", [note] if doubt else []
     if not isinstance(metric, bool):
         raise shared.refused("metric", "true or false", repr(metric))
-    return "metric" if metric else "unknown", []
+    return ("metric", "the file says so", []) if metric else ("unknown", "", [])
 
 
 def _doubt(maps: Sequence[DepthMap]) -> str | None:

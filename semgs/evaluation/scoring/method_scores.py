@@ -19,6 +19,7 @@ from semgs.evaluation.scoring.baselines import copy_nearest, predict_majority, w
 from semgs.evaluation.scoring.frame_scores import FrameScores, score
 from semgs.evaluation.scoring.similarity import PerceptualDistance, perceptual_distance
 from semgs.evaluation.scoring.summary import find_extremes
+from semgs.runtime.argument_types import check_type
 from semgs.runtime.workers import outcomes
 
 PREDICTIONS = "predictions"
@@ -74,6 +75,7 @@ def score_method(
         NotEnoughMemoryError: the network needs more memory than there is.
         OSError: the disk is full.
     """
+    check_type("the plan is", plan, FramePlan, "FramePlan, as semgs.evaluation.frames.frame_plan makes it")
     scorer = _TargetScorer(method, plan.depth_range, folder, save, perceptual_distance())
     scores: dict[int, list[_TargetScores]] = {views: [] for views in plan.views}
     shown: dict[int, list[tuple[FrameScores, Prediction]]] = {views: [] for views in plan.views}

@@ -14,6 +14,7 @@ from typing import Any
 from semgs.files.errors import InputError
 from semgs.files.extras import needs_extra
 from semgs.files.hashes import sha256
+from semgs.runtime.argument_types import check_type
 
 SCHEME = "hf://"
 FORM = f"{SCHEME}OWNER/NAME, optionally followed by @REVISION or @sha256:HASH"
@@ -161,6 +162,7 @@ def check_repository(repository: str) -> None:
     Raises:
         InputError: it is not "OWNER/NAME".
     """
+    check_type("a repository is", repository, str, '"OWNER/NAME"')
     if not re.fullmatch(REPOSITORY, repository):
         raise InputError(repository, "a repository OWNER/NAME", "something else")
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -23,6 +24,7 @@ from torch.nn.modules.module import register_module_parameter_registration_hook
 from semgs.data.origin.licences import TermsWarning
 from semgs.files.atomic import write_text
 from semgs.files.errors import InputError
+from semgs.files.paths import typed_path
 from semgs.model.build import build
 from semgs.model.semgs import SemGS as Network
 from semgs.model.weights.header_scores import KEY as SCORES
@@ -42,6 +44,7 @@ from semgs.model.weights.weights_file import (
     save,
     stored,
 )
+from semgs.runtime.argument_types import check_type
 
 WEIGHTS, PAGE = "model.safetensors", "README.md"
 """The files of a folder."""
@@ -88,6 +91,9 @@ class SemGS(Network):
             InputError: there is neither such a folder nor such a repository, or its weights cannot be used.
             ImportError: it is on the hub, and huggingface_hub is not installed.
         """
+        check_type(
+            "a folder or repository is", pretrained_model_name_or_path, (str, PathLike), 'a folder, or "OWNER/NAME"'
+        )
         given = str(pretrained_model_name_or_path)
         if Path(given).is_dir():
             path = Path(given) / WEIGHTS
@@ -130,7 +136,7 @@ class SemGS(Network):
             ValueError: the file format itself uses a key of the metadata.
             OSError: the folder cannot be written.
         """
-        folder = Path(save_directory)
+        folder = typed_path(save_directory)
         if push_to_hub:
             check_repository(repo_id or folder.name)
         folder.mkdir(parents=True, exist_ok=True)

@@ -13,7 +13,7 @@ class Execution:
         device: where to compute, "cpu" or "cuda".
         devices: processes on this machine, which share the scenes of each step.
         nodes: machines, each with that many processes.
-        precision: of the layers: "32", "bf16", or "auto" for bf16 on GPUs that support it.
+        precision: of the layers: "float32", "bf16", or "auto" for bf16 on GPUs that support it.
         accumulate: pieces that each process splits its scenes of a step into, to save memory.
         minutes: stop after this time, with a checkpoint; None runs to the last step.
         workers: processes that prepare batches, for each process that trains; 0 prepares them between steps.
@@ -23,7 +23,7 @@ class Execution:
     device: str = "cpu"
     devices: int = 1
     nodes: int = 1
-    precision: str = "32"
+    precision: str = "float32"
     accumulate: int = 1
     minutes: float | None = None
     workers: int = 1

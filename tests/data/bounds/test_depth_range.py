@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -69,6 +70,32 @@ def test_points_of_a_metric_scene_outside_of_the_range_of_rooms_give_another(tmp
     assert bounds.reason.endswith("as 100% of them are outside of 0.5 to 10 m, the range of rooms")
 
 
+@pytest.mark.parametrize(
+    ("near", "far", "measured", "rooms"),
+    [
+        (22, 13, None, True),
+        (22, 13, 3000, True),
+        (40, 0, None, False),
+        (40, 0, 3000, True),
+        (60, 0, 3000, False),
+        (0, 40, None, False),
+        (10, 0, 300, False),
+    ],
+)
+def test_wrong_matches_on_both_sides_and_few_that_depth_maps_deny_leave_the_range_of_rooms(
+    tmp_path, near: int, far: int, measured: int | None, rooms: bool
+):
+    """Of 100 points some are at 0.3 and 60 m and the rest at 3 m; depth maps, if there are any, are at 3 m, or at 0.3 m."""
+    made = scene(tmp_path, metric=True)
+    for index in range(3):
+        cv2.imwrite(str(tmp_path / f"d{index}.png"), np.full(SIZE, measured or 0, np.uint16))
+    depths = np.repeat([0.3, 60.0, 3.0], [near, far, 100 - near - far])
+    pose = made.frames[0].world_from_camera
+    points = pose[:3, 3] + depths[:, None] * pose[:3, 2]
+    bounds = replace(made, points=points).depth_range([0])
+    assert ((bounds.near, bounds.far) == (0.5, 10.0)) == rooms
+
+
 @pytest.mark.parametrize("scale", [0.1, 8.0])
 def test_protocols_take_the_range_of_rooms_without_a_look_at_the_images(tmp_path, scale: float):
     bounds = scene(tmp_path, scale=scale, metric=True).depth_range([0, 1], stated=True)
@@ -88,8 +115,8 @@ def test_depth_maps_of_a_metric_scene_count_where_images_show_nothing(tmp_path, 
 @pytest.mark.parametrize(
     ("known", "counts", "unit", "said"),
     [
-        (1.0, 3000, "metric", None),
-        (0.3, 3000, "metric", None),
+        (1.0, 3000, "metric", "Lengths are taken for metres, as the depth maps look like a sensor's in a room."),
+        (0.3, 3000, "metric", "use --unit unknown"),
         (0.01, 3000, "unknown", "too sparse"),
         (1.0, 280, "unknown", "the median of its depth maps, 0.28,"),
         (1.0, 22000, "unknown", "the median of its depth maps, 22,"),
@@ -102,8 +129,37 @@ def test_lengths_are_metres_if_a_sensor_seems_to_have_measured_a_room(tmp_path, 
         cv2.imwrite(str(tmp_path / f"d{index}.png"), depths)
     made = open_scene(tmp_path)
     assert made.unit == unit
-    assert said is None if not made.notes else said in made.notes[0]
+    assert made.unit_source == (
+        "its depth maps look like a sensor's in a room, but no file says so" if unit == "metric" else ""
+    )
+    (note,) = made.notes
+    assert said in note
+    assert open_scene(tmp_path, unit="metric").unit_source == "you say so"
     assert {open_scene(tmp_path, unit=given).unit for given in ("metric", "unknown")} == {"metric", "unknown"}
+
+
+def test_dense_depth_of_cameras_that_colmap_solved_is_not_in_metres(tmp_path):
+    """Multi-view stereo gives dense depth in COLMAP's unit; nerfstudio notes COLMAP's number of each image."""
+    scene(tmp_path, metric=None)
+    content = json.loads((tmp_path / "transforms.json").read_text())
+    for index, frame in enumerate(content["frames"]):
+        cv2.imwrite(str(tmp_path / f"d{index}.png"), np.full(SIZE, 3000, np.uint16))
+        frame["colmap_im_id"] = index + 1
+    (tmp_path / "transforms.json").write_text(json.dumps(content))
+    made = open_scene(tmp_path)
+    assert made.unit == "unknown"
+    assert "its cameras are COLMAP's, whose unit is arbitrary" in made.notes[0]
+    (tmp_path / "transforms.json").write_text(json.dumps({**content, "metric": True}))
+    assert (open_scene(tmp_path).unit, open_scene(tmp_path).unit_source) == ("metric", "the file says so")
+
+
+def test_the_unit_of_depth_maps_can_be_given_for_a_transforms_file(tmp_path):
+    """77 counts are 0.077 m in millimetres, 3.08 m in steps of 4 cm, whatever the file says; then they look like a sensor's."""
+    scene(tmp_path, metric=None, depth_unit_scale_factor=0.001)
+    assert open_scene(tmp_path).unit == "unknown"
+    made = open_scene(tmp_path, depth_unit=0.04)
+    assert made.unit == "metric"
+    np.testing.assert_allclose(made.frames[0].measured(), 3.08, rtol=1e-6)
 
 
 def test_depth_files_that_are_missing_say_nothing_about_the_unit(tmp_path):

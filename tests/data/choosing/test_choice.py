@@ -13,10 +13,11 @@ from landmarks import looking
 from semgs.data.cameras.lens import Lens
 from semgs.data.choosing.choice import choose, choose_named, draw_consecutive, draw_sample, frames_around, preference
 from semgs.data.frames import Frame
-from semgs.data.maps import InMemory
+from semgs.data.maps import DepthMap, InMemory
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
+from semgs.files.images.pictures import write_png
 
 LENS = Lens((120, 170), (150.0, 143.0), (91.3, 55.2))
 MIDDLE = 5**0.5
@@ -147,6 +148,21 @@ def test_without_two_frames_that_share_enough_there_is_one_clear_error():
         InputError, match=r"expected two frames that share 30% of what they see, found \d+% at most; .*--context"
     ):
         choose(measured(1.0, (0.0, 1.0)), 2)
+
+
+def test_the_unit_of_depth_maps_is_named_where_frames_seem_to_share_nothing(tmp_path):
+    """Maps of 300 counts are at 0.3 m in millimetres, where images are 0.34 m wide: cameras 0.28 m apart then share little. At 5 mm a count they are at 1.5 m."""
+    near = measured(1.0, (0.0, 0.28))
+    write_png(tmp_path / "depth.png", np.full(near.frames[0].lens.size, 300, np.uint16))
+
+    def in_unit(unit: float) -> Scene:
+        frames = [replace(frame, depth=DepthMap(tmp_path / "depth.png", unit)) for frame in near.frames]
+        return replace(near, frames=tuple(frames))
+
+    said = r"by their depth maps, whose median is 0\.3 m if they count in 0\.001 m \(if they count in another unit, give it: --depth-unit\)"
+    with pytest.raises(InputError, match=said):
+        choose(in_unit(0.001), 2)
+    assert choose(in_unit(0.005), 2).context == (0, 1)
 
 
 def test_the_office_holds_out_what_its_input_views_cover(shared):

@@ -68,18 +68,22 @@ class Doctor:
             from semgs.doctor.diagnosis import diagnose
             from semgs.doctor.facts import facts
             from semgs.doctor.fix import check_fixable
+            from semgs.doctor.unit import judge_unit
 
         scene = open_with_details(self.scene, self.reading.as_peers, self.reading.asked, needs_labels=False)
         if self.fix is not None:
             check_fixable(scene)
         with show_stage(f"Matching images of {len(scene)} frames"):
             found = diagnose(scene)
-            understood = facts(scene)
+            unit = judge_unit(scene, found)
+            understood = facts(scene, unit)
         print(*aligned(understood), sep="\n")
         for note in scene.notes:
             print(f"note: {note}")
         print()
         print(found.sentence)
+        if unit.doubtful:
+            print(f"The unit is {unit.text}.")
         if found.verdict == "good" and found.undecided:
             print(f"Not excluded, because they would not show here: {'; '.join(one.name for one in found.undecided)}.")
         self._write(scene, found, understood)

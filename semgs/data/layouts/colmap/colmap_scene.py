@@ -6,10 +6,12 @@ The unit of length is arbitrary. `semgs.data.layouts.colmap.colmap_files` descri
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from semgs.data.cameras.lens import AbstractLens
 from semgs.data.frames import Frame
 from semgs.data.layouts.colmap.colmap_files import PARAMETERS, ColmapPoints, read_cameras, read_images, read_points
 from semgs.data.layouts.parts.pose_files import checked_poses
@@ -26,6 +28,12 @@ PLACES = ("sparse/0", "sparse", "colmap/sparse/0", "distorted/sparse/0", "")
 PICTURE_FOLDERS = ("images", "input_images", "input", "dataset")
 """Names of folders with the images; the second has the frames that Depth Anything 3 takes from a video, the third the photos before 3D Gaussian splatting
 undistorts them, the last hloc's."""
+
+REDUCED = {"images_2": 2, "images_4": 4, "images_8": 8}
+"""Folders of reduced images, as nerfstudio and 3D Gaussian splatting have them, by what their sides were divided by."""
+
+ENDINGS = (".jpg", ".jpeg", ".png")
+"""Endings of images that were converted after COLMAP saw them, in lower case."""
 
 DISTORTED = "distorted"
 """The folder of a model of 3D Gaussian splatting whose images are still in `input`; those in `images` are undistorted."""
@@ -73,14 +81,18 @@ def open_colmap(path: Path, details: SceneDetails) -> Scene:
     points, damage = _points(model / f"points3D{ending}", {image.number for image in images})
     searched = _searched(model) if details.images is None else [details.images]
     pictures = _pictures_folder(searched, [image.name for image in images])
-    frames, absent, transparent = [], [], 0
+    known: dict[Path, dict[str, list[Path]]] = {}
+    frames, absent, renamed, transparent = [], [], [], 0
     for image, pose in zip(images, poses, strict=True):
         picture = _picture(pictures, image.name)
         if picture is None:
+            picture = _renamed(pictures, image.name, known)
+            renamed += [] if picture is None else [image.name]
+        if picture is None:
             absent.append(image.name)
             continue
-        lens = lenses[image.camera]
         header = read_header(picture)
+        lens = _reduced(lenses[image.camera], header.size, REDUCED.get(pictures.name, 1))
         is_turned(picture, header, lens.size)
         transparent += header.transparent
         seen = points.seen.get(image.number, np.zeros(0, np.int64))
@@ -95,12 +107,18 @@ def open_colmap(path: Path, details: SceneDetails) -> Scene:
         raise InputError(model, "at least two usable frames", found, advice=advice)
     return Scene(
         path=model,
-        name=pictures.parent.absolute().name if pictures.name in PICTURE_FOLDERS else pictures.absolute().name,
+        name=pictures.parent.absolute().name
+        if pictures.name in (*PICTURE_FOLDERS, *REDUCED)
+        else pictures.absolute().name,
         layout="COLMAP",
         unit="unknown",
         frames=tuple(frames),
         absent=tuple(absent),
-        notes=(*_notes(model, pictures, absent, len(images), transparent), *note_damaged_points(damage)),
+        notes=(
+            *_notes(model, pictures, absent, len(images), transparent),
+            *note_lacking(renamed, len(images), "images have another ending or other capitals than the model says"),
+            *note_damaged_points(damage),
+        ),
         points=points.positions if len(points.positions) else None,
     )
 
@@ -134,19 +152,48 @@ def _picture(folder: Path, name: str) -> Path | None:
     return next((folder / one for one in names if (folder / one).is_file()), None)
 
 
+def _renamed(folder: Path, name: str, known: dict[Path, dict[str, list[Path]]]) -> Path | None:
+    """The image with a name but for its ending and capitals, None if there is none or several; `known` keeps what is in each folder."""
+    wanted = folder / name.replace("\\", "/")
+    if wanted.parent not in known:
+        stems: dict[str, list[Path]] = {}
+        for file in wanted.parent.iterdir() if wanted.parent.is_dir() else ():
+            if file.suffix.lower() in ENDINGS:
+                stems.setdefault(file.stem.lower(), []).append(file)
+        known[wanted.parent] = stems
+    found = known[wanted.parent].get(wanted.stem.lower(), [])
+    return found[0] if len(found) == 1 else None
+
+
+def _reduced(lens: AbstractLens, size: tuple[int, int], factor: int) -> AbstractLens:
+    """The lens of images whose sides were divided by a factor, if their size [px] is about that."""
+    if factor == 1 or any(abs(side - whole / factor) >= 1 for side, whole in zip(size, lens.size, strict=True)):
+        return lens
+    down, across = (side / whole for side, whole in zip(size, lens.size, strict=True))
+    (fx, fy), (cx, cy) = lens.focal, lens.centre
+    return replace(lens, size=size, focal=(across * fx, down * fy), centre=(across * cx, down * cy))
+
+
 def _searched(model: Path) -> list[Path]:
     """The folders that image names may be relative to: `images` and the like next to the model or above it, then these folders themselves, then others in them."""
     around = [model, *model.absolute().parents[:ABOVE]]
     names: tuple[str, ...] = PICTURE_FOLDERS
     if DISTORTED in (one.name for one in around):
         names = ("input", *(name for name in names if name != "input"))
-    return [*(one / name for one in around for name in names), *around]
+    return [
+        *(one / name for one in around for name in names),
+        *around,
+        *(one / name for one in around for name in REDUCED),
+    ]
 
 
 def _pictures_folder(searched: Sequence[Path], names: Sequence[str]) -> Path:
-    """The first of some folders that has an image; if none has one, the first that exists."""
+    """The first of some folders that has an image, or else its first image with another ending or capitals; if none has one, the first that exists."""
     for folder in searched:
         if any(_picture(folder, name) for name in names):
+            return folder
+    for folder in searched:
+        if any(_renamed(folder, name, {}) for name in names[:1]):
             return folder
     return next((one for one in searched if one.is_dir()), searched[0])
 

@@ -8,6 +8,18 @@ TOLERANCE = 0.02
 """Largest time difference of associated entries [s]: TUM RGB-D's default."""
 
 
+MILLISECONDS, MICROSECONDS, NANOSECONDS = 1e11, 1e14, 1e17
+"""Times of the clock that are larger than these are in that unit: in seconds, the first is in the year 5138."""
+
+
+def in_seconds(times: np.ndarray) -> np.ndarray:
+    """Times [n] of the clock in seconds, whether they are in seconds, milliseconds, microseconds or nanoseconds since 1970."""
+    known = np.abs(times[np.isfinite(times)])
+    largest = float(known.max()) if len(known) else 0.0
+    units = ((NANOSECONDS, 1e9), (MICROSECONDS, 1e6), (MILLISECONDS, 1e3))
+    return times / next((per_second for least, per_second in units if largest >= least), 1.0)
+
+
 def associate(first: np.ndarray, second: np.ndarray, tolerance: float = TOLERANCE) -> dict[int, int]:
     """For entries of the first stream, the entry of the second at nearly the same time. Nearest pairs first; each entry is used once.
 

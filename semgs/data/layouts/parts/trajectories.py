@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from semgs.data.layouts.parts.association import in_seconds
 from semgs.data.layouts.parts.text_numbers import read_rows
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored
@@ -85,7 +86,7 @@ def read_trajectory(path: Path) -> Trajectory:
     if set(lengths) in ({7}, {8}):
         table = np.array([values for _, values in held])
         poses = poses_of_rows(path, table[:, -7:], places)
-        return Trajectory(path, poses, tuple(places), table[:, 0] if table.shape[1] == 8 else None)
+        return Trajectory(path, poses, tuple(places), in_seconds(table[:, 0]) if table.shape[1] == 8 else None)
     if set(lengths) in ({16}, {12}):
         return Trajectory(path, np.stack([_as_motion(values) for _, values in held]), tuple(places))
     step = 5 if lengths[:5] == [3, 4, 4, 4, 4] else _rows_of_a_matrix([values for _, values in held], lengths)

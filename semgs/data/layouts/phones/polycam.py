@@ -72,6 +72,7 @@ def open_polycam(path: Path, details: SceneDetails) -> Scene:
     sharp = {time: camera for time, camera in cameras.items() if _sharpness(camera) >= SHARP}
     blurred = [str(time) for time in cameras if time not in sharp]
     images = capture.numbered(folder, PICTURES)
+    unposed = [image.name for time, image in images.items() if time not in cameras]
     depths, confidences = (capture.numbered(place, (".png",)) for place in (DEPTH, CONFIDENCE))
     uncorrected = capture.numbered(IMAGES, PICTURES) if optimised else images
     given, calibrations, shots = calibration_from_details(details), dict[Stored, Calibration](), list[Shot]()
@@ -88,7 +89,10 @@ def open_polycam(path: Path, details: SceneDetails) -> Scene:
         lens=lambda image, size: calibrations[image].lens(image, size),
         name=capture.name,
         unit="metric",
-        notes=[] if optimised else [NOT_OPTIMISED],
+        notes=[
+            *([] if optimised else [NOT_OPTIMISED]),
+            *note_lacking(unposed, len(images), "images have no camera file and are left out"),
+        ],
         left_out=note_lacking(blurred, len(cameras), f"frames have a blur_score below {SHARP:g} and are left out"),
     ).scene()  # fmt: skip
 

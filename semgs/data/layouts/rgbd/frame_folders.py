@@ -30,6 +30,7 @@ from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
+from semgs.files.text import natural_order
 
 LAYOUT = "RGB-D folders"
 LOOKED_FOR = "color/ (rgb/, images/) with pose/ or traj.txt (RGB-D frames with poses in text)"
@@ -226,12 +227,9 @@ def _listed(folder: Path, endings: Sequence[str], start: str = "") -> tuple[Path
     if not folder.is_dir():
         return ()
     found = (one for one in folder.iterdir() if one.suffix.lower() in endings and one.name.lower().startswith(start))
-    return tuple(sorted((one for one in found if not one.name.startswith(".")), key=_natural))
-
-
-def _natural(path: Path) -> list[tuple[int, str]]:
-    """The sort key for natural order: 2 before 10."""
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", path.name)]
+    return tuple(
+        sorted((one for one in found if not one.name.startswith(".")), key=lambda one: natural_order(one.name))
+    )
 
 
 def _number(which: int, path: Path) -> int | None:

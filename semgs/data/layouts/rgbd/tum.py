@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.cameras.lens import HALF
-from semgs.data.layouts.parts.association import associate
+from semgs.data.layouts.parts.association import associate, in_seconds
 from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details, read_calibration
 from semgs.data.layouts.parts.text_numbers import read_lines
 from semgs.data.layouts.parts.trajectories import read_trajectory
@@ -118,7 +118,7 @@ def _listed(path: Path) -> tuple[np.ndarray, list[str]]:
         names.append(rest[0].strip().strip('"').replace("\\", "/").removeprefix("./"))
     if not names:
         raise InputError(path, "lines of a time and a file", "none")
-    return np.array(times), names
+    return in_seconds(np.array(times)), names
 
 
 def _spans(first: np.ndarray, second: np.ndarray) -> str:

@@ -25,6 +25,9 @@ from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_header
 
+UNSET_BEFORE = 10 * 10**9
+"""If the other images were taken later than this, one with the time 0 has none: the driver did not set it [ns]."""
+
 LAYOUT = "ROS bag"
 LOOKED_FOR = "a ROS bag (metadata.yaml with .db3 or .mcap; .mcap; .bag)"
 DETAILS = ("camera", "world", "body", "intrinsics")
@@ -63,6 +66,8 @@ def open_recording(path: Path, details: SceneDetails) -> Scene:
         raise InputError(path, "the frame of the camera in the header of its images", "an empty frame_id", topic)
     pictures = bag.files(topic)
     repeated = bag.count(topic) - len(pictures)
+    unset = len(pictures) > 1 and pictures[0].stamp == 0 and pictures[1].stamp > UNSET_BEFORE
+    pictures = pictures[1:] if unset else pictures
     if repeated and len(pictures) == 1:
         found = f"{bag.count(topic)} images that all have the time {pictures[0].stamp / 1e9:.3f}"
         raise InputError(
@@ -71,10 +76,9 @@ def open_recording(path: Path, details: SceneDetails) -> Scene:
         )  # fmt: skip
     lens = find_lens(bag, topic, read_header(pictures[0]).size, details)
     notes = [f"Images are from {topic}."]
-    if repeated:
-        notes.append(
-            f"{repeated} of {bag.count(topic)} images have the same time in their header as another and are left out."
-        )
+    if repeated or unset:
+        why = "the time 0 in their header, or that of another," if unset else "the same time in their header as another"
+        notes.append(f"{repeated + unset} of {bag.count(topic)} images have {why} and are left out.")
     if "optical" not in frame and details.intrinsics is None:
         notes.append(
             f"The images' frame, {frame}, is not called optical; it is assumed to have x right, y down and z forward, as in REP 103."

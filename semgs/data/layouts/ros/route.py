@@ -86,7 +86,9 @@ def _tree(bag: Bag) -> dict[str, Motion]:
         for one in message.transforms:
             key = (one.header.frame_id, one.child_frame_id, fixed)
             time = logged if fixed else stamp_of(one)
-            samples.setdefault(key, {})[time] = _sample(one.transform.translation, one.transform.rotation)
+            held_at = samples.setdefault(key, {})
+            if fixed or time not in held_at:  # like tf2, which ignores repeated times
+                held_at[time] = _sample(one.transform.translation, one.transform.rotation)
     found: dict[str, Motion] = {}
     for (parent, child, fixed), held in sorted(samples.items(), key=lambda item: (not item[0][2], len(item[1]))):
         step = make_motion(parent, child, held, "/tf_static" if fixed else "/tf", fixed=fixed)
@@ -102,7 +104,7 @@ def _moving(bag: Bag, topic: str, frame_id: str, body: str | None) -> Motion | N
     for _, message in bag.messages([topic]):
         pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
         parent, child = message.header.frame_id, getattr(message, "child_frame_id", "") or body or frame_id
-        samples[stamp_of(message)] = _sample(pose.position, pose.orientation)
+        samples.setdefault(stamp_of(message), _sample(pose.position, pose.orientation))
     return make_motion(parent or topic, child, samples, topic)
 
 

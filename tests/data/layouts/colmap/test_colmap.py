@@ -352,3 +352,54 @@ def test_pictures_of_another_size_than_the_camera_are_refused(tmp_path):
     Image.new("RGB", (90, 65)).save(tmp_path / "images" / "a.png")
     with pytest.raises(InputError, match=r"a\.png: expected 180x130"):
         open_scene(tmp_path)
+
+
+@pytest.mark.parametrize("model", ["PINHOLE", "OPENCV", "THIN_PRISM_FISHEYE", "EUCM"])
+def test_reduced_images_have_a_reduced_lens_of_any_kind(tmp_path, model):
+    """Images of 180x130 halved are 90x65: the directions of positions, and with them the undistorted view, stay."""
+    write_pictures(tmp_path / "images", model)
+    write_text(tmp_path / "sparse" / "0", model)
+    whole = open_scene(tmp_path).frames[0].lens
+    (tmp_path / "images").rename(tmp_path / "images_2")
+    for name in NAMES:
+        Image.new("RGB", (90, 65)).save(tmp_path / "images_2" / name)
+    scene = open_scene(tmp_path)
+    lens = scene.frames[0].lens
+    assert (scene.name, lens.size) == (tmp_path.name, (65, 90))
+    assert lens.focal == tuple(side / 2 for side in whole.focal)
+    places = np.array([[10.0, 20.0], [90.0, 65.0], [150.0, 100.0]])
+    np.testing.assert_allclose(lens.directions(places / 2), whole.directions(places), atol=1e-9)
+    Image.new("RGB", (180, 130)).save(tmp_path / "images_2" / "a.png")  # full size in the folder of reduced ones
+    assert open_scene(tmp_path).frames[0].lens == whole
+    Image.new("RGB", (80, 65)).save(tmp_path / "images_2" / "a.png")
+    with pytest.raises(InputError, match="expected 180x130"):
+        open_scene(tmp_path)
+
+
+def test_full_images_go_before_reduced_ones(tmp_path):
+    for folder in ("images", "images_2"):
+        write_pictures(tmp_path / folder, "PINHOLE")
+    write_text(tmp_path / "sparse" / "0", "PINHOLE")
+    assert open_scene(tmp_path).frames[0].picture.parent.name == "images"
+
+
+def test_images_with_another_ending_or_other_capitals_are_found_and_counted(tmp_path):
+    write_pictures(tmp_path / "images", "PINHOLE")
+    write_text(tmp_path / "sparse" / "0", "PINHOLE")
+    for old, new in (("c.png", "C.PNG"), ("b.png", "b.JPG")):
+        (tmp_path / "images" / old).rename(tmp_path / "images" / new)
+    scene = open_scene(tmp_path)
+    assert len(scene) == 3
+    assert scene.notes[-1].startswith("2 of 3 images have another ending or other capitals than the model says")
+
+
+def test_two_images_that_may_be_meant_are_none(tmp_path):
+    write_pictures(tmp_path / "images", "PINHOLE")
+    write_text(tmp_path / "sparse" / "0", "PINHOLE")
+    file = tmp_path / "images" / NAMES[0]
+    for ending in (".jpg", ".jpeg"):
+        Image.new("RGB", (180, 130)).save(file.with_suffix(ending))
+    file.unlink()
+    scene = open_scene(tmp_path)
+    assert scene.absent == (NAMES[0],)
+    assert len(scene) == 2

@@ -9,6 +9,7 @@ import pytest
 
 from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
+from semgs.data.layouts.parts import sparse_points
 from semgs.data.layouts.parts.sparse_points import points_in_view, read_ply_points
 from semgs.files.errors import InputError
 
@@ -88,3 +89,12 @@ def test_points_in_view_are_those_in_front_and_inside():
         [-1, 0, 0],  # behind
     ])  # fmt: skip
     assert points_in_view(frame, points).tolist() == [0, 1, 4]
+
+
+def test_of_many_points_every_nth_is_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Seven points with at most three: every third, from the first to the last part of the file."""
+    monkeypatch.setattr(sparse_points, "MOST", 3)
+    points = np.arange(21, dtype="<f4").reshape(7, 3)
+    head = of_properties("binary_little_endian", "float x, float y, float z").replace("vertex 2", "vertex 7")
+    (tmp_path / "a.ply").write_bytes(head.encode() + points.tobytes())
+    np.testing.assert_array_equal(read_ply_points(tmp_path / "a.ply"), points[::3])

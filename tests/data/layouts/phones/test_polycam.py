@@ -193,3 +193,11 @@ def test_other_folders_and_archives_are_not_taken_for_captures(tmp_path: Path):
         InputError, match=r"at least two usable frames, found 0; .* no image, the first is keyframes/images/1\.jpg"
     ):
         open_scene(zipped(tmp_path, tmp_path / "a.zip"))
+
+
+def test_images_without_a_camera_are_left_out_and_counted(tmp_path: Path):
+    write_polycam(tmp_path, miniature(), kind="corrected_")
+    (tmp_path / f"keyframes/corrected_cameras/{TIMES[1]}.json").unlink()
+    scene = open_scene(tmp_path)
+    assert len(scene) == 7
+    assert scene.notes == (f"1 of 8 images have no camera file and are left out, the first is {TIMES[1]}.jpg.",)

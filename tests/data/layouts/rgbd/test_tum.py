@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from miniatures import Miniature, back_projected, check_projection, check_read, miniature, quaternion, write_picture
 
-from semgs.data.layouts.parts.association import associate
+from semgs.data.layouts.parts.association import associate, in_seconds
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 
@@ -123,3 +123,22 @@ def test_what_cannot_be_read_is_refused_with_file_and_line(tmp_path: Path):
     (folder / "groundtruth.txt").write_text(poses)
     with pytest.raises(InputError, match=r"rgb\.txt: expected lines of a time and a file, found none"):
         open_scene(folder)
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e6, 1e9])
+@pytest.mark.parametrize("names", [("groundtruth",), ("rgb", "depth"), ("rgb", "depth", "groundtruth")])
+def test_times_in_parts_of_a_second_are_those_in_seconds(tmp_path: Path, names: tuple[str, ...], factor: float):
+    """The clock of 2011 is 1.3e9 s, 1.3e12 ms, 1.3e15 us, 1.3e18 ns."""
+    room = miniature()
+    folder = write_tum(tmp_path / "room", room)
+    for name in names:
+        lines = [line.split(" ", 1) for line in (folder / f"{name}.txt").read_text().splitlines() if line[0] != "#"]
+        text = "".join(f"{round(float(time) * factor)} {rest}\n" for time, rest in lines)
+        (folder / f"{name}.txt").write_text(text)
+    check_read(open_scene(folder), room)
+
+
+def test_only_times_that_no_clock_shows_in_seconds_are_in_smaller_units():
+    for times in ([0.0, 0.5], [1.3e9, 1.4e9], [np.nan, 3.0], []):
+        np.testing.assert_array_equal(in_seconds(np.array(times)), times)
+    np.testing.assert_array_equal(in_seconds(np.array([np.nan, 1.3e12])), [np.nan, 1.3e9])

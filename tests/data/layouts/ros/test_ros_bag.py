@@ -7,6 +7,7 @@ import pickle
 import re
 import struct
 import threading
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 
@@ -36,7 +37,7 @@ from bags import (
 )
 from miniatures import back_projected, check_projection, check_read, miniature
 
-from semgs.data.layouts.ros.bag import BagFile
+from semgs.data.layouts.ros.bag import BagFile, stamp_of
 from semgs.data.layouts.ros.camera import lens_of
 from semgs.data.layouts.ros.image_messages import as_file, ending_of
 from semgs.data.layouts.ros.rvl import decode_rvl
@@ -598,3 +599,28 @@ def test_rows_and_columns_can_be_binned_by_different_numbers():
     message = replace(info(size=(96, 256)), binning_x=4, binning_y=2)
     lens = lens_of(Path("bag"), INFO, message, (48, 64), rectified=False)
     assert (lens.focal, lens.centre) == ((57.5 / 4, 56.25 / 2), (8.0, 12.5))
+
+
+def test_of_two_poses_at_the_same_time_the_first_counts(tmp_path: Path):
+    """As in tf2. The repeated ones are a metre off."""
+    bag = robot(FEW)
+    for message in [one for one in bag.messages if one[1] == "/tf"]:
+        wrong = deepcopy(message)
+        wrong[3].transforms[0].transform.translation.x += 1
+        bag.messages.append((wrong[0] + 5, *wrong[1:]))
+    scene = open_scene(bag.write(tmp_path / "bag"))
+    np.testing.assert_allclose([frame.world_from_camera for frame in scene.frames], FEW.poses, atol=1e-6)
+
+
+def test_images_whose_time_was_not_set_are_left_out_and_counted(tmp_path: Path):
+    """Poses at the time 0 are there, too, so the images would get one of them."""
+    room = ROOM.first(4)
+    bag = robot(room)
+    for _, topic, _, message in bag.messages:
+        for one in message.transforms if topic == "/tf" else [message] if topic == COLOUR else []:
+            if stamp_of(one) <= times(room)[1]:
+                one.header.stamp.sec = one.header.stamp.nanosec = 0
+    scene = open_scene(bag.write(tmp_path / "bag"))
+    assert len(scene) == 2
+    assert "2 of 4 images have the time 0 in their header, or that of another, and are left out." in scene.notes
+    np.testing.assert_allclose([frame.world_from_camera for frame in scene.frames], room.poses[2:], atol=1e-6)
