@@ -22,7 +22,7 @@ from semgs.model.switches import switched
 
 BASE = {
     "name": "base", "channels": 128, "cnn_widths": (64, 96, 128), "candidates": 128, "colour_blocks": 6, "semantic_blocks": 3,
-    "windows": 2, "expansion": 4, "reduction": 1, "shared_layers": True, "camera_aware_colour": True,
+    "windows": 2, "windows_semantic": 0, "expansion": 4, "reduction": 1, "shared_layers": True, "camera_aware_colour": True,
     "camera_aware_semantic": True, "output_transform": True, "cost_width": 128, "cost_hidden": 256, "cost_levels": 3,
     "upsampled_channels": 128, "projected_channels": 32, "refine_width": 32, "refine_levels": 5, "decoder_blocks": 2,
     "colour_hidden": 168, "semantic_hidden": 54, "paper_heads": False, "opacity_hidden": 32, "last_kernel": 3, "harmonics": 25,
@@ -45,7 +45,7 @@ def settings(flat: dict[str, Any], semantic: bool = True) -> NetworkSettings:
     def transformer(branch: str) -> TransformerSettings:
         return TransformerSettings(
             blocks=flat[f"{branch}_blocks"],
-            windows=flat["windows"],
+            windows=(branch == "semantic" and flat["windows_semantic"]) or flat["windows"],
             expansion=flat["expansion"],
             reduction=flat["reduction"],
             camera_aware=flat[f"camera_aware_{branch}"],
