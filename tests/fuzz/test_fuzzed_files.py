@@ -15,7 +15,7 @@ from fuzz.formats import FORMATS
 from fuzz.watch import SECRET, TooLong, Watch
 from semgs.files.errors import InputError
 
-CASES = 30
+CASES = 15
 SLOW = ("training", "scannetpp", "weights")
 """Formats whose readers take seconds to import or to begin."""
 

@@ -9,7 +9,12 @@ import pytest
 from scenes_on_disk import write_labelled
 
 from semgs.cli.main import main
+from semgs.model.weights.initial_weights import initial_network
 from semgs.model.weights.load import load
+from semgs.model.weights.weights_file import save
+from semgs.training.loop import Outcome
+from semgs.training.run.execution import Execution
+from semgs.training.training_settings import TrainingSettings
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +34,31 @@ def recipe(scans: Path, out: Path, *more: str) -> int:
     return main([*given.split(), "--out", str(out), *more])
 
 
+def test_each_stage_starts_from_the_weights_of_the_one_before_and_is_not_run_twice(
+    scans, tmp_path, monkeypatch, capsys
+):
+    """The trainings are stand-ins; real ones are in `make long`."""
+    started = []
+
+    def train(settings: TrainingSettings, out: Path, execution: Execution, **options: object) -> Outcome:
+        started.append((settings.supervision, Path(settings.init).parent.name, out.name))
+        save(out / "weights.safetensors", initial_network("small", "small"), {})
+        return Outcome(settings.steps, True, 0)
+
+    monkeypatch.setattr("semgs.training.loop.train", train)
+    finished = "semgs.training.run.run_folder.is_finished"
+    monkeypatch.setattr(finished, lambda run: (run / "weights.safetensors").exists())
+    for _ in range(2):
+        assert recipe(scans, tmp_path / "out") == 0
+        assert started == [
+            ("pictures", "", "1_classes"),
+            ("depth", "1_classes", "2_depth"),
+            ("rendered", "2_depth", "3_joint"),
+        ]
+        assert f"finished: {tmp_path / 'out/3_joint/weights.safetensors'}" in capsys.readouterr().out
+
+
+@pytest.mark.long
 def test_three_stages_run_one_after_the_other_and_are_not_run_twice(scans, tmp_path, capsys):
     assert recipe(scans, tmp_path / "out") == 0
     folders = [tmp_path / "out" / name for name in ("1_classes", "2_depth", "3_joint")]

@@ -22,8 +22,14 @@ def tensors(encoding: Encoding) -> list[torch.Tensor]:
     return found
 
 
-@pytest.mark.parametrize("name", ["small_plain", "base", "text"])
-@pytest.mark.parametrize("chunks", [Chunks(cost=1), Chunks(heads=1), Chunks(cost=2, heads=2)])
+LONG = pytest.mark.long
+
+
+@pytest.mark.parametrize("name", ["small_plain", pytest.param("base", marks=LONG), "text"])
+@pytest.mark.parametrize(
+    "chunks",
+    [pytest.param(Chunks(cost=1), marks=LONG), pytest.param(Chunks(heads=1), marks=LONG), Chunks(cost=2, heads=2)],
+)
 def test_a_few_views_at_a_time_give_what_all_give_at_once(name: str, chunks: Chunks) -> None:
     model = fill_golden(network(paper_heads=True) if name == "text" else preset(name))
     views = posed_views(3, (93, 127) if name == "small_plain" else SIZE)
