@@ -7,6 +7,7 @@ from typing import final
 
 import numpy as np
 
+from semgs.data.bounds.depth_range import depths_of_points
 from semgs.data.scene import Scene
 from semgs.data.spread import spread
 from semgs.doctor.diagnosis import Diagnosis
@@ -81,11 +82,5 @@ def _points(scene: Scene) -> float:
     """The median z-depth of the sparse points that some frames see; NaN if there are too few."""
     if scene.points is None:
         return np.nan
-    found = [np.zeros(0)]
-    for frame in spread(scene.frames, FRAMES):
-        pose = frame.world_from_camera
-        ours = scene.points if frame.points is None else scene.points[frame.points]
-        depths = (ours - pose[:3, 3]) @ pose[:3, 2]
-        found.append(depths[depths > 0])
-    every = np.concatenate(found)
+    every = np.concatenate([depths_of_points(frame, scene.points) for frame in spread(scene.frames, FRAMES)])
     return float(np.median(every)) if len(every) >= FEWEST else np.nan

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float64
@@ -47,16 +46,22 @@ class _Way:
     poses: Float64[np.ndarray, "n 4 4"] = field(repr=False)
     depth: float
 
+    def steps(
+        self, here: Float64[np.ndarray, "*m 4 4"], there: Float64[np.ndarray, "n 4 4"]
+    ) -> Float64[np.ndarray, " n"]:
+        """How far cameras are from one, or each from its own."""
+        moved = np.linalg.norm(there[:, :3, 3] - here[..., :3, 3], axis=1)
+        traces = (there[:, :3, :3] * here[..., :3, :3]).sum((1, 2))
+        return moved + self.depth * np.arccos(np.clip((traces - 1) / 2, -1, 1))
+
     def steps_from(self, position: int) -> Float64[np.ndarray, " n"]:
         """How far each camera is from one of them."""
-        pose = self.poses[position]
-        moved = np.linalg.norm(self.poses[:, :3, 3] - pose[:3, 3], axis=1)
-        traces = (self.poses[:, :3, :3] * pose[:3, :3]).sum((1, 2))
-        return moved + self.depth * np.arccos(np.clip((traces - 1) / 2, -1, 1))
+        return self.steps(self.poses[position], self.poses)
 
     def length(self, order: Sequence[int]) -> float:
         """The length of the way in an order."""
-        return float(sum(self.steps_from(one)[other] for one, other in pairwise(order)))
+        along = self.poses[list(order)]
+        return float(self.steps(along[:-1], along[1:]).sum())
 
     def random_length(self) -> float:
         """The mean length of the way in random order."""

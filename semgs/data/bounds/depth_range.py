@@ -141,7 +141,7 @@ def _seen(
 ) -> Seen | None:
     """Depths of the sparse points that frames see, or else of points triangulated between images; None if there are too few."""
     if points is not None:
-        inverse = np.concatenate([_inverse_depths_of_points(frames[index], points) for index in positions])
+        inverse = 1 / np.concatenate([depths_of_points(frames[index], points) for index in positions])
         if len(inverse) >= FEW_POINTS:
             return Seen(inverse, f"from {len(inverse)} sightings of the scene's sparse points")
     for pairs in (_pairs_among(positions), _pairs_beside(frames, positions)):
@@ -182,12 +182,12 @@ def _around(inverse: np.ndarray, unit: str, reason: str) -> DepthRange:
     return DepthRange(float(near), float(far), unit, reason, float(1 / middle))
 
 
-def _inverse_depths_of_points(frame: Frame, points: np.ndarray) -> np.ndarray:
-    """Inverse z-depths of the sparse points that a frame sees (all points in front of it, if the layout does not say which)."""
+def depths_of_points(frame: Frame, points: np.ndarray) -> np.ndarray:
+    """Z-depths of the sparse points that a frame sees (all points in front of it, if the layout does not say which)."""
     ours = points if frame.points is None else points[frame.points]
     pose = frame.world_from_camera
     depths = (ours - pose[:3, 3]) @ pose[:3, 2]
-    return 1 / depths[depths > 0]
+    return depths[depths > 0]
 
 
 def _pairs_among(positions: Sequence[int]) -> list[list[tuple[int, int]]]:

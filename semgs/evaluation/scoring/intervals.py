@@ -6,12 +6,14 @@ similar, so the interval is too narrow for other scenes. The seed is fixed, so n
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import stdev
 from typing import Literal
 
 import numpy as np
-from scipy.stats import bootstrap
+from scipy.stats import bootstrap, t
 
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.summary import MetricGroup, Values, group_metrics
@@ -24,6 +26,9 @@ _BATCH = 500
 """Resamples processed at a time; limits the memory for matrices of many classes."""
 
 Over = Literal["scenes", "frames"]
+
+Pair = tuple[Sequence[FrameScores], Sequence[FrameScores]]
+"""Scores of two trainings with the same seed."""
 
 
 @dataclass(frozen=True)
@@ -63,16 +68,57 @@ def paired_differences(first: Sequence[FrameScores], second: Sequence[FrameScore
     Raises:
         ValueError: the targets differ.
     """
-    if [(one.scene, one.target) for one in first] != [(one.scene, one.target) for one in second]:
+    return seed_differences([(first, second)])
+
+
+def seed_differences(pairs: Sequence[Pair]) -> dict[str, Interval]:
+    """Second minus first, the mean over seeds, for every metric that all have.
+
+    The interval says what other scenes and other seeds might have given: the distances of its ends are the root of the squares of two 95 %
+    intervals. One resamples scenes (or frames) in all trainings alike; the other is Student's for the mean of so few seeds. With one seed,
+    there is only the first.
+
+    Args:
+        pairs: of each seed; all with the same targets in the same order.
+
+    Raises:
+        ValueError: there are no pairs, or the targets differ.
+    """
+    if not pairs:
+        raise ValueError("there are no trainings to compare; expected a pair for each seed")
+    targets = [[(one.scene, one.target) for one in frames] for pair in pairs for frames in pair]
+    if any(other != targets[0] for other in targets):
         raise ValueError("the scores are of different targets; expected the same targets in the same order")
-    over = choose_units(first)
-    others = {group.names: group for group in group_metrics(second)}
+    over = choose_units(pairs[0][0])
+    groups = [{group.names: group for group in group_metrics(frames)} for pair in pairs for frames in pair]
     found: dict[str, Interval] = {}
-    for group in group_metrics(first):
-        other = others.get(group.names)
-        if other is not None and np.array_equal(group.scene_of, other.scene_of):
-            found |= group_intervals(group, over, lambda *times, a=group, b=other: b.values(*times) - a.values(*times))
+    for names, group in groups[0].items():
+        alike = [others[names] for others in groups if names in others]
+        if len(alike) == len(groups) and all(np.array_equal(group.scene_of, one.scene_of) for one in alike):
+            found |= _group_differences(alike[::2], alike[1::2], over)
     return found
+
+
+def _group_differences(before: Sequence[MetricGroup], after: Sequence[MetricGroup], over: Over) -> dict[str, Interval]:
+    """The differences of a group of metrics, which has one entry in `before` and one in `after` for each seed."""
+
+    def values(times: np.ndarray, scene_times: np.ndarray) -> np.ndarray:
+        pairs = zip(before, after, strict=True)
+        return np.mean([b.values(times, scene_times) - a.values(times, scene_times) for a, b in pairs], axis=0)
+
+    found = group_intervals(before[0], over, values)
+    if len(before) == 1:
+        return found
+    seeds = [(a.once(), b.once()) for a, b in zip(before, after, strict=True)]
+    return {name: _wider(one, [b[name] - a[name] for a, b in seeds]) for name, one in found.items()}
+
+
+def _wider(over_scenes: Interval, seeds: Sequence[float]) -> Interval:
+    """An interval over scenes, widened by how much the differences of two or more seeds differ."""
+    half = float(t.ppf((1 + LEVEL) / 2, len(seeds) - 1)) * stdev(seeds) / math.sqrt(len(seeds))
+    value = over_scenes.value
+    low, high = math.hypot(value - over_scenes.low, half), math.hypot(over_scenes.high - value, half)
+    return Interval(value, value - low, value + high)
 
 
 def group_intervals(group: MetricGroup, over: Over, values: Values | None = None) -> dict[str, Interval]:

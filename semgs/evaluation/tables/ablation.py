@@ -9,8 +9,7 @@ from statistics import mean
 from semgs.evaluation.frames.view_relations import ViewRelation, thirds
 from semgs.evaluation.scoring.fragments import with_fragments
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.scoring.intervals import Interval, intervals
-from semgs.evaluation.scoring.seed_differences import Pair, seed_differences
+from semgs.evaluation.scoring.intervals import Interval, Pair, intervals, seed_differences
 from semgs.evaluation.tables.evaluation_report import SavedReport
 from semgs.evaluation.tables.table_grid import Cell, Grid
 from semgs.objectives.measures import TITLES

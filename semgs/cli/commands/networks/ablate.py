@@ -115,14 +115,15 @@ class Ablate:
         if self.stage == "semantic" and not self._train_base(execution, ends):
             print("time is up: depth and colour are not finished; repeat the command to resume")
             return
+        tests = self._tests()
         for number, ((row, seed), settings) in enumerate(zip(runs, planned, strict=True), 1):
             title = f"{number}/{len(runs)} {row.title}, seed {seed}"
             if not self._train(title, row, settings, execution, ends):
                 print(f"time is up: run {number} of {len(runs)} is not finished; repeat the command to resume")
                 break
-            for name, path in self._tests().items():
+            for name, path in tests.items():
                 self._evaluate(row, settings, execution.device, name, path)
-        print(self._tables(runs))
+        print(self._tables(runs, tests))
 
     def _check(self) -> None:
         """Check what can be checked without importing torch."""
@@ -253,13 +254,13 @@ class Ablate:
         """The numbers of input views in the evaluation."""
         return self.views or VIEWS[self.stage]
 
-    def _tables(self, runs: list[tuple[AblationRow, int]]) -> str:
+    def _tables(self, runs: list[tuple[AblationRow, int]], tests: dict[str, Path]) -> str:
         """The tables of all evaluated runs; they are also written to OUT."""
         from semgs.evaluation.tables.table_grid import printed
         from semgs.files.atomic import write_text
 
         texts: dict[Literal["text", "markdown"], list[str]] = {"text": [], "markdown": []}
-        for name, path in self._tests().items():
+        for name, path in tests.items():
             reports = self._reports(runs, name)
             if not reports:
                 continue

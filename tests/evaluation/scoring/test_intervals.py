@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.scoring.intervals import paired_differences
-from semgs.evaluation.scoring.seed_differences import seed_differences
+from semgs.evaluation.scoring.intervals import paired_differences, seed_differences
 
 
 def scores(psnr: list[float]) -> list[FrameScores]:
