@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
+from semgs.model.switches import Switches
 from semgs.objectives.loss_weights import LossWeights
 from semgs.training.training_settings import TrainingSettings
 
@@ -80,15 +81,9 @@ def row_settings(settings: TrainingSettings, row: AblationRow, seed: int) -> Tra
     Raises:
         ValueError: the full method itself lacks a part, so two variants would be equal.
     """
-    _check_full(settings)
-    network = replace(
-        settings.network,
-        shared_layers=row.shared_layers,
-        windows=settings.network.windows if row.windows else 1,
-        camera_aware_colour=row.camera_aware,
-        camera_aware_semantic=row.camera_aware,
-    )
-    return replace(settings, network=network, losses=_losses(settings.losses, row), seed=seed)
+    windows = settings.network.windows if row.windows else 1
+    network = replace(settings.network, windows=windows, camera_aware_colour=row.camera_aware)
+    return _with_parts(settings, row, seed, network)
 
 
 def semantic_row_settings(settings: TrainingSettings, row: AblationRow, seed: int, base: Path) -> TrainingSettings:
@@ -103,17 +98,8 @@ def semantic_row_settings(settings: TrainingSettings, row: AblationRow, seed: in
     Raises:
         ValueError: the full method itself lacks a part, so two variants would be equal.
     """
-    _check_full(settings)
-    network = replace(
-        settings.network,
-        shared_layers=row.shared_layers,
-        windows_semantic=0 if row.windows else 1,
-        camera_aware_semantic=row.camera_aware,
-    )
-    return replace(
-        settings, supervision="labels", init=str(base), semantic_branch="drawn", shared_rate=0.0, network=network,
-        losses=_losses(settings.losses, row), seed=seed,
-    )  # fmt: skip
+    alone = replace(settings, supervision="labels", init=str(base), semantic_branch="drawn", shared_rate=0.0)
+    return _with_parts(alone, row, seed, replace(settings.network, windows_semantic=0 if row.windows else 1))
 
 
 def base_settings(settings: TrainingSettings, stage: str, before: Path | None) -> TrainingSettings:
@@ -134,6 +120,13 @@ def base_settings(settings: TrainingSettings, stage: str, before: Path | None) -
     if stage == "depth":
         return replace(common, supervision="depth", average_decay=0.99)
     return replace(common, sweep_rate=0.0, depth_weight=0.3, context_targets=True, average_decay=0.98)
+
+
+def _with_parts(settings: TrainingSettings, row: AblationRow, seed: int, network: Switches) -> TrainingSettings:
+    """The settings with a variant's parts and seed; in `network`, those that only one of the two stages changes are already changed."""
+    _check_full(settings)
+    network = replace(network, shared_layers=row.shared_layers, camera_aware_semantic=row.camera_aware)
+    return replace(settings, network=network, losses=_losses(settings.losses, row), seed=seed)
 
 
 def _check_full(settings: TrainingSettings) -> None:
