@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import pkgutil
 import signal
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import pytest
 import torch
+import tyro._docstrings
 from jaxtyping import install_import_hook
 from kernels import compile_all
 
@@ -27,6 +29,10 @@ _names = [
     if not module.ispkg and not module.name.endswith("_kernels") and not module.name.startswith(_unchecked)
 ]
 install_import_hook(_names, "beartype.beartype")
+
+# tyro reads the source of a command's options at every call anew, which is half of its time; tests call hundreds of commands.
+_read_source = tyro._docstrings._ClassTokenization.make.__wrapped__  # type: ignore[attr-defined]
+tyro._docstrings._ClassTokenization.make = staticmethod(functools.cache(_read_source))  # type: ignore[method-assign]
 
 # Commands that tests start would compute with as many threads as cores are free, and rounding depends on their number.
 os.environ.setdefault("OMP_NUM_THREADS", str(torch.get_num_threads()))

@@ -88,9 +88,9 @@ SMALLER_IN_PYTHON = {
 """The same for blocks of Python."""
 
 SLOW = (
-    "ablate", "app", "batch", "bench", "export-network", "figure", "label", "recipe", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
+    "ablate", "app", "batch", "bench", "export-network", "figure", "label", "poses", "recipe", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
     "kitchen_colmap", "splat-transform", "mosaic.tflite", "scripts/", "tests/", "tools.", "--protocol neighbours", "eval/other", "eval/segformer",
-    "examples/train", "examples/score", "segmenters fit", "--correspondence", "--weights runs/small", "--html",
+    "examples/train", "examples/score", "segmenters fit", "--correspondence", "--weights runs/small", "--html", "--refine",
 )  # fmt: skip
 """Words of lines that run in `make long` only; in `make test` their options are parsed."""
 SLOW_IN_PYTHON = ("train(", "open_library(", "make_plan(")

@@ -58,7 +58,11 @@ def built(name: str, dtype: torch.dtype) -> SemGS:
     return fill_golden(NETWORKS[name]()).to(dtype)
 
 
-@pytest.fixture(scope="module", params=[torch.float64, torch.float32], ids=["float64", "float32"])
+@pytest.fixture(
+    scope="module",
+    params=[torch.float64, pytest.param(torch.float32, marks=pytest.mark.long)],
+    ids=["float64", "float32"],
+)
 def dtype(request) -> torch.dtype:
     return request.param
 

@@ -40,6 +40,7 @@ def types_of(script: Path, cache: Path) -> subprocess.CompletedProcess[str]:
     )  # fmt: skip
 
 
+@pytest.mark.long
 def test_the_types_of_the_node_fit_those_of_ros_and_planted_mistakes_are_found(tmp_path: Path) -> None:
     pytest.importorskip("mypy")
     good = types_of(NODE, tmp_path / "cache")

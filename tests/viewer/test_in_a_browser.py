@@ -113,6 +113,34 @@ def distance_from(canvas: Canvas, view: int) -> float:
 
 
 @pytest.mark.long
+def test_a_page_is_ready_once_the_camera_is_at_the_first_photo_and_no_sooner(tmp_path: Path):
+    file = tmp_path / "scene.html"
+    file.write_text(scene_page(wall_and_chair(), up="z").html)
+    with canvas_of(file.as_uri(), LARGE, offline=True) as canvas:
+        page = canvas.page
+        page.locator("body[data-ready]").wait_for()
+        early, frames, field_of_view = page.evaluate(
+            """async () => {
+                const viewer = semgs.viewer(), control = viewer.cameraControl, seconds = (s) => new Promise((done) => setTimeout(done, 1000 * s));
+                const { views } = JSON.parse(document.getElementById("semgs").textContent);
+                let ready = false, frames = 0;
+                (function count() { frames += !ready; requestAnimationFrame(count); })();
+                viewer.cameraControl = null; // as before viser has built it
+                viewer.camera.fov = 10;
+                semgs.start({ views, near: true }, () => (ready = true));
+                await seconds(0.3);
+                const early = ready;
+                viewer.cameraControl = control;
+                while (!ready) await seconds(0.01);
+                return [early, frames, viewer.camera.fov];
+            }""",
+        )
+        assert not early
+        assert frames >= 2
+        assert field_of_view > 30, "the first photo fills the window"
+
+
+@pytest.mark.long
 def test_the_camera_of_a_page_stays_near_the_photos_until_it_is_freed_and_returns_to_them(tmp_path: Path):
     file = tmp_path / "scene.html"
     file.write_text(scene_page(wall_and_chair(), up="z").html)

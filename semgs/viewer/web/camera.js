@@ -192,14 +192,15 @@
     window.focus();
   }
 
-  // Begins with the photos: position, lookAt, fov, aspect and, if there is one, the node that shows it.
-  function start(given) {
+  // Begins with the photos: position, lookAt, fov, aspect and, if there is one, the node that shows it. Calls back once the first is drawn.
+  function start(given, drawn = () => {}) {
     ({ views } = given);
     near = given.near;
     (function wait() {
       const ready = viewer?.cameraControl && viewer.canvas && viewer.nodeRefFromName[""];
-      if (ready) follow();
-      else setTimeout(wait, 50);
+      if (!ready) return setTimeout(wait, 50);
+      follow();
+      requestAnimationFrame(() => requestAnimationFrame(drawn));
     })();
   }
 

@@ -186,7 +186,7 @@
     return pick(box.left + box.width / 2, box.top + box.height / 2);
   }
 
-  // Calls back once all of the scene is there.
+  // Calls back once all of the scene is there and the camera is at the first photo.
   function load(given, ready) {
     data = given;
     (function wait() {
@@ -196,8 +196,7 @@
       splats.confidences = bytes(data.confidences);
       if (data.things) splats.things = new Uint16Array(bytes(data.things).buffer);
       document.body.append(svg);
-      window.semgs.start({ views: data.views, near: data.near });
-      ready();
+      window.semgs.start({ views: data.views, near: data.near }, ready);
     })();
   }
 

@@ -155,6 +155,7 @@ def end_of(arguments: list[str]) -> int:
     return run.returncode
 
 
+@pytest.mark.long
 def test_a_killed_worker_and_a_killed_run_change_nothing(
     tmp_path: Path, in_this_process: None, capsys: pytest.CaptureFixture[str]
 ):
