@@ -6,6 +6,8 @@ PYTHON ?= $(shell for name in python3.11 python3.12 python3.13 python3; do \
 BIN := .venv/bin
 # Python compiles what it imports when it first does, a small part of what is installed: that saves a third of the set-up.
 PIP := $(BIN)/python -m pip install --disable-pip-version-check --no-compile -c constraints.txt
+# Container images often set this; then each process would compile anew all that it imports, a second for a command and more for a test.
+unexport PYTHONDONTWRITEBYTECODE
 # Written last, so that it exists only where everything does; it holds the folder that .venv was made for.
 STAMP := .venv/complete
 # There while something is being installed; where it stays behind, an earlier try was cut short.
