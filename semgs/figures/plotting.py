@@ -9,8 +9,12 @@ import numpy as np
 from jaxtyping import UInt8
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Figure
     from matplotlib.patches import Rectangle
+
+SIZE = 7.0
+"""Font size of plots [points]."""
 
 
 def new_figure(size: tuple[float, float], **options: Any) -> Figure:
@@ -26,6 +30,14 @@ def new_figure(size: tuple[float, float], **options: Any) -> Figure:
     figure = Figure(figsize=size, **options)
     FigureCanvasAgg(figure)
     return figure
+
+
+def label_axes(axes: Axes, x: str, y: str) -> None:
+    """Names the axes of a plot, and draws a light grid behind it."""
+    axes.set_xlabel(x, fontsize=SIZE)
+    axes.set_ylabel(y, fontsize=SIZE)
+    axes.tick_params(labelsize=SIZE)
+    axes.grid(color="0.9", linewidth=0.6)
 
 
 def make_rectangle(*arguments: Any, **options: Any) -> Rectangle:

@@ -6,15 +6,13 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from semgs.figures.plotting import new_figure
+from semgs.figures.plotting import SIZE, new_figure
 
 SIDE = 2.6
 """Side of a plot [inch]."""
 COLOURS = ("#c44e52", "#4c72b0")
 VISIBLE = 1e-3
 """Bins with a smaller share of the pixels get no point."""
-SIZE = 7.0
-"""Font size [points]."""
 
 
 @dataclass(frozen=True)

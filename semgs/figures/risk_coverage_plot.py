@@ -8,11 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import UInt8
 
-from semgs.figures.plotting import new_figure, render_figure
+from semgs.figures.plotting import SIZE, label_axes, new_figure, render_figure
 
 COLOURS = ("#4c72b0", "#c44e52", "#55a868", "#8172b3")
-SIZE = 7.0
-"""Font size [points]."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +49,6 @@ def risk_coverage_picture(curves: Sequence[RiskCurve]) -> UInt8[np.ndarray, "h w
                 linewidth=0,
             )
     axes.set(xlim=(0, 100), ylim=(0, None))
-    axes.set_xlabel("most confident pixels that count [%]", fontsize=SIZE)
-    axes.set_ylabel("wrong class [%]", fontsize=SIZE)
-    axes.tick_params(labelsize=SIZE)
-    axes.grid(color="0.9", linewidth=0.6)
+    label_axes(axes, "most confident pixels that count [%]", "wrong class [%]")
     axes.legend(fontsize=SIZE, frameon=False, loc="upper left")
     return render_figure(figure)

@@ -7,10 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import UInt8
 
-from semgs.figures.plotting import new_figure, render_figure
-
-SIZE = 7.0
-"""Font size [points]."""
+from semgs.figures.plotting import SIZE, label_axes, new_figure, render_figure
 
 
 def validation_picture(runs: Mapping[str, Sequence[Mapping[int, float]]], score: str) -> UInt8[np.ndarray, "h w 3"]:
@@ -30,10 +27,7 @@ def validation_picture(runs: Mapping[str, Sequence[Mapping[int, float]]], score:
         axes.plot(steps, values.mean(axis=0), color=f"C{index}", marker="o", markersize=2.5, linewidth=1, label=name)
         axes.fill_between(steps, values.min(axis=0), values.max(axis=0), color=f"C{index}", alpha=0.15, linewidth=0)
     axes.set(xlim=(0, None), ylim=(0, None))
-    axes.set_xlabel("step", fontsize=SIZE)
-    axes.set_ylabel(score, fontsize=SIZE)
-    axes.tick_params(labelsize=SIZE)
-    axes.grid(color="0.9", linewidth=0.6)
+    label_axes(axes, "step", score)
     if axes.lines:
         axes.legend(fontsize=SIZE, frameon=False, loc="lower right")
     return render_figure(figure)

@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 from types import TracebackType
 
 import numpy as np
@@ -41,11 +42,10 @@ def read_validations(run: Path, score: str) -> dict[int, float]:
     """A score of the validations in a run's log, by step. Lines that cannot be read, and a score that is missing, are left out."""
     found = {}
     for line in _lines(run / LOG):
-        step = _step_of(line)
-        if step is not None:
-            value = parse_json(line).get("validation", {}).get(score)
+        if record := _record_of(line):
+            value = record.get("validation", {}).get(score)
             if value is not None:
-                found[step] = float(value)
+                found[record["step"]] = float(value)
     return found
 
 
@@ -65,12 +65,12 @@ class RunLog:
         if out is not None:
             last = step or -1  # a run that begins at step 0 validates there
             path = out / LOG
-            lines = [(_step_of(line), line) for line in _lines(path)]
-            if damaged := [line for number, line in lines if number is None]:
+            lines = [(_record_of(line), line) for line in _lines(path)]
+            if damaged := [line for record, line in lines if record is None]:
                 with (out / DAMAGED).open("ab") as aside:
                     aside.writelines(damaged)
                 print_lines(console, [f"{path}: {len(damaged)} lines cannot be read; they were moved to {DAMAGED}"])
-            kept = [line for number, line in lines if number is not None and number <= last]
+            kept = [line for record, line in lines if record is not None and record["step"] <= last]
             write_bytes(path, b"".join(kept))
             self._file = path.open("a")
             self._events = _events(out / "tensorboard", last)
@@ -230,10 +230,10 @@ def _lines(path: Path) -> list[bytes]:
     return content[: content.rfind(b"\n") + 1].splitlines(keepends=True)
 
 
-def _step_of(line: bytes) -> int | None:
-    """The step of a line of the log, None if it cannot be read."""
+def _record_of(line: bytes) -> dict[str, Any] | None:
+    """A line of the log, None if it cannot be read or names no step."""
     try:
-        step = parse_json(line)["step"]
-    except (ValueError, TypeError, KeyError, IndexError):
+        record = parse_json(line)
+    except ValueError:
         return None
-    return step if type(step) is int else None
+    return record if isinstance(record, dict) and type(record.get("step")) is int else None
