@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 import torch
