@@ -12,13 +12,23 @@ ROOMS = (
     ),
     Mutant(
         "cameras of the held-out world are used as those in homes", "semgs/rooms/sets/carried_cameras.py",
-        'if style != "home":', 'if style == "nowhere":',
+        'if style == "other":', 'if style == "nowhere":',
         ("tests/rooms/sets/test_cameras_of_rooms.py::test_the_held_out_world_has_the_usual_cameras_and_no_number_is_spent_on_it",),
     ),
     Mutant(
         "close cameras are anywhere in the room", "semgs/rooms/sets/carried_cameras.py",
         "150, subject)[:60]", "150)[:60]",
         ("tests/rooms/sets/test_cameras_of_rooms.py::test_close_cameras_are_within_90_cm_of_their_subject_and_fill_the_frame_with_it",),
+    ),
+    Mutant(
+        "patterns lose their contrast in close-ups", "semgs/rooms/plans/closeup.py",
+        "ratio * np.array(base)", "np.array(base)",
+        ("tests/rooms/plans/test_closeup.py::test_a_pattern_keeps_its_contrast_and_an_image_its_structure_in_another_colour",),
+    ),
+    Mutant(
+        "close-ups show any piece of furniture", "semgs/rooms/sets/carried_cameras.py",
+        "subjects=LARGE_SUBJECTS, shares=FILLED", "shares=(0.0, 0.1)",
+        ("tests/rooms/plans/test_closeup.py::test_in_most_views_one_piece_fills_more_than_half_of_the_image_which_is_rare_in_homes",),
     ),
     Mutant(
         "a sofa in the room has its front to it", "semgs/rooms/plans/home.py",

@@ -14,6 +14,7 @@ from semgs.rooms.drawing.room import FLAT, build_room
 from semgs.rooms.drawing.shading import look, pixel_directions
 from semgs.rooms.pieces.furniture import LABEL
 from semgs.rooms.pieces.solids import BALL, BOX, CYLINDER, Solids, gather, triangulate
+from semgs.rooms.plans.closeup import draw_closeup
 from semgs.rooms.plans.home import draw_home
 from semgs.rooms.sets.room_stream import generator, sample
 
@@ -71,9 +72,10 @@ def test_penetration_is_measured_as_by_hand():
 
 @pytest.mark.long
 @seeds(15)
-def test_no_two_pieces_intersect_by_more_than_1_cm(count):
+@pytest.mark.parametrize("draw", [draw_home, draw_closeup])
+def test_no_two_pieces_intersect_by_more_than_1_cm(draw, count):
     for seed in range(count):
-        plan = draw_home(np.random.default_rng(seed))
+        plan = draw(np.random.default_rng(seed))
         solids = gather(plan.parts)
         half = (np.abs(solids.rotations) * (solids.sizes / 2)[:, None]).sum(-1)
         low, high = solids.centres - half, solids.centres + half

@@ -29,6 +29,7 @@ DECIMALS = 9
 DIGESTS = {
     "home": {"plans": "ac186e85eae7579a", "cameras": "b67a823e40461455"},
     "other": {"plans": "a3d2c121a50a3e63", "cameras": "dfb2be38b966101b"},
+    "closeup": {"plans": "b4fb10a10005dece", "cameras": "74181464cb1d1313"},
 }
 LABELS = Path(__file__).with_name("pinned_labels.png")
 """A row of frames for each scene, style after style."""

@@ -35,7 +35,7 @@ WORKTOP = 0.06
 DRAPES = ("cloth", "curtain", "couch")
 """Words in the material names of drapes; other materials of curtains are rods."""
 
-SPLIT_OF_STYLE: dict[str, Split] = {"home": "training", "other": "other"}
+SPLIT_OF_STYLE: dict[str, Split] = {"home": "training", "other": "other", "closeup": "training"}
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,22 @@ def hang_curtains(builder: Builder, wall: Wall, window: Span) -> bool:
     return closed and hung == 2
 
 
+def hang_wide_curtain(builder: Builder, zone: Zone) -> None:
+    """Hang one curtain along a wall that is free, over most of its length and height, if there is such a wall."""
+    rng = builder.rng
+    top = builder.size[2] - rng.uniform(0.03, 0.2)
+    for number in rng.permutation(len(zone.walls)):
+        wall = zone.walls[int(number)]
+        span = (wall.length - 0.08) * rng.uniform(0.7, 1.0)
+        left = 0.04 + (wall.length - 0.08 - span) * rng.random()
+        shape = rectangle(*wall.at(left, 0.02), span, 0.16, wall.yaw)
+        if wall.built or span < 1.2 or not wall.free(left, left + span, 0.0, top) or not builder.fits(shape):
+            continue
+        builder.hang(wall, openings.curtain(rng, span, rng.uniform(0.02, 0.1), top), left, 0.0)
+        builder.footprints.append(shape)
+        return
+
+
 def hang_pictures(builder: Builder, zone: Zone) -> None:
     """Hang pictures at eye height on free walls, some in rows."""
     rng = builder.rng

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -67,12 +67,32 @@ CHAIR_AT_DESK = 0.65
 WET = ("bathroom", "kitchen")
 
 
-def draw_home(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
+@dataclass(frozen=True)
+class Household:
+    """What homes have.
+
+    Attributes:
+        shares: how frequent each kind of room is.
+        two_rooms: share of plans with two rooms joined by an opening.
+        wardrobe: makes wardrobes.
+        wide_curtains: share of rooms with a curtain along a whole wall.
+    """
+
+    shares: Mapping[str, float] = field(default_factory=lambda: SHARES)
+    two_rooms: float = TWO_ROOMS
+    wardrobe: Maker = WARDROBE
+    wide_curtains: float = 0.0
+
+
+USUAL = Household()
+
+
+def draw_home(rng: np.random.Generator, swap: Swap | None = None, household: Household = USUAL) -> FloorPlan:
     """A random home: one room, or two joined by an opening, with furniture, light and clutter.
 
     `swap` may replace each piece with another of the same footprint.
     """
-    outline = _draw_outline(rng)
+    outline = _draw_outline(rng, household)
     builder = Builder(rng, outline, swap)
     evening = builder.chance(0.3)
     light = rng.uniform(0.01, 0.08) if evening else float(np.exp(rng.uniform(np.log(0.2), np.log(1.8))))
@@ -86,7 +106,9 @@ def draw_home(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
     if outline.passage is None:  # with a passage, the only built-in block is the partition, which has a hole
         builder.fill()
     for zone in outline.zones:
-        _furnish(builder, zone)
+        if household.wide_curtains and builder.chance(household.wide_curtains):
+            dressing.hang_wide_curtain(builder, zone)
+        _furnish(builder, zone, household)
         dressing.hang_pictures(builder, zone)
         dressing.add_lamps(builder, zone, lit=evening or builder.chance(0.45))
         dressing.scatter_clutter(builder, zone)
@@ -95,13 +117,13 @@ def draw_home(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
                 tuple(builder.pieces), tuple(builder.lamps))  # fmt: skip
 
 
-def _draw_outline(rng: np.random.Generator) -> Outline:
+def _draw_outline(rng: np.random.Generator, household: Household) -> Outline:
     """The shape of the rooms and what they are used for."""
     height = rng.uniform(2.3, 3.2) if rng.random() < 0.5 else rng.uniform(2.4, 2.65)
-    if rng.random() < TWO_ROOMS:
+    if rng.random() < household.two_rooms:
         kinds = PAIRS[int(rng.integers(len(PAIRS)))]
         return outlines.two_rooms(rng, kinds, (rng.uniform(6.0, 9.0), rng.uniform(2.8, 4.4), height))
-    kind = str(rng.choice(list(SHARES), p=list(SHARES.values())))
+    kind = str(rng.choice(list(household.shares), p=list(household.shares.values())))
     if kind == "bathroom":
         length, width = rng.uniform(2.5, 4.2), rng.uniform(2.4, 3.4)
     elif kind == "hallway":
@@ -183,7 +205,7 @@ def _add_windows(builder: Builder, zone: Zone, light: float) -> None:
             builder.beside_wall(wall, piece, left + (width - piece.size[0]) / 2, 0.005)
 
 
-def _furnish(builder: Builder, zone: Zone) -> None:
+def _furnish(builder: Builder, zone: Zone, household: Household) -> None:
     """Add the furniture for the kind of room, each piece with its companions, on at most 45 % of the floor."""
     rng = builder.rng
     makers: Sequence[Maker] = BIG[zone.kind]
@@ -193,7 +215,7 @@ def _furnish(builder: Builder, zone: Zone) -> None:
     for place, maker in enumerate(makers):
         if zone.kind != "mixed" and place >= 3 and builder.chance(0.3):
             continue
-        piece = snug(maker(rng))
+        piece = snug((household.wardrobe if maker is WARDROBE else maker)(rng))
         if builder.covered_area(zone) + piece.size[0] * piece.size[1] <= budget:
             _place(builder, zone, piece)
     if builder.chance(0.4):

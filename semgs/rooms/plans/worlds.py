@@ -10,15 +10,16 @@ from semgs.rooms.assets.asset_library import Library
 from semgs.rooms.assets.coverings import ALL, HUNG, Coverings
 from semgs.rooms.assets.swaps import Swaps
 from semgs.rooms.assets.used import UsedAssets
+from semgs.rooms.plans.closeup import draw_closeup, recolour
 from semgs.rooms.plans.floor_plan import FloorPlan
 from semgs.rooms.plans.home import draw_home
 from semgs.rooms.plans.other import draw_other
 from semgs.rooms.plans.style import STYLES, Style
 
-PLANNERS = {"home": draw_home, "other": draw_other}
-MESHES = {"home": 0.5, "other": 0.9}
+PLANNERS = {"home": draw_home, "other": draw_other, "closeup": draw_closeup}
+MESHES = {"home": 0.5, "other": 0.9, "closeup": 0.4}
 """If there is a library: share of rooms that use its meshes."""
-IMAGES = {"home": 0.75, "other": 1.0}
+IMAGES = {"home": 0.75, "other": 1.0, "closeup": 0.6}
 """If there is a library: share of rooms that use its images on all surfaces."""
 
 
@@ -36,10 +37,15 @@ def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> 
         raise ValueError(f"style {style!r}; expected one of {', '.join(STYLES)}")
     used = UsedAssets()
     if library is None:
-        return PLANNERS[style](rng), used
+        return _finish(rng, PLANNERS[style](rng), style), used
     own = rng.spawn(1)[0]
     has_meshes = own.random() < MESHES[style]
     coverings = Coverings(own, library, used, ALL if own.random() < IMAGES[style] else HUNG)
     swap = Swaps(own, library, coverings) if has_meshes else None
     plan = PLANNERS[style](rng, swap)
-    return replace(plan, parts=tuple(coverings.cover(plan.parts))), used
+    return _finish(rng, replace(plan, parts=tuple(coverings.cover(plan.parts))), style), used
+
+
+def _finish(rng: np.random.Generator, plan: FloorPlan, style: Style) -> FloorPlan:
+    """The plan with the colours of its style."""
+    return recolour(rng, plan) if style == "closeup" else plan

@@ -33,8 +33,8 @@ NEAR, NEAR_HEIGHTS = 0.9, (0.6, 1.8)
 """Maximum distance of a close camera from the box around its subject, and its heights in people's hands [m]."""
 NEAREST_CLOSE = 0.4
 """Minimum z-depth of a probe ray of a close camera [m]."""
-SUBJECT_SHARES = (0.3, 0.9)
-"""Range of the share of the frame that a close camera is to fill with its subject."""
+SUBJECT_SHARES, FILLED = (0.3, 0.9), (0.5, 1.0)
+"""Ranges of the share of the frame that a close camera is to fill with its subject: in homes, and in close-ups."""
 SMALL = (12, 16, 17, 18)
 """Classes of small things in few rooms (desk, toilet, sink, bathtub); the more of them a view shows, the higher its score."""
 RARE = (5, 9, 10, 12, 14, 16, 17, 19)
@@ -45,6 +45,8 @@ SUBJECTS = (2, 3, 4, 5, 6, 9, 11, 12, 14, 15, 16, 17, 18, 19)
 """Classes of pieces that cameras come close to: all but wall, floor, door, window, picture and curtain."""
 SCARCE = (16, 17, 18)
 """Those of them that are in few rooms (toilet, sink, bathtub)."""
+LARGE_SUBJECTS = (2, 3, 11, 13, 14, 15, 18)
+"""Classes that fill the image in close-ups: cabinet, bed, counter, curtain, refrigerator, shower curtain, bathtub."""
 CLOSE, WIDE, TILTED, WIDE_ANGLE, TELE = 0.35, 0.35, 0.2, 0.15, 0.1
 """Shares of cameras in homes that are close, take long steps, are tilted, and have other focal lengths."""
 
@@ -56,6 +58,8 @@ class Habit:
     Attributes:
         robots: probability that a robot carries it.
         close: whether it shows one piece of furniture from close by, instead of much of the room.
+        subjects: classes of these pieces.
+        shares: range of the share of the frame that such a piece is to fill.
         roll: added to the roll of its path [rad].
         turn: added to the rotation of its path about z, per step [rad].
         step: range of the length of a step of its path [m].
@@ -66,6 +70,8 @@ class Habit:
 
     robots: float = 0.2
     close: bool = False
+    subjects: tuple[int, ...] = SUBJECTS
+    shares: tuple[float, float] = SUBJECT_SHARES
     roll: float = 0.0
     turn: float = 0.0
     step: tuple[float, float] = (0.05, 0.4)
@@ -79,10 +85,12 @@ USUAL = Habit()
 
 def draw_habit(rng: np.random.Generator, style: Style) -> Habit:
     """A random habit for a camera in a room of this style. The state of `rng` does not change."""
-    if style != "home":
+    if style == "other":
         return USUAL
     own = rng.spawn(1)[0]
     habit = Habit(robots=0.25, close=bool(own.random() < CLOSE))
+    if style == "closeup":
+        habit = replace(habit, robots=0.1, close=True, subjects=LARGE_SUBJECTS, shares=FILLED)
     if own.random() < WIDE:
         turn = float(own.choice([-1, 0, 0, 1]) * own.uniform(0.15, 0.5))
         habit = replace(habit, turn=turn, step=(0.4, 1.0), length=0.6, overlap=(0.25, 0.6))
@@ -183,7 +191,7 @@ def draw_path(
         habit: of the camera.
     """
     paths: list[CameraPath] = []
-    subject = _subject(rng, room.plan.pieces, room.solids) if habit.close else None
+    subject = _subject(rng, room.plan.pieces, room.solids, habit.subjects) if habit.close else None
     heights = ROBOT if rng.random() < habit.robots else (HAND if subject is None else NEAR_HEIGHTS)
     for middle in (place for _ in range(6) for place in _free_places(rng, room, heights, 150, subject)[:60]):
         path = _draw(rng, room, middle, reach, habit, subject)
@@ -196,7 +204,7 @@ def draw_path(
     if subject is None:
         scores = [_score(_glimpses(room, path, camera, reach), float(rng.uniform(0, 1.5))) for path in paths]
     else:
-        share = rng.uniform(*SUBJECT_SHARES)
+        share = rng.uniform(*habit.shares)
         scores = [_score_close(_glimpses(room, path, camera, reach), subject.label, share) for path in paths]
     return paths[int(np.argmax(scores))]
 
@@ -231,14 +239,16 @@ def _probe_pixels(size: tuple[int, int]) -> Float64[np.ndarray, "n 2"]:
     return centres(PROBE) * (size[1] / PROBE[1], size[0] / PROBE[0])
 
 
-def _subject(rng: np.random.Generator, pieces: Sequence[tuple[int, int]], solids: Solids) -> CloseSubject | None:
-    """A random piece of furniture, given as its range of parts; None if there is none.
+def _subject(
+    rng: np.random.Generator, pieces: Sequence[tuple[int, int]], solids: Solids, classes: Sequence[int] = SUBJECTS
+) -> CloseSubject | None:
+    """A random piece of furniture of some classes, given as its range of parts; None if there is none.
 
     Scarce classes are four times as likely as others in the room. Of a piece with several classes one is the subject.
     """
     by_label: dict[int, list[tuple[int, int]]] = {}
     for first, end in pieces:
-        for label in set(solids.labels[first:end].tolist()) & set(SUBJECTS):
+        for label in set(solids.labels[first:end].tolist()) & set(classes):
             by_label.setdefault(label, []).append((first, end))
     if not by_label:
         return None

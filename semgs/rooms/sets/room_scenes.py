@@ -28,7 +28,7 @@ MILLIMETRE = 0.001
 SHADED = "shaded"
 """Lighting method. Earlier releases also had another one and wrote this entry, so files still contain it."""
 
-EDITIONS: dict[Style, str] = {"home": ", second edition of homes", "other": ""}
+EDITIONS: dict[Style, str] = {"home": ", second edition of homes", "other": "", "closeup": ""}
 """Added to the version in settings: a version of SemGS that is not released yet may make other rooms than before."""
 
 

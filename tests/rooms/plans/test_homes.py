@@ -22,7 +22,7 @@ def furnished(seed: int, size=(6.5, 5.0, 2.6), kind="living") -> Builder:
 def test_people_live_in_kitchens_living_rooms_and_bedrooms():
     """Of 1,000 outlines a sixth has two rooms; of the rest more than half are one of the three, and a fifth are bathrooms and hallways."""
     rng = np.random.default_rng(0)
-    kinds = Counter(" + ".join(zone.kind for zone in home._draw_outline(rng).zones) for _ in range(1000))
+    kinds = Counter(" + ".join(zone.kind for zone in home._draw_outline(rng, home.USUAL).zones) for _ in range(1000))
     single = {kind: count for kind, count in kinds.items() if "+" not in kind}
     assert sum(home.SHARES.values()) == pytest.approx(1)
     assert 0.13 < 1 - sum(single.values()) / 1000 < 0.2

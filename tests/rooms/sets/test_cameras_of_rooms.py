@@ -20,9 +20,9 @@ CAMERA = RoomCamera(K, (30, 40))
 
 def test_the_held_out_world_has_the_usual_cameras_and_no_number_is_spent_on_it():
     one, other = np.random.default_rng(5), np.random.default_rng(5)
-    for style in ("other", "home"):
+    for style in ("other", "home", "closeup"):
         habit = draw_habit(one, style)
-        assert (habit == USUAL) or style == "home"
+        assert (habit == USUAL) == (style == "other")
         assert one.random() == other.random()
 
 

@@ -55,7 +55,8 @@ class Rooms:
     frames: int = 12
     """Images of each room, along one walk."""
     style: Style = "home"
-    """home: rooms furnished as people live. other: a second, different world, reserved for testing. Both have all 20 classes."""
+    """home: rooms furnished as people live. closeup: homes seen from close by, in dark and strong colours. other: a second, different world,
+    reserved for testing."""
     assets: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="DIR")] = ()
     """Folder of meshes and images, verified against its lock. Half of the homes use its meshes, most use its images. Repeatable.
     Without it, built-in furniture only."""
