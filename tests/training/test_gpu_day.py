@@ -1,4 +1,4 @@
-"""scripts/gpu_day.sh: three short trainings on the CPU, put together."""
+"""scripts/gpu_day.sh and gpu_ablation.sh: short trainings on the CPU by the commands for a GPU."""
 
 from __future__ import annotations
 
@@ -33,3 +33,19 @@ def test_a_day_on_a_gpu_in_miniature_moves_classes_depth_and_colour(tmp_path: Pa
     for part in ("semantic.refinement.", "cnn.", "colour.depth.", "colour.heads.convex.", "colour.heads.colour."):
         assert any(name.startswith(part) for name in moved), part
     assert not any(name.startswith("semantic.transformer.") for name in moved)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1500)
+def test_the_ablation_on_a_gpu_in_miniature_trains_all_rows_of_all_seeds_on_one_base(tmp_path: Path) -> None:
+    pytest.importorskip("embreex")
+    environment = os.environ | {
+        "DEVICE": "cpu", "PRESET": "small_plain", "STEPS": "4", "BATCH": "1", "ROOMS": "2", "SIZE": "32x48", "SEEDS": "1 2",
+        "WORKERS": "0", "VALIDATED": "0", "PYTHON": sys.executable,
+    }  # fmt: skip
+    command = ["bash", ROOT / "scripts/gpu_ablation.sh", tmp_path / "out"]
+    done = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
+    assert len(list(tmp_path.glob("out/seed_[12]/*/run/weights.safetensors"))) == 14
+    assert len(list(tmp_path.glob("out/base/*/weights.safetensors"))) == 2
+    assert list(tmp_path.glob("out/seed_*/*/evaluation*")) == []
+    assert done.stdout.split()[-3:] == ["--seeds", "1", "2"]

@@ -152,7 +152,10 @@ def test_the_semantic_rows_share_a_base_and_are_tested_on_other_worlds_too(
     monkeypatch.setattr("semgs.cli.commands.networks.ablate.rows_of", lambda stage: SEMANTIC_ROWS[3:6:2])
     other, abroad = (shutil.copytree(labelled, tmp_path / name) for name in ("elsewhere", "abroad"))
     line = [*LINE.split(), "--stage", "semantic", "--data", str(labelled), "--out", str(tmp_path / "out")]
-    assert main([*line, "--test", str(other), "--transfer", str(abroad)]) == 0
+    line += ["--test", str(other), "--transfer", str(abroad)]
+    assert main([*line, "--train-only"]) == 0
+    assert list((tmp_path / "out").glob("seed_0/*/evaluation*")) == []
+    assert main(line) == 0
     told = capsys.readouterr().out
     base = [(settings.supervision, settings.init) for _, settings in trained[:2]]
     assert base == [("depth", "random"), ("rendered", str(tmp_path / "out/base/depth/weights.safetensors"))]

@@ -88,6 +88,8 @@ class Ablate:
     """Train all variants once per seed; by default, once with the seed of the settings."""
     full: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
     """A finished semgs train run of the full method with these settings. It is evaluated but not trained again."""
+    train_only: bool = False
+    """Evaluate nothing. To evaluate, repeat the command without this, also on another machine with a copy of OUT."""
     dry_run: bool = False
     """Print what would be trained and estimate the time from three steps of the full method; write nothing."""
     compute: Annotated[ExecutionOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=ExecutionOptions)
@@ -115,7 +117,7 @@ class Ablate:
         if self.stage == "semantic" and not self._train_base(execution, ends):
             print("time is up: depth and colour are not finished; repeat the command to resume")
             return
-        tests = self._tests()
+        tests = {} if self.train_only else self._tests()
         for number, ((row, seed), settings) in enumerate(zip(runs, planned, strict=True), 1):
             title = f"{number}/{len(runs)} {row.title}, seed {seed}"
             if not self._train(title, row, settings, execution, ends):
@@ -123,7 +125,8 @@ class Ablate:
                 break
             for name, path in tests.items():
                 self._evaluate(row, settings, execution.device, name, path)
-        print(self._tables(runs, tests))
+        if not self.train_only:
+            print(self._tables(runs, tests))
 
     def _check(self) -> None:
         """Check what can be checked without importing torch."""
