@@ -16,7 +16,7 @@ import numpy as np
 from torch.utils.data import Dataset
 
 from semgs.data.scenes import open_scene
-from semgs.data.views import Views
+from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.files.errors import InputError
 from semgs.rooms.sets.dataset import scene_name
 from semgs.rooms.sets.room_scenes import ROOM, RoomSettings, write_scene
@@ -67,7 +67,7 @@ class PooledSamples(Dataset):
         if not 0 <= k < len(self):
             raise IndexError(f"sample {k} of {len(self)}")
         scene, contexts, targets = self.choice(k)
-        views = open_scene(self._scene_folder(scene)).read([*contexts, *targets], "native")
+        views = open_scene(self._scene_folder(scene)).read([*contexts, *targets], "native", INDOOR_DEPTH_RANGE)
         self._remove_before(k // self.served - WINDOW)
         return views.select(range(len(contexts))), views.select(range(len(contexts), len(views)))
 

@@ -272,7 +272,7 @@ SETTINGS = [
     "small 2 120 160", "small 2 240 320", "small 4 240 320", "small 8 240 320", "small 2 480 640", "small 4 480 640",
     "small 8 480 640", "base 2 120 160", "base 4 120 160", "base 8 120 160", "base 2 240 320", "base 4 240 320",
 ]  # fmt: skip
-IN_CHUNKS = ["small 8 240 320 0.6", "small 8 480 640 1.45", "base 4 120 160 0.57"]
+IN_CHUNKS = ["small 8 240 320 0.55", "small 8 480 640 1.45", "base 4 120 160 0.57"]
 
 
 @pytest.fixture(scope="module")

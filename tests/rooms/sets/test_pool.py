@@ -33,6 +33,9 @@ def test_a_sample_shows_frames_of_its_scene(tmp_path, monkeypatch):
     monkeypatch.setattr(pool, "WINDOW", 2)
     monkeypatch.setattr(pool, "FRAMES", 6)
     samples = PooledSamples(tmp_path, RoomSamples(5, SIZE, 2, 1, length=9))
+    monkeypatch.setattr(
+        "semgs.data.bounds.depth_range.find_features", lambda frame: pytest.fail("too slow for samples")
+    )
     scene, contexts, targets = samples.choice(8)
     context, target = samples[8]
     views = draw_scene(RoomSettings(5, SIZE, pool.FRAMES), scene).views

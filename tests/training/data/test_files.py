@@ -232,6 +232,13 @@ def test_weights_of_classes_are_measured_in_the_data(rule, power, scans, tmp_pat
     assert run_data(settings, tmp_path).class_weights != found, "what was measured once is kept"
 
 
+def test_counting_classes_looks_for_no_depth_in_the_images(scans, tmp_path, monkeypatch):
+    """To look for matches in a thousand scenes would take minutes."""
+    monkeypatch.setattr("semgs.data.bounds.depth_range.find_features", lambda frame: pytest.fail("features are found"))
+    settings = replace(SETTINGS, data=(str(scans),), class_weights="inverse_root_frequency")
+    assert run_data(settings, tmp_path).class_weights
+
+
 def test_a_mean_pixel_has_weight_one_and_a_class_never_seen_that_of_the_rarest():
     shares = np.array([0.64, 0.0, 0.32, 0.04])
     for power in (1 / 2, 1 / 4):

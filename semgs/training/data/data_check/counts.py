@@ -10,7 +10,7 @@ import numpy as np
 from semgs.data.scene import Scene
 from semgs.data.spread import spread
 from semgs.data.tables.classes import IGNORE, ClassTable
-from semgs.data.views import Views
+from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.files.errors import InputError
 from semgs.rooms.sets.room_stream import RoomSamples
 from semgs.training.data.data_check.open_sources import OpenSource
@@ -63,7 +63,7 @@ def _read_some(scene: Scene) -> list[Views]:
     count = FRAMES_COUNTED if scene.posed else len(scene)
     for index in spread(range(len(scene)), count):
         with contextlib.suppress(InputError):
-            views.append(scene.read([index], "native"))
+            views.append(scene.read([index], "native", INDOOR_DEPTH_RANGE))  # labels need no depth range of their own
     return views
 
 
