@@ -61,7 +61,7 @@ from semgs.training.run.session import Session, Stopped, time_waiting
 from semgs.training.schedule import Schedule
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
-from semgs.training.supervision.rates import Rates, relative_rates
+from semgs.training.supervision.rates import Rates, relative_rates, what_learns
 from semgs.training.supervision.supervision import make_supervision
 from semgs.training.supervision.supervision_settings import SupervisionSettings
 from semgs.training.training_settings import TrainingSettings
@@ -178,6 +178,7 @@ def _prepare(
         fabric,
         rates=relative_rates(network, settings.part(Rates)),
     )
+    print_lines(console, [what_learns(network)])
     resume(state, out, console)
     batches = training_batches(
         sampling, data, schedule.steps, state.step, pool=out / "rooms", workers=execution.workers,

@@ -16,7 +16,8 @@ class Rates:
     """Learning rates of layers, relative to that of the others. A layer in several groups gets the product; 0 freezes."""
 
     backbone_rate: float = 0.1
-    """Learning rate of the class backbone, relative to the other layers; 0 freezes it."""
+    """Learning rate of the class backbone, relative to the other layers; 0 freezes it. Where depth takes cues from it, as in the preset small,
+    it is a shared layer, too, so it learns only if --shared-rate is above 0."""
     class_rate: float = 1.0
     """Learning rate of all layers that classify each view by itself, backbone included, relative to the other layers; 0 freezes them."""
     sweep_rate: float = 1.0
@@ -47,3 +48,18 @@ def relative_rates(network: SemGS, rates: Rates) -> dict[str, float]:
     for names, rate in groups:
         relative |= {name: rate * relative.get(name, 1.0) for name in names}
     return {name: rate for name, rate in relative.items() if rate != 1}
+
+
+def what_learns(network: SemGS) -> str:
+    """One line that says which parts of a network learn (have parameters that want a gradient) and which keep their weights."""
+    learning = {name for name, parameter in network.named_parameters() if parameter.requires_grad}
+    parameters, backbone = {name for name, _ in network.named_parameters()}, network.pretrained_parameters()
+    told: dict[str, list[str]] = {"learns": [], "keeps its weights": []}
+    for part, names in network.parts().items():
+        own = names & parameters
+        title = f"{part} with the class backbone" if backbone and backbone <= own else part
+        if own & learning:
+            told["learns"].append(title if own <= learning else f"part of {title}")
+        elif own:
+            told["keeps its weights"].append(title)
+    return "; ".join(f"{what}: {', '.join(parts)}" for what, parts in told.items() if parts)

@@ -29,7 +29,7 @@ from semgs.training.run.session import Session
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
 from semgs.training.supervision.objective import TERMS, Objective, Supervision, render_targets
-from semgs.training.supervision.rates import Rates, relative_rates
+from semgs.training.supervision.rates import Rates, relative_rates, what_learns
 from semgs.training.supervision.supervision import Depth, Labels, Pictures, Rendered, make_supervision
 from semgs.training.supervision.supervision_settings import SupervisionSettings
 from semgs.training.supervision.validation import Validation, validation_of_depth, validation_of_views
@@ -329,6 +329,33 @@ def test_rates_are_shares_of_the_setting_by_what_the_parameters_are_for():
         assert name in dict(model.named_parameters())
     plain = TrainingSettings(model="small_plain", steps=1)
     assert relative_rates(preset("small_plain"), plain) == {}, "the paper's network learns at one rate"
+
+
+@pytest.mark.parametrize(
+    ("supervision", "rates", "told"),
+    [
+        (Rendered(), {}, "learns: shared, depth, colour, semantic, classes"),
+        (Depth(), {}, "learns: shared, part of depth; keeps its weights: colour, semantic, classes"),
+        (Labels(), {"shared_rate": 0.0}, "learns: semantic, classes; keeps its weights: shared, depth, colour"),
+    ],
+)
+def test_it_is_told_which_parts_learn(supervision: Supervision, rates: dict[str, float], told: str):
+    model = preset("small_plain")
+    TrainingState.begin(model, supervision, 1e-3, 0.99, rates=relative_rates(model, Rates(**rates)))
+    assert what_learns(model) == told
+
+
+@pytest.mark.parametrize(
+    ("shared_rate", "told"),
+    [(0.0, "learns: part of semantic, part of classes; keeps its weights: shared with the class backbone, depth, colour"),
+     (1.0, "learns: shared with the class backbone, part of semantic, part of classes; keeps its weights: depth, colour")],
+)  # fmt: skip
+def test_it_is_told_that_a_backbone_that_gives_depth_its_cues_is_shared(shared_rate: float, told: str):
+    """With --shared-rate 0, only the decoder behind the backbone learns, whatever --backbone-rate is."""
+    model = initial_network("small", "small")
+    rates = relative_rates(model, Rates(backbone_rate=0.3, shared_rate=shared_rate))
+    TrainingState.begin(model, Pictures(), 1e-3, 0.99, rates=rates)
+    assert what_learns(model) == told
 
 
 def test_the_rate_of_the_upsampling_is_its_own():
