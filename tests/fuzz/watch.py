@@ -71,6 +71,8 @@ class Watch:
         """Note a path that leads out of the folder; nothing but a secret is forbidden to read."""
         known = isinstance(path, str | bytes | os.PathLike)
         place = os.path.abspath(os.fsdecode(path)) if known else ""  # noqa: PTH100 - raises no audit events of its own
+        if "/__pycache__" in place:
+            return  # Python compiles what a reader imports
         if what == "reads":
             self.seen.append(f"reads {place}")
         elif place and not (place + "/").startswith(self.folder + "/") and place != os.devnull:
