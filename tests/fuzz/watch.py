@@ -71,8 +71,6 @@ class Watch:
         """Note a path that leads out of the folder; nothing but a secret is forbidden to read."""
         known = isinstance(path, str | bytes | os.PathLike)
         place = os.path.abspath(os.fsdecode(path)) if known else ""  # noqa: PTH100 - raises no audit events of its own
-        if "/__pycache__" in place:
-            return  # Python compiles what a reader imports
         if what == "reads":
             self.seen.append(f"reads {place}")
         elif place and not (place + "/").startswith(self.folder + "/") and place != os.devnull:
@@ -97,10 +95,15 @@ class Watch:
         soft, hard = resource.getrlimit(resource.RLIMIT_AS)
         resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + MEMORY, hard))
         signal.setitimer(signal.ITIMER_PROF, SECONDS)
+        bytecode, sys.dont_write_bytecode = (
+            sys.dont_write_bytecode,
+            True,
+        )  # else Python writes that of what a reader imports
         self.active = True
         try:
             yield self.seen
         finally:
             self.active = False
+            sys.dont_write_bytecode = bytecode
             signal.setitimer(signal.ITIMER_PROF, 0)
             resource.setrlimit(resource.RLIMIT_AS, (soft, hard))

@@ -37,15 +37,11 @@ def furnish(rng: np.random.Generator, library: Library | None, style: Style) -> 
         raise ValueError(f"style {style!r}; expected one of {', '.join(STYLES)}")
     used = UsedAssets()
     if library is None:
-        return _finish(rng, PLANNERS[style](rng), style), used
-    own = rng.spawn(1)[0]
-    has_meshes = own.random() < MESHES[style]
-    coverings = Coverings(own, library, used, ALL if own.random() < IMAGES[style] else HUNG)
-    swap = Swaps(own, library, coverings) if has_meshes else None
-    plan = PLANNERS[style](rng, swap)
-    return _finish(rng, replace(plan, parts=tuple(coverings.cover(plan.parts))), style), used
-
-
-def _finish(rng: np.random.Generator, plan: FloorPlan, style: Style) -> FloorPlan:
-    """The plan with the colours of its style."""
-    return recolour(rng, plan) if style == "closeup" else plan
+        plan = PLANNERS[style](rng)
+    else:
+        own = rng.spawn(1)[0]
+        has_meshes = own.random() < MESHES[style]
+        coverings = Coverings(own, library, used, ALL if own.random() < IMAGES[style] else HUNG)
+        plan = PLANNERS[style](rng, Swaps(own, library, coverings) if has_meshes else None)
+        plan = replace(plan, parts=tuple(coverings.cover(plan.parts)))
+    return recolour(rng, plan) if style == "closeup" else plan, used

@@ -52,11 +52,11 @@ def relative_rates(network: SemGS, rates: Rates) -> dict[str, float]:
 
 def what_learns(network: SemGS) -> str:
     """One line that says which parts of a network learn (have parameters that want a gradient) and which keep their weights."""
-    learning = {name for name, parameter in network.named_parameters() if parameter.requires_grad}
-    parameters, backbone = {name for name, _ in network.named_parameters()}, network.pretrained_parameters()
+    parameters, backbone = dict(network.named_parameters()), network.pretrained_parameters()
+    learning = {name for name, parameter in parameters.items() if parameter.requires_grad}
     told: dict[str, list[str]] = {"learns": [], "keeps its weights": []}
     for part, names in network.parts().items():
-        own = names & parameters
+        own = names & parameters.keys()
         title = f"{part} with the class backbone" if backbone and backbone <= own else part
         if own & learning:
             told["learns"].append(title if own <= learning else f"part of {title}")
