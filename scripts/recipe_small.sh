@@ -33,11 +33,11 @@ rooms long 120 8 2401 240x320
 python - "$folder/held" "$assets" <<'PYTHON'
 import sys
 from semgs.rooms.assets.asset_library import Library
-from semgs.rooms.sets.dataset import Recipe, write_dataset
+from semgs.rooms.sets.dataset import RoomSettings, write_dataset
 from semgs.training.data.data_settings import VALIDATION_SEED
 
 held, assets = sys.argv[1:]
-write_dataset(held, Recipe(VALIDATION_SEED, (240, 320), 6, library=Library((assets,), "validation")), 24)
+write_dataset(held, RoomSettings(VALIDATION_SEED, (240, 320), 6, library=Library((assets,), "validation")), 24)
 PYTHON
 taught=()
 teach "$folder/wide"

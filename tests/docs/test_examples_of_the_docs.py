@@ -112,6 +112,11 @@ def imported(source: str) -> set[tuple[str, str]]:
     }
 
 
+def python_of(text: str) -> list[str]:
+    """The programs that a shell script gives to Python as here-documents."""
+    return re.findall(r"<<'PYTHON'\n(.*?)^PYTHON$", text, re.MULTILINE | re.DOTALL)
+
+
 def test_every_name_that_an_example_a_script_or_a_test_imports_exists():
     programs = [example.parsed for page in PAGES for example in read(page) if example.region.evaluator is python]
     programs += [
@@ -119,6 +124,10 @@ def test_every_name_that_an_example_a_script_or_a_test_imports_exists():
         for folder in ("examples", "docs", "scripts", "tests", "tools")
         for file in (reader_disk.ROOT / folder).rglob("*.py")
     ]
+    shells = [file.read_text() for file in (reader_disk.ROOT / "scripts").glob("*.sh")]
+    embedded = [program for text in shells for program in python_of(text)]
+    assert len(embedded) == 2
+    programs += embedded
     names = set.union(*map(imported, programs))
     assert len(names) > 100
     lost = [
