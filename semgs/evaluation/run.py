@@ -39,6 +39,7 @@ from semgs.files.hashes import sha256
 from semgs.model.semgs import SemGS
 from semgs.model.weights.load import find, load, table_of
 from semgs.runtime.precision import Precision
+from semgs.scene.exposure import ExposureChoice
 from semgs.scene.nearest import NearestViews
 from semgs.segmenters.labelling import Labelling
 
@@ -171,6 +172,7 @@ def load_candidate(
     passes: int = 0,
     depth: Callable[[Scene], DepthMaps] | None = None,
     precision: Precision = "float32",
+    exposure: ExposureChoice = "as-taken",
 ) -> Candidate:
     """Weights to evaluate.
 
@@ -184,6 +186,7 @@ def load_candidate(
         passes: refine the Gaussians with so many steps for each input view; 0 for none.
         depth: gives depth maps of the frames of a scene, which the network's depth is weighed with; None for none.
         precision: of the network's layers.
+        exposure: whether input views come to a common exposure; targets stay as taken.
 
     Raises:
         ValueError: there are no included weights of that name, or `nearest` is not positive.
@@ -191,7 +194,8 @@ def load_candidate(
     """
     model, subject = open_network(weights, None if labelling else classes, name, precision)
     chosen = None if nearest is None else NearestViews(nearest, model.placer.shrink_seen)
-    return Candidate(NetworkMethod(model, device, subject.name, labelling, chosen, passes, depth), subject, device)
+    method = NetworkMethod(model, device, subject.name, labelling, chosen, passes, depth, exposure)
+    return Candidate(method, subject, device)
 
 
 def open_network(

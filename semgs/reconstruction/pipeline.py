@@ -29,7 +29,7 @@ from semgs.rendering.rendering import check_may_be_unknown, confidence_maps, lab
 from semgs.runtime.stopwatch import Stages
 from semgs.runtime.threads import adapt_threads
 from semgs.scene.encoding import Encoding
-from semgs.scene.exposure import ExposureChoice, Exposures, fit_exposures
+from semgs.scene.exposure import ExposureChoice, common_exposure
 from semgs.scene.photo_refinement import refine_until
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import up_of
@@ -211,7 +211,10 @@ def reconstruct(
         with stages("read", f"Reading {count} frames at {height}x{width} (height x width)"):
             context, target = encoder.read(choice.context, choice.depth_range), encoder.read_target(choice)
         encoding = encoder.encode(choice.context, context, target).without(context.hidden)
-    exposures = _other_exposures(context, encoding, exposure, stages)
+    exposures = None
+    if exposure != "as-taken":
+        with stages("expose", f"Comparing the exposure of {len(context)} photos"):
+            exposures = common_exposure(context, encoding, exposure)
     if exposures is not None:
         context, encoding = exposures.applied(context), exposures.recoloured(encoding)
     refined, unrefined, check, check_name = None, encoding, None, None
@@ -308,15 +311,6 @@ def render_views(
         label_maps(rendering, min_confidence) if semantic else None,
         confidence_maps(rendering) if semantic else None,
     )
-
-
-def _other_exposures(context: Views, encoding: Encoding, exposure: ExposureChoice, stages: Stages) -> Exposures | None:
-    """The exposures of the input photos; None if they are to stay as taken, or do not differ."""
-    if exposure == "as-taken":
-        return None
-    with stages("expose", f"Comparing the exposure of {len(context)} photos"):
-        exposures = fit_exposures(context, encoding.depths, encoding.depth_spread)
-    return exposures if exposures.differ or exposure == "fitted" else None
 
 
 def _split_check(

@@ -146,6 +146,20 @@ def fit_exposures(views: Views, depths: Float[Tensor, "v h w"], spread: Float[Te
     return Exposures(gains.float(), offsets.float(), before / total, after / total)
 
 
+def common_exposure(views: Views, encoding: Encoding, choice: ExposureChoice) -> Exposures | None:
+    """The exposures of photos that come to a common one; None if they stay as taken.
+
+    Args:
+        views: the photos.
+        encoding: their Gaussians.
+        choice: whether they come to it.
+    """
+    if choice == "as-taken":
+        return None
+    exposures = fit_exposures(views, encoding.depths, encoding.depth_spread)
+    return exposures if exposures.differ or choice == "fitted" else None
+
+
 def _partners(points: Float[Tensor, "v h w 3"], cameras: Cameras) -> list[tuple[int, int]]:
     """The pairs of photos to compare, as positions of the first and the second; all pairs if the photos are few.
 

@@ -17,8 +17,9 @@ from semgs.model.encode import Network, encode
 from semgs.rendering.rendering import SEEN_ALPHA, confidence_maps, likeliest
 from semgs.runtime.stopwatch import now
 from semgs.scene.encoding import Encoding
+from semgs.scene.exposure import ExposureChoice, common_exposure
 from semgs.scene.nearest import NearestViews
-from semgs.scene.photo_refinement import refine
+from semgs.scene.photo_refinement import refine_until
 from semgs.segmenters.labelling import Labelling
 
 
@@ -33,6 +34,7 @@ class NetworkMethod:
         nearest: chooses the Gaussians that each target is rendered with; None for all.
         passes: refine the Gaussians with so many steps for each input view; 0 for none.
         depth: gives depth maps of the frames of a scene, which are aligned to the network's depth and weighed with it; None for none.
+        exposure: whether the input views, and with them the Gaussians, come to a common exposure; targets stay as taken.
     """
 
     def __init__(
@@ -44,6 +46,7 @@ class NetworkMethod:
         nearest: NearestViews | None = None,
         passes: int = 0,
         depth: Callable[[Scene], DepthMaps] | None = None,
+        exposure: ExposureChoice = "as-taken",
     ) -> None:
         self._network = network
         self._device = device
@@ -52,6 +55,7 @@ class NetworkMethod:
         self._nearest = nearest
         self._passes = passes
         self._depth = None if depth is None else lru_cache(maxsize=1)(depth)
+        self._exposure = exposure
 
     @torch.no_grad()
     def predict(self, inputs: Inputs) -> Prediction:
@@ -70,10 +74,15 @@ class NetworkMethod:
             task = inputs.task
             labelling = self._labelling(task.scene)
             encoding = labelling(encoding, task.scene, task.sample.contexts, inputs.contexts)
+        contexts, exposures = inputs.contexts, common_exposure(inputs.contexts, encoding, self._exposure)
+        if exposures is not None:
+            contexts, encoding = exposures.applied(contexts), exposures.recoloured(encoding)
         if not self._passes:
             return self._render(encoding, inputs, encoded.seconds)
         one_pass, start = self._render(encoding, inputs, encoded.seconds), now()
-        encoding = refine(encoding, inputs.contexts, self._passes)
+        encoding = refine_until(
+            encoding, contexts, self._passes, moves=self._depth is None, exposure=exposures is not None
+        ).encoding
         return replace(self._render(encoding, inputs, encoded.seconds + now() - start), one_pass=one_pass)
 
     def _place(self, encoding: Encoding, inputs: Inputs, maps: DepthMaps) -> Encoding:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -98,6 +98,8 @@ class Evaluate:
     refine: Annotated[Passes, tyro.conf.arg(help_behavior_hint="")] = 0
     """Refine the Gaussians on the input views before rendering, with PASSES steps for each, by default 15. Tables then also have the scores
     before. See docs/refine.md."""
+    exposure: Literal["auto", "fitted", "as-taken"] = "as-taken"
+    """Whether the input views come to a common exposure, as for semgs reconstruct. Target views stay as taken. By default all do, as in the paper."""
     single: bool = False
     """Score the classes of each image by itself."""
     allow_seen: bool = False
@@ -187,6 +189,8 @@ class Evaluate:
             raise UsageError("--nearest is for WEIGHTS; --predictions are rendered already")
         if self.refine and self.predictions is not None:
             raise UsageError("--refine is for WEIGHTS; --predictions are rendered already")
+        if self.exposure != "as-taken" and self.predictions is not None:
+            raise UsageError("--exposure is for WEIGHTS; --predictions are rendered already")
         if self.gsnerf_distance and self.protocol[0] != "peers":
             raise UsageError("--gsnerf-distance needs --protocol peers")
         self.reading.check()
@@ -210,6 +214,7 @@ class Evaluate:
             "--depth-range": self.depth_range is not None,
             "--nearest": self.nearest is not None,
             "--refine": bool(self.refine),
+            "--exposure": self.exposure != "as-taken",
             "--workers": bool(self.workers),
             "--segmenter": self.segmenting.segmenter is not None,
             "--depth": self.depth is not None,
@@ -254,6 +259,7 @@ class Evaluate:
                 self._passes(),
                 depth,
                 precision,
+                self.exposure,
             )
 
     def _depth_maps(self) -> Callable[[Scene], DepthMaps] | None:
@@ -275,6 +281,7 @@ class Evaluate:
         choices = (
             ["segmenter"] * segmented + ["depth maps"] * (self.depth is not None) + ["refined"] * bool(self.refine)
         )
+        choices += [] if self.exposure == "as-taken" else [f"exposure {self.exposure}"]
         choices += [] if self.nearest is None else [f"nearest {self.nearest}"]
         return self.name or (" + ".join([Path(self.weights).stem, *choices]) if choices else "")
 
@@ -295,6 +302,9 @@ class Evaluate:
         if labelling is not None:
             first = labelling(plan.scenes[0])
             said = (f"The classes are from {first.description}.", *first.notes)
+        if self.exposure != "as-taken":
+            where = "that clearly differ in exposure " if self.exposure == "auto" else ""
+            said += (f"Input views {where}came to a common exposure; target views are as taken.",)
         return (*said, *self._seen(plan.scenes)) if self.weights else said
 
     def _computed(self, precision: Precision) -> tuple[str, ...]:
