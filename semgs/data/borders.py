@@ -29,13 +29,19 @@ NARROW = 1 / 8
 LEAST, SHARE, WHOLE = 1 / 8, 0.7, 0.95
 """Two sides have a border if it is found along `LEAST` of each and `SHARE` of what is lit there; one alone needs half of it and `WHOLE`."""
 
+WIDEST_BAR = 0.35
+"""Bars above and below a film, or beside it, take at most this share of the image each."""
+
+EVEN = 3
+"""The two bars of a film differ by at most this much [px]."""
+
 
 def find_border(image: UInt8[np.ndarray, "h w 3"]) -> Bool[np.ndarray, "h w"] | None:
     """The black border of a photo: True at its pixels; None if there is none.
 
     Each line of pixels from a side inwards speaks for a border if it begins black and is lit soon after, and against one if it begins lit.
     Lines that stay dark say nothing, so neither a dark room nor a black object at the edge is a border. A border's width in dark lines is
-    that of the lit lines around.
+    that of the lit lines around. Wider than a border may be are only the two bars of a film of another shape, equal and straight.
 
     Args:
         image: RGB.
@@ -47,6 +53,10 @@ def find_border(image: UInt8[np.ndarray, "h w 3"]) -> Bool[np.ndarray, "h w"] | 
         if side is not None and (several or side.alone):
             part = np.rot90(hidden, turns)
             part |= np.arange(np.size(part, 1)) < side.widths[:, None]
+    for turns in range(2):
+        part = np.rot90(hidden, turns)
+        if bars := _find_bars(np.rot90(image, turns)):
+            part[: bars[0]] = part[len(part) - bars[1] :] = True
     return hidden if hidden.any() else None
 
 
@@ -78,3 +88,19 @@ def _find_side(image: UInt8[np.ndarray, "h w 3"]) -> _Side | None:
     smooth = cv2.medianBlur(found[:, None], 5)
     smooth = cv2.morphologyEx(smooth, cv2.MORPH_OPEN, np.ones((max(1, round(NARROW * len(lines))), 1), np.uint8))[:, 0]
     return _Side(np.where(smooth > 0, np.ceil(smooth) + STEP, 0), bool(share >= WHOLE and border.mean() >= 0.5))
+
+
+def _find_bars(image: UInt8[np.ndarray, "h w 3"]) -> tuple[int, int] | None:
+    """How many rows the bars above and below a film take, with the step behind them; None if there are none."""
+    height = len(image)
+    is_black = (image <= BLACK).all(-1).mean(1) >= WHOLE
+    is_lit = (image.max(-1) >= LIT).mean(1) >= 0.5
+    bars = []
+    for side in (slice(None), slice(None, None, -1)):
+        width = height if is_black.all() else int(is_black[side].argmin())
+        if not WIDEST * height < width <= WIDEST_BAR * height:
+            return None
+        if not is_lit[side][width : width + STEP].any() or image[side][:width].mean() > BLACKEST:
+            return None
+        bars.append(width)
+    return (bars[0] + STEP, bars[1] + STEP) if abs(bars[0] - bars[1]) <= EVEN else None

@@ -74,6 +74,25 @@ def test_a_curved_border_is_followed_within_a_pixel() -> None:
         assert (abs(side.sum(1) / 2 - width - STEP) <= 1)[8:-8].all()
 
 
+@pytest.mark.parametrize("quality", [None, 75])
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_bars_of_a_film_are_hidden_however_wide(turned: bool, quality: int | None) -> None:
+    """A film of 16:9 in an image of 4:3 leaves 1/8 of the height above and below, more than the 1/16 of a border."""
+    image = framed(photo(), 0, 26, 0, 25)[0] if turned else framed(photo(), 15, 0, 16, 0)[0]
+    border = framed(photo(), *((0, 26 + STEP, 0, 25 + STEP) if turned else (15 + STEP, 0, 16 + STEP, 0)))[1]
+    hidden = find_border(image if quality is None else compressed(image, quality))
+    assert hidden is not None
+    assert (hidden == border).mean() == 1 if quality is None else (hidden == border).mean() > 0.97
+
+
+def test_black_above_and_below_are_no_bars_if_they_differ_or_fade() -> None:
+    assert find_border(framed(photo(), 15, 0, 22, 0)[0]) is None
+    assert find_border(framed(photo(), 50, 0, 50, 0)[0]) is None
+    rows = np.minimum(np.arange(SIZE[0]), SIZE[0] - 1 - np.arange(SIZE[0]))
+    fading = (4.0 * (rows - 12)).clip(0, 200)[:, None, None] / 200
+    assert find_border((photo() * fading).round().astype(np.uint8)) is None
+
+
 @pytest.mark.parametrize(("brightness", "noise"), [(12.0, 4.0), (25.0, 4.0), (40.0, 8.0), (3.0, 0.0), (0.0, 0.0)])
 def test_a_dark_photo_has_no_border(brightness: float, noise: float) -> None:
     assert find_border(photo(brightness, noise)) is None
