@@ -18,6 +18,8 @@ SCENEZOO := .venv/scenezoo
 CLUSTER := .venv/cluster
 # There when the programs of tests/node/package.json are installed, which open exported files in tests. Without npm these tests are skipped.
 NODE_PROGRAMS := tests/node/node_modules/.package-lock.json
+# There when the largest of what tests import is compiled; else each worker would compile it for itself, at the same time.
+COMPILED := .venv/compiled
 # There when gradio is installed too, with 20 more packages (140 MB), which only the app needs.
 APP := .venv/app
 
@@ -71,7 +73,13 @@ $(APP): $(STAMP)
 app: setup $(APP)
 	$(BIN)/semgs app
 
-test: setup
+# Some of their files are for other versions of Python.
+$(COMPILED): $(STAMP)
+	@cd .venv/lib/python3*/site-packages \
+		&& ../../../bin/python -m compileall -qq -j 0 numpy scipy sympy numba llvmlite torch sklearn matplotlib || true
+	@touch $(COMPILED)
+
+test: setup $(COMPILED)
 	OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile -m 'not long and not gpu'
 	$(MAKE) docs
 
