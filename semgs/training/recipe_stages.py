@@ -55,6 +55,13 @@ def folder(out: Path, stage: str) -> Path:
     return out / f"{STAGES.index(stage) + 1}_{stage}"
 
 
+def weights_of(out: Path, stage: str) -> Path:
+    """The weights that a finished stage leaves."""
+    from semgs.training.run.run_folder import WEIGHTS
+
+    return folder(out, stage) / WEIGHTS
+
+
 def settings_of(stage: str, start: Start, out: Path) -> TrainingSettings:
     """The settings of one stage.
 
@@ -65,7 +72,7 @@ def settings_of(stage: str, start: Start, out: Path) -> TrainingSettings:
     """
     place = STAGES.index(stage)
     first = start.init or ("small" if start.model == "small" else "random")
-    before = str(folder(out, STAGES[place - 1]) / "weights.safetensors") if place else first
+    before = str(weights_of(out, STAGES[place - 1])) if place else first
     common = replace(
         PRESETS[start.model](), preset="", data=start.data, validation=start.validation, assets=start.assets, seed=start.seed + place,
         init=before, size=start.size, context_targets=False, warmup=0.05,

@@ -178,7 +178,7 @@ class Ablate:
         """The settings of a variant."""
         if self.stage == "whole":
             return row_settings(self.settings, row, seed)
-        return semantic_row_settings(self._shared(), row, seed, self._base(BASE_STAGES[-1]) / "weights.safetensors")
+        return semantic_row_settings(self._shared(), row, seed, self._base_weights(BASE_STAGES[-1]))
 
     def _shared(self) -> TrainingSettings:
         """The settings that all trainings of a semantic ablation share: those given, with the same rooms for all."""
@@ -208,6 +208,12 @@ class Ablate:
         """The run folder of a training of the base."""
         return self.out / BASE / stage
 
+    def _base_weights(self, stage: str) -> Path:
+        """The weights that a finished training of the base leaves."""
+        from semgs.training.run.run_folder import WEIGHTS
+
+        return self._base(stage) / WEIGHTS
+
     def _train_base(self, execution: Execution, ends: float | None) -> bool:
         """Train depth, then colour, for all variants. Returns whether they are finished."""
         if self.settings.data == (ROOMS,):
@@ -217,7 +223,7 @@ class Ablate:
             settings = base_settings(self._shared(), stage, before)
             if not train_or_resume(f"Base: {stage}", self._base(stage), settings, execution, ends):
                 return False
-            before = self._base(stage) / "weights.safetensors"
+            before = self._base_weights(stage)
         return True
 
     def _folder(self, row: AblationRow, seed: int) -> Path:

@@ -13,7 +13,7 @@ from semgs.cli.options.execution_options import ExecutionOptions
 from semgs.cli.options.types import Count, Size
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.training.data.data_sources import ROOMS
-from semgs.training.recipe_stages import STAGES, Start, folder, settings_of
+from semgs.training.recipe_stages import STAGES, Start, folder, settings_of, weights_of
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Recipe:
             if not train_or_resume(f"stage {stage}: {run}", run, settings[stage], execution, ends):
                 print(f"time is up: stage {stage} is not finished; repeat the command to resume")
                 return
-        print(f"finished: {folder(self.out, stages[-1]) / 'weights.safetensors'}")
+        print(f"finished: {weights_of(self.out, stages[-1])}")
 
     def _check_earlier(self, stage: str) -> None:
         """Refuse a stage whose predecessor is not finished."""
