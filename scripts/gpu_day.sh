@@ -24,7 +24,7 @@ train() {  # train RUN STEPS OPTIONS...
 mkdir -p "$out"
 
 train classes "${CLASSES:-2978}" --supervision pictures --init "$start" --seed 401 --data "$rooms=2" "$photos=1" --size "${CROP:-176x224}" \
-    --batch "${BATCH:-48}" --workers "${WORKERS:-10}" --learning-rate 6e-4 --backbone-rate 0.25 --shared-rate 0 --clip 2 --average-decay 0.998 \
+    --batch "${BATCH:-48}" --workers "${WORKERS:-10}" --learning-rate 6e-4 --shared-rate 0 --clip 2 --average-decay 0.998 \
     --class-weights inverse_fourth_root_frequency --augmentation.crop 0.4 --augmentation.colour 0.4 --augmentation.camera 1 --augmentation.roll 8 &
 classes=$!
 
