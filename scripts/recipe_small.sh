@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# How the included weights were trained, in homes of the first edition (docs/rooms.md) and last of the second, in about twenty-one core-hours and seven minutes of a GPU, without the rooms (docs/lab/experiments.md); SHARE=5 takes 5 % of the steps. `semgs recipe` runs the
+# How the included weights were trained, in homes of the first edition (docs/rooms.md) and last of the second, in about twenty-two core-hours and seven minutes of a GPU, without the rooms (docs/lab/experiments.md); SHARE=5 takes 5 % of the steps. `semgs recipe` runs the
 # same three stages with settings of one size each; this script keeps the exact runs.
 #
 #   scripts/recipe_small.sh FOLDER ASSETS BACKBONE [TEACHER [PHOTOS]]
@@ -7,7 +7,7 @@
 # ASSETS is a folder of meshes and images with its lock (docs/assets.md). BACKBONE is a file of published MobileNetV2 weights, or "random", the clean
 # alternative that nothing else has gone into (docs/train.md). TEACHER is a published segmentation network for scripts/teach.py, or "" for none. PHOTOS is a folder of
 # labelled images (docs/train.md) for the last run, every eighth of which is kept back. FOLDER
-# gets the rooms (eight CPU hours; those of an earlier call are kept), thirty-three runs for each SEED. To resume, repeat the command. START has the weights that colour
+# gets the rooms (eight CPU hours; those of an earlier call are kept), thirty-four runs for each SEED. To resume, repeat the command. START has the weights that colour
 # comes from and that depth starts from (small). SEMGS is the command (semgs). At the end it prints, in 24 rooms with held-out meshes, mIoU and accuracy of single views
 # and the depth error of input views.
 set -euo pipefail
@@ -253,6 +253,12 @@ PYTHON
     classes="$folder/classes_$share""_$seed.safetensors"
     average "$classes" "$thirtieth/weights.safetensors" "$folder/gpu_$share""_$seed/classes/weights.safetensors" "$thirtyfirst/weights.safetensors"
     average --start "$thirtieth/weights.safetensors" "$folder/version_18_$share""_$seed.safetensors" "$classes" "$folder/gpu_$share""_$seed/colour/weights.safetensors"
+
+    # Depth and colour learn on together, from crops of the first 460 lofts: version 19.
+    thirtysecond="$folder/thirtysecond_$share""_$seed"
+    printf 'scene_%05d\n' {0..459} > "$folder/first_lofts"
+    colour "$thirtysecond" 800 --init "$folder/version_18_$share""_$seed.safetensors" --seed "$((seed + 629))" --data "$folder/lofts" --scenes "$folder/first_lofts" \
+        --size 176x224 --contexts 2 2 --targets 1 --batch 4 --learning-rate 4e-4 --average-decay 0.99 --sweep-rate 0.25 --augmentation.crop 0.6
 fi
 
 for run in "$first" "$second" "$third" "$fourth" "$fifth" "$sixth" "$seventh" "$eighth" "$ninth" "$tenth" "$eleventh" "$twelfth" "$thirteenth" "$fourteenth" "$fifteenth" "$sixteenth" "$seventeenth" "$eighteenth" "$nineteenth" "$twentieth" "$twentyfirst" "$twentysecond" "$twentythird" "$twentyfourth" "$twentyfifth"; do grep -h '"validation"' "$run/log.jsonl"; done

@@ -84,8 +84,8 @@ def shown_as_they_lie(gaussians: Gaussians, cameras: Cameras, *, near: object = 
     alphas = laid_out(gaussians.opacities[..., None])[..., 0, :, :]
     colours = laid_out(gaussians.colour.features[..., 0, :] + 0.5)
     colours = colours.clamp(0, 1) if clamp else colours
-    assert gaussians.semantic is not None
-    return Rendering(colours, laid_out(gaussians.semantic.features), alphas * 3, alphas)
+    classes = None if gaussians.semantic is None else laid_out(gaussians.semantic.features)
+    return Rendering(colours, classes, alphas * 3, alphas)
 
 
 def make_batch(step: int, scenes: int = 2, contexts: int = 2, targets: int = 2) -> Batch:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import torch
@@ -47,7 +47,7 @@ def make_supervision(
 
 @dataclass(frozen=True)
 class Rendered(Supervision):
-    """Learn from rendered views, as in the paper; every parameter learns.
+    """Learn from rendered views, as in the paper. Every parameter learns; without weights for classes, those of colour and depth alone.
 
     Attributes:
         losses: weights of the paper's three terms.
@@ -66,6 +66,8 @@ class Rendered(Supervision):
         encoding = network(batch.context)
         if not _is_finite(encoding):
             return _nan_terms(encoding)
+        if not self._classes_count:
+            encoding = replace(encoding, gaussians=replace(encoding.gaussians, semantic=None))
         rendering, target = render_targets(encoding, batch, self.context_targets)
         terms = losses(rendering, target, self.losses, class_weights=self.class_weights)
         depth = torch.zeros_like(terms.total)
@@ -81,9 +83,16 @@ class Rendered(Supervision):
             unlabelled=terms.total.new_tensor(float(terms.unlabelled)),
         )
 
+    @property
+    def _classes_count(self) -> bool:
+        """Whether a term of the loss depends on classes; rendering them would take time for nothing."""
+        return self.losses.semantic > 0 or self.losses.smoothness > 0
+
     def learning(self, network: Any) -> set[str]:
-        """Every parameter of the network."""
-        return {name for name, _ in network.named_parameters()}
+        """Every parameter of the network; without weights for classes, all but those of the semantic branch."""
+        own = network.semantic if not self._classes_count else None
+        unused = set() if own is None else {id(parameter) for parameter in own.parameters()}
+        return {name for name, parameter in network.named_parameters() if id(parameter) not in unused}
 
     def validate(self, network: Any, batches: Iterable[Batch]) -> Validation:
         """Scores of the rendered target views."""

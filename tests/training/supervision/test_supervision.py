@@ -14,7 +14,7 @@ from networks import preset
 from posed import posed_views
 from torch import nn
 
-from semgs.data.views import Batch, Views
+from semgs.data.views import Batch, Views, stack
 from semgs.files.errors import InputError
 from semgs.files.images.colours import NOTHING
 from semgs.model.classes.semantic import ClassMaps
@@ -89,6 +89,10 @@ def test_an_undecided_network_loses_the_logarithm_of_the_classes(batch, supervis
     assert math.isnan(float(terms["psnr"]))
     doubled = Objective(network, supervision(class_weights=(2.0,) * 20))(one)
     assert float(doubled["total"]) == pytest.approx(2 * float(terms["total"]))
+
+
+COLOUR = LossWeights(semantic=0.0, smoothness=0.0)
+"""Weights of a loss that does not depend on classes."""
 
 
 class Striped:
@@ -248,6 +252,30 @@ def test_every_parameter_that_learns_by_depth_gets_a_gradient_and_no_other(held:
     assert any(name.startswith("cnn.") for name in reached) == (own or not held)
 
 
+@pytest.mark.usefixtures("real_rendering")
+@pytest.mark.parametrize("backbone", [False, True], ids=["blocks", "backbone"])
+def test_without_weights_for_classes_they_are_not_rendered_and_all_but_their_branch_learns(backbone: bool):
+    """The loss and its gradients are those of a loss in which classes count for nothing, to the bit."""
+    model = initial_network("small_plain", "random", switches={"class_backbone": backbone, "depth_cue": backbone})
+    TrainingState.begin(model, Rendered(COLOUR), 1e-3, 0.99)
+    views = stack([posed_views(2, (16, 32))])
+    batch = Batch(views, views, ("a",))
+    found = Objective(model, Rendered(COLOUR))(batch)
+    found["total"].backward()
+    gradients = {name: one.grad for name, one in model.named_parameters() if one.grad is not None}
+    assert set(gradients) == {name for name, one in model.named_parameters() if one.requires_grad}
+    assert set(gradients) == {name for name, _ in model.named_parameters() if not name.startswith("semantic.")}
+    assert float(found["semantic"]) == 0
+    model.zero_grad()
+    encoding = model(views)
+    rendering = encoding.render(views.cameras, clamp=False)
+    assert rendering.semantics is not None
+    (error := (rendering.images - views.images).square().mean()).backward()
+    assert float(error.detach()) == float(found["total"].detach())
+    for name, one in model.named_parameters():
+        assert name not in gradients or torch.equal(one.grad, gradients[name])
+
+
 @pytest.mark.parametrize("sweep_rate", [0.0, 1.0])
 def test_every_parameter_that_learns_sharp_depth_gets_a_gradient_and_no_other(sweep_rate: float):
     model = preset("small_plain", depth_upsampling="convex")
@@ -335,6 +363,7 @@ def test_rates_are_shares_of_the_setting_by_what_the_parameters_are_for():
     ("supervision", "rates", "told"),
     [
         (Rendered(), {}, "learns: shared, depth, colour, semantic, classes"),
+        (Rendered(COLOUR), {}, "learns: shared, depth, colour; keeps its weights: semantic, classes"),
         (Depth(), {}, "learns: shared, part of depth; keeps its weights: colour, semantic, classes"),
         (Labels(), {"shared_rate": 0.0}, "learns: semantic, classes; keeps its weights: shared, depth, colour"),
     ],
