@@ -23,6 +23,11 @@ class LossWeights:
     smoothness: float = 0.001
     smoothness_over: Literal["pixels", "sum"] = "pixels"
 
+    @property
+    def teach_classes(self) -> bool:
+        """Whether a term depends on classes."""
+        return self.semantic > 0 or self.smoothness > 0
+
 
 @dataclass(frozen=True)
 class DepthLossWeights:

@@ -66,7 +66,7 @@ class Rendered(Supervision):
         encoding = network(batch.context)
         if not _is_finite(encoding):
             return _nan_terms(encoding)
-        if not self._classes_count:
+        if not self.losses.teach_classes:  # rendering them would take time for nothing
             encoding = replace(encoding, gaussians=replace(encoding.gaussians, semantic=None))
         rendering, target = render_targets(encoding, batch, self.context_targets)
         terms = losses(rendering, target, self.losses, class_weights=self.class_weights)
@@ -83,14 +83,9 @@ class Rendered(Supervision):
             unlabelled=terms.total.new_tensor(float(terms.unlabelled)),
         )
 
-    @property
-    def _classes_count(self) -> bool:
-        """Whether a term of the loss depends on classes; rendering them would take time for nothing."""
-        return self.losses.semantic > 0 or self.losses.smoothness > 0
-
     def learning(self, network: Any) -> set[str]:
         """Every parameter of the network; without weights for classes, all but those of the semantic branch."""
-        own = network.semantic if not self._classes_count else None
+        own = None if self.losses.teach_classes else network.semantic
         unused = set() if own is None else {id(parameter) for parameter in own.parameters()}
         return {name for name, parameter in network.named_parameters() if id(parameter) not in unused}
 

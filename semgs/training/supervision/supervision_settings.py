@@ -75,8 +75,8 @@ class SupervisionSettings:
     def without_labels(self) -> str | None:
         """Advice for data without any labels; None if none are needed."""
         if self.supervision == "rendered":
-            needed = self.losses.semantic or self.losses.smoothness
-            return "train colour and depth alone with --losses.semantic 0 --losses.smoothness 0" if needed else None
+            advice = "train colour and depth alone with --losses.semantic 0 --losses.smoothness 0"
+            return advice if self.losses.teach_classes else None
         return "give --supervision rendered" if self.uses_labels else None
 
     @property
