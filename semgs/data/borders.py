@@ -41,7 +41,7 @@ def find_border(image: UInt8[np.ndarray, "h w 3"]) -> Bool[np.ndarray, "h w"] | 
 
     Each line of pixels from a side inwards speaks for a border if it begins black and is lit soon after, and against one if it begins lit.
     Lines that stay dark say nothing, so neither a dark room nor a black object at the edge is a border. A border's width in dark lines is
-    that of the lit lines around. Wider than a border may be are only the two bars of a film of another shape, equal and straight.
+    that of the lit lines around. Only the two bars of a film may be wider than `WIDEST`; they are equal and straight.
 
     Args:
         image: RGB.
@@ -92,6 +92,8 @@ def _find_side(image: UInt8[np.ndarray, "h w 3"]) -> _Side | None:
 
 def _find_bars(image: UInt8[np.ndarray, "h w 3"]) -> tuple[int, int] | None:
     """How many rows the bars above and below a film take, with the step behind them; None if there are none."""
+    if (image[[0, -1]] > BLACK).any(-1).mean(1).max() > 1 - WHOLE:
+        return None  # as in almost all photos, which are not read through
     height = len(image)
     is_black = (image <= BLACK).all(-1).mean(1) >= WHOLE
     is_lit = (image.max(-1) >= LIT).mean(1) >= 0.5
