@@ -8,6 +8,7 @@ from semgs.model.weights.load import shipped
 from semgs.model.weights.weights_file import read_header
 from semgs.objectives.metrics import confusion_matrix, miou, psnr
 from semgs.rendering.rendering import likeliest
+from semgs.rooms.sets.dataset import RoomSettings, write_dataset
 from semgs.rooms.sets.demo_room import demo_scene
 
 LARGEST = 12e6
@@ -45,21 +46,24 @@ def test_context_views_are_drawn_as_they_were_photographed(shared, small, name):
 
 
 @pytest.mark.long
-def test_more_views_draw_held_out_views_no_worse(small):
-    """The demo: three and four views, the two among them, against two, in the mean over the same targets."""
-    scene, size = open_scene(demo_scene()), (240, 320)
+def test_more_views_draw_held_out_views_no_worse(small, tmp_path):
+    """Three and four views, the two among them, against two, over the same targets of the demo and four rooms. In one room alone, classes
+    may differ by 0.003 either way."""
+    write_dataset(tmp_path / "rooms", RoomSettings(77, (240, 320), 6), 4)
+    scenes = [open_scene(path) for path in (demo_scene(), *sorted((tmp_path / "rooms").glob("scene_*")))]
     psnrs: dict[int, float] = {}
     mious: dict[int, float] = {}
     for count in (2, 3, 4):
         ratios, confusion = [], torch.zeros(20, 20, dtype=torch.long)
-        for sample in neighbours(scene, count)[::2]:
-            target = resized(scene.read([sample.target], "native"), size)
-            with torch.inference_mode():
-                encoding = small(resized(scene.read(sample.contexts, "native"), size))
-                rendering = encoding.render(target.cameras)
-            ratios.append(psnr(rendering.images.clamp(0, 1), target.images).item())
-            confusion += confusion_matrix(likeliest(rendering.semantics), target.labels, 20)
+        for scene in scenes:
+            for sample in neighbours(scene, count)[::2]:
+                target = resized(scene.read([sample.target], "native"), (240, 320))
+                with torch.inference_mode():
+                    encoding = small(resized(scene.read(sample.contexts, "native"), (240, 320)))
+                    rendering = encoding.render(target.cameras)
+                ratios.append(psnr(rendering.images.clamp(0, 1), target.images).item())
+                confusion += confusion_matrix(likeliest(rendering.semantics), target.labels, 20)
         psnrs[count], mious[count] = sum(ratios) / len(ratios), miou(confusion).item()
     for count in (3, 4):
         assert psnrs[count] >= psnrs[2], psnrs
-        assert mious[count] >= mious[2] - 0.003, mious
+        assert mious[count] >= mious[2], mious
