@@ -140,6 +140,9 @@ Device = Annotated[str, one_word("{auto,cpu,cuda}", _device)]
 PrecisionOrAuto = Literal["auto", "float32", "bf16"]
 """Of the layers of a network; `chosen_precision` decides what "auto" is."""
 
+Exposure = Literal["auto", "fitted", "as-taken"]
+"""Whether photos come to a common exposure: if they clearly differ, always, or never. The `ExposureChoice` of `semgs.scene.exposure`, which imports torch."""
+
 Weights = Annotated[str, one_word("WEIGHTS", _weights)]
 """Weights: a name of included ones, a file, or a hub id."""
 

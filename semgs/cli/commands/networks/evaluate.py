@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -16,6 +16,7 @@ from semgs.cli.options.types import (
     AutoSize,
     Count,
     Device,
+    Exposure,
     Passes,
     PrecisionOrAuto,
     Protocol,
@@ -98,7 +99,7 @@ class Evaluate:
     refine: Annotated[Passes, tyro.conf.arg(help_behavior_hint="")] = 0
     """Refine the Gaussians on the input views before rendering, with PASSES steps for each, by default 15. Tables then also have the scores
     before. See docs/refine.md."""
-    exposure: Literal["auto", "fitted", "as-taken"] = "as-taken"
+    exposure: Exposure = "as-taken"
     """Whether the input views come to a common exposure, as for semgs reconstruct. Target views stay as taken. By default all do, as in the paper."""
     single: bool = False
     """Score the classes of each image by itself."""

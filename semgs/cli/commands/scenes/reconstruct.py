@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -14,7 +14,16 @@ from semgs.cli.options.feature_options import FeatureOptions
 from semgs.cli.options.posing_options import PosingOptions
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.options.segmenter_options import SegmenterOptions
-from semgs.cli.options.types import AutoSize, Device, Passes, PrecisionOrAuto, Probability, Views, WeightsOrRandom
+from semgs.cli.options.types import (
+    AutoSize,
+    Device,
+    Exposure,
+    Passes,
+    PrecisionOrAuto,
+    Probability,
+    Views,
+    WeightsOrRandom,
+)
 from semgs.cli.progress import say_compiling, show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.files.atomic import check_file
@@ -104,7 +113,7 @@ class Reconstruct:
     model: Annotated[NetworkName | None, tyro.conf.arg(help_behavior_hint="")] = None
     """Network for --weights random, or base to fill it from MVSplat's checkpoint. Otherwise the weights decide. small runs on a laptop,
     base has the paper's sizes, mvsplat has colour and depth only."""
-    exposure: Literal["auto", "fitted", "as-taken"] = "auto"
+    exposure: Exposure = "auto"
     """Whether the input photos come to a common exposure, by a gain and an offset of each from the surfaces that they share: auto if they
     clearly differ, always (fitted), or never (as-taken). Held-out photos stay as taken. See docs/questions.md."""
     refine_poses: bool = False
