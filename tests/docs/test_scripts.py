@@ -38,7 +38,8 @@ RUNS = {
     "splat_labels": (("{rooms}/scene_00000", "{reconstruction}"), "photos say the classes of"),
     "walks": (("{room}", "--every", "3"), ", 8 frames | merged |"),
 }
-"""Arguments of each script, and a part of what it prints. `average_weights`, `large_splat` and `refit_shapes` have tests of their own, `shared` is for the others."""
+"""Arguments of each script, and a part of what it prints. `average_weights`, `large_splat`, `refit_shapes` and `undo_class_weights` have tests of
+their own, `shared` is for the others."""
 
 
 def test_every_script_is_run_here() -> None:
@@ -48,6 +49,7 @@ def test_every_script_is_run_here() -> None:
         "shared",
         "large_splat",
         "refit_shapes",
+        "undo_class_weights",
     }
 
 
