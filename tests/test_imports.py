@@ -103,11 +103,17 @@ def tree(text: str) -> ast.Module:
     return ast.parse(text)
 
 
+@cache
+def nodes(text: str) -> tuple[ast.Import | ast.ImportFrom | ast.Call, ...]:
+    """The imports and calls in a module's text, found once for all tests."""
+    return tuple(node for node in ast.walk(tree(text)) if isinstance(node, ast.Import | ast.ImportFrom | ast.Call))
+
+
 def imported(name: str, path: Path) -> list[str]:
     """The dotted names that a module imports, wherever in it, also through `import_module("...")`."""
     names = []
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-    for node in ast.walk(tree(path.read_text())):
+    for node in nodes(path.read_text()):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -120,6 +126,12 @@ def imported(name: str, path: Path) -> list[str]:
             if called in ("import_module", "__import__") and isinstance(node.args[0].value, str):
                 names.append(node.args[0].value)
     return names
+
+
+def modules_named(path: Path) -> set[str]:
+    """What `from A import B` in a module names as A.B, which may be modules."""
+    found = [node for node in nodes(path.read_text()) if isinstance(node, ast.ImportFrom)]
+    return {f"{node.module}.{alias.name}" for node in found for alias in node.names}
 
 
 def package_of(name: str) -> str | None:
@@ -186,9 +198,7 @@ def reached(root: Path, package: str) -> set[str]:
         if name in reached:
             continue
         reached.add(name)
-        nodes = [node for node in ast.walk(tree(known[name].read_text())) if isinstance(node, ast.ImportFrom)]
-        whole = {f"{node.module}.{alias.name}" for node in nodes for alias in node.names}
-        ahead += {*whole, *imported(name, known[name])} & known.keys()
+        ahead += {*modules_named(known[name]), *imported(name, known[name])} & known.keys()
     return reached
 
 
@@ -271,9 +281,7 @@ def rings(root: Path, package: str) -> dict[str, set[str]]:
     known = modules(root)
     for name, path in known.items():
         if name.startswith(f"{package}."):
-            nodes = [node for node in ast.walk(tree(path.read_text())) if isinstance(node, ast.ImportFrom)]
-            whole = {f"{node.module}.{alias.name}" for node in nodes for alias in node.names}
-            below[name] = {*whole, *imported(name, path)} & known.keys()
+            below[name] = {*modules_named(path), *imported(name, path)} & known.keys()
     while leaves := [name for name, targets in below.items() if not targets & below.keys()]:
         for name in leaves:
             del below[name]
