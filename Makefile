@@ -85,7 +85,7 @@ test: setup $(COMPILED)
 
 # Warnings are errors: a link that leads nowhere, a page in no table of contents, a docstring that cannot be read.
 docs: setup
-	$(BIN)/sphinx-build -q -W --keep-going -b html docs docs/_build/html
+	$(BIN)/sphinx-build -q -W --keep-going -j auto -b html docs docs/_build/html
 
 $(SCENEZOO): $(STAMP)
 	$(PIP) --no-build-isolation -e '.[scenezoo]'

@@ -244,7 +244,13 @@ def test_thousands_of_frames_are_no_burden():
 
 @pytest.mark.parametrize(
     ("name", "count"),
-    [("hololens_office", 2), ("hololens_office", 4), ("small_house/living", 3), ("fox", 2), ("fox", 3)],
+    [
+        ("hololens_office", 2),
+        pytest.param("hololens_office", 4, marks=pytest.mark.long),
+        ("small_house/living", 3),
+        pytest.param("fox", 2, marks=pytest.mark.long),
+        ("fox", 3),
+    ],
 )
 def test_real_scenes_get_views_that_belong_together(shared, name, count):
     real = open_scene(shared / "data" / name)

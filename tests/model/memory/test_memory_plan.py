@@ -89,7 +89,7 @@ def allocated(name: str, views: int, size: tuple[int, int], chunks: Chunks) -> d
         ("convex", 2, (112, 160), WHOLE),
         ("convex", 6, (96, 112), Chunks(2, 1)),
         pytest.param("base", 2, (64, 96), WHOLE, marks=pytest.mark.long),
-        ("base", 3, (64, 80), Chunks(1, 1)),
+        pytest.param("base", 3, (64, 80), Chunks(1, 1), marks=pytest.mark.long),
         pytest.param("mvsplat", 2, (64, 96), WHOLE, marks=pytest.mark.long),
         pytest.param("text", 2, (64, 96), WHOLE, marks=pytest.mark.long),
     ],
