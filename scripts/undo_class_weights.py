@@ -45,7 +45,8 @@ def undo(weights: Path, run: Path, out: Path) -> tuple[float, ...]:
         raise InputError(run, "a training with --class-weights", "one without")
     header = read_header(weights)
     if header.classes != data.classes:
-        raise InputError(weights, f"the classes of {run.name}", f"the table {header.classes.name}")
+        found = "none" if header.classes is None else f"the table {header.classes.name}"
+        raise InputError(weights, f"the classes of {run.name}", found)
     model = load(weights)
     assert model.semantic is not None
     *_, last = model.semantic.class_layers()
