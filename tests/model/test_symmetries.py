@@ -67,7 +67,9 @@ def dtype(request) -> torch.dtype:
     return request.param
 
 
-@pytest.fixture(scope="module", params=list(NETWORKS))
+@pytest.fixture(
+    scope="module", params=[pytest.param(name, marks=pytest.mark.long if name == "base" else ()) for name in NETWORKS]
+)
 def model(request, dtype) -> SemGS:
     return built(request.param, dtype)
 

@@ -13,6 +13,7 @@ from semgs.cli.device import chosen_precision
 from semgs.data.resampling import resized
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras, project
+from semgs.geometry.gaussians import Gaussians
 from semgs.geometry.plane_sweep import depth_candidates
 from semgs.model.attention.camera_attention import token_transforms
 from semgs.model.sweep.cost_volume import cost_volume
@@ -36,9 +37,13 @@ def difference(a: torch.Tensor, b: torch.Tensor) -> float:
 
 def farthest(a: Encoding, b: Encoding) -> float:
     """The largest difference among depth, opacities, and the means, sizes and features of both branches."""
-    pairs = [(a.depths, b.depths), (a.gaussians.opacities, b.gaussians.opacities)]
-    pairs.append((a.gaussians.means, b.gaussians.means))
-    for one, other in ((a.gaussians.colour, b.gaussians.colour), (a.gaussians.semantic, b.gaussians.semantic)):
+    return max(difference(a.depths, b.depths), farthest_gaussians(a.gaussians, b.gaussians))
+
+
+def farthest_gaussians(a: Gaussians, b: Gaussians) -> float:
+    """The largest difference among opacities, and the means, sizes and features of both branches."""
+    pairs = [(a.opacities, b.opacities), (a.means, b.means)]
+    for one, other in ((a.colour, b.colour), (a.semantic, b.semantic)):
         pairs += [(one.scales, other.scales), (one.features, other.features)]
     return max(difference(one, other) for one, other in pairs)
 
@@ -116,13 +121,18 @@ def test_logits_of_depth_disparity_and_opacity_are_float32_under_autocast(paper_
 
 
 def test_trained_weights_bear_bfloat16(device, room) -> None:
+    """Where two surfaces meet, rounding may decide on which of them a Gaussian lies; all others stay where they are."""
     model = load("small").eval()
     model.fuses = False
     with torch.no_grad():
         exact = model(room)
         with torch.autocast(device.type, torch.bfloat16):
             rounded = model.to(device)(room)
-    assert 1e-5 < farthest(rounded, exact) < 2e-2
+    moved = ((rounded.depths.cpu() - exact.depths) / exact.depths).abs() > 0.05
+    assert moved.float().mean() < 0.01
+    stay = ~moved[:, :: model.stride, :: model.stride].flatten()
+    kept = [one.gaussians.map(lambda tensor: tensor.cpu()[stay]) for one in (rounded, exact)]
+    assert 1e-5 < farthest_gaussians(*kept) < 2e-2
 
 
 def test_rounding_changes_the_class_of_few_gaussians_on_which_views_agree(device, room) -> None:
