@@ -51,6 +51,7 @@ ifneq ($(shell $(BIN)/python -c '' 2>/dev/null && cat $(STAMP) 2>/dev/null),$(CU
 $(STAMP): anew
 endif
 
+# The pip that comes with Python 3.11 takes more than twice as long as a newer one.
 # setuptools builds yattag, which has no wheel; the one that comes with Python 3.11 is too old for it.
 $(STAMP): pyproject.toml constraints.txt
 	@test -n '$(PYTHON)' || { echo 'semgs needs Python 3.11 or newer; name one: make setup PYTHON=/path/to/python3' >&2; exit 2; }
@@ -59,7 +60,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@rm -f $(STAMP)
 	@mkdir -p .venv && touch $(UNFINISHED)
 	@[ -x $(BIN)/python ] || $(PYTHON) -m venv .venv
-	$(PIP) hatchling editables setuptools
+	$(PIP) pip hatchling editables setuptools
 	$(PIP) --no-build-isolation -e '.[sfm,objects,rerun,ros,usd,exr,phone,raycast,train,onnx,litert,segment,video,viewer,figures,docs,mutants,dev]'
 	@rm -f $(UNFINISHED) && printf '%s' '$(CURDIR)' > $(STAMP)
 
@@ -76,7 +77,9 @@ app: setup $(APP)
 # Some of their files are for other versions of Python.
 $(COMPILED): $(STAMP)
 	@cd .venv/lib/python3*/site-packages \
-		&& ../../../bin/python -m compileall -qq -j 0 numpy scipy sympy numba llvmlite torch sklearn matplotlib || true
+		&& ../../../bin/python -m compileall -qq -j 0 \
+		numpy scipy sympy numba llvmlite torch sklearn matplotlib \
+		torchmetrics networkx huggingface_hub rerun onnxscript beartype trimesh mpmath hypothesis _pytest coverage || true
 	@touch $(COMPILED)
 
 test: setup $(COMPILED)
