@@ -129,7 +129,7 @@ def test_another_mistake_that_fits_better_comes_first():
     assert unregistered(rig, matches, (), 0.0) is None
 
 
-@pytest.mark.parametrize(("focal", "about"), [(585 / 525, 1.13), (0.72, 0.72)])
+@pytest.mark.parametrize(("focal", "about"), [(585 / 525, 1.13), pytest.param(0.72, 0.72, marks=pytest.mark.long)])
 def test_depth_of_another_camera_in_the_included_room_is_named(focal: float, about: float):
     scene = open_scene(demo_scene())
     frames = tuple(

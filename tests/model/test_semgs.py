@@ -21,7 +21,7 @@ from semgs.scene.encoding import Encoding
 SIZE = (32, 48)
 
 
-@pytest.fixture(scope="module", params=["small_plain", "base"])
+@pytest.fixture(scope="module", params=["small_plain", pytest.param("base", marks=pytest.mark.long)])
 def model(request):
     return fill_golden(preset(request.param)).double()
 

@@ -137,6 +137,7 @@ def _arguments(gaussians: Gaussians, cameras: Cameras, look: Appearance, require
     return *leaves, order, numba_backend.camera_vector(camera), *camera.size
 
 
+@pytest.mark.long  # it imports the compiler of torch
 def test_the_operators_pass_torchs_own_checks(random_scene) -> None:
     gaussians, cameras = random_scene(12, 12, 1, (9, 14), 1, 3)
     arguments = _arguments(gaussians, cameras, gaussians.semantic, True)

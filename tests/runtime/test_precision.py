@@ -82,7 +82,7 @@ def test_autocast_leaves_cameras_alone(device) -> None:
         assert torch.equal(found, expected)
 
 
-@pytest.mark.parametrize("name", ["small_plain", "base"])
+@pytest.mark.parametrize("name", ["small_plain", pytest.param("base", marks=pytest.mark.long)])
 def test_under_autocast_gaussians_are_float32_and_lie_at_their_depth(device, name: str) -> None:
     model = fill_golden(preset(name)).to(device)
     views = posed_views(2, SIZE)

@@ -56,6 +56,7 @@ def trained(monkeypatch) -> list[tuple[str, TrainingSettings]]:
     return runs
 
 
+@pytest.mark.long
 def test_five_rows_are_trained_evaluated_and_tabled_and_go_on_where_they_stopped(tmp_path, labelled, trained, capsys):
     line = [*LINE.split(), "--test", str(labelled), "--out", str(tmp_path / "out")]
     assert main(line) == 0

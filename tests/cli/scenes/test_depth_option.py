@@ -39,7 +39,7 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     return told.err
 
 
-@pytest.mark.parametrize("model", ["small", "mvsplat"])
+@pytest.mark.parametrize("model", ["small", pytest.param("mvsplat", marks=pytest.mark.long)])
 def test_gaussians_lie_on_the_measured_wall_and_the_report_says_so(tmp_path: Path, capsys, model: str):
     scene, out = with_depth(tmp_path / "wall"), tmp_path / "out"
     arguments = ["reconstruct", str(scene), "--out", str(out), "--weights", "random", "--model", model]

@@ -249,7 +249,7 @@ def test_thousands_of_frames_are_no_burden():
         pytest.param("hololens_office", 4, marks=pytest.mark.long),
         ("small_house/living", 3),
         pytest.param("fox", 2, marks=pytest.mark.long),
-        ("fox", 3),
+        pytest.param("fox", 3, marks=pytest.mark.long),
     ],
 )
 def test_real_scenes_get_views_that_belong_together(shared, name, count):

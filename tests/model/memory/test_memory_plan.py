@@ -84,10 +84,10 @@ def allocated(name: str, views: int, size: tuple[int, int], chunks: Chunks) -> d
     ("name", "views", "size", "chunks"),
     [
         ("small_plain", 2, (112, 160), WHOLE),
-        ("small_plain", 6, (96, 112), WHOLE),
+        pytest.param("small_plain", 6, (96, 112), WHOLE, marks=pytest.mark.long),
         ("small_plain", 6, (96, 112), Chunks(2, 1)),
         ("convex", 2, (112, 160), WHOLE),
-        ("convex", 6, (96, 112), Chunks(2, 1)),
+        pytest.param("convex", 6, (96, 112), Chunks(2, 1), marks=pytest.mark.long),
         pytest.param("base", 2, (64, 96), WHOLE, marks=pytest.mark.long),
         pytest.param("base", 3, (64, 80), Chunks(1, 1), marks=pytest.mark.long),
         pytest.param("mvsplat", 2, (64, 96), WHOLE, marks=pytest.mark.long),

@@ -51,9 +51,8 @@ def test_the_form_gives_the_arrays_of_the_network(name: str, views: int):
         assert (found[array] - expected[array]).abs().max() < limit, array
 
 
-@pytest.mark.parametrize(
-    "name", ["base", *(pytest.param(one, marks=pytest.mark.long) for one in ("base_text", "mvsplat"))]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["base", "base_text", "mvsplat"])
 def test_the_form_is_as_precise_as_the_network_where_float32_itself_costs_a_millimetre(name: str):
     network, given = filled(name), posed_views(2, SIZE)
     expected = arrays(network(given, WHOLE))
