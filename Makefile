@@ -102,7 +102,7 @@ $(NODE_PROGRAMS): tests/node/package.json tests/node/package-lock.json
 	@if command -v npm >/dev/null; then npm ci --prefix tests/node --ignore-scripts --no-audit --no-fund && touch $@; fi
 
 long: setup $(SCENEZOO) $(CLUSTER) $(NODE_PROGRAMS) $(APP)
-	CHECK_ROOMS=1 $(BIN)/pytest -m 'long'
+	CHECK_TYPES=1 $(BIN)/pytest -m 'long'
 
 gpu: setup
 	PYTHON='$(CURDIR)/$(BIN)/python' scripts/gpu.sh test
