@@ -40,7 +40,7 @@ def test_a_day_on_a_gpu_in_miniature_moves_classes_depth_and_colour(tmp_path: Pa
 def test_the_ablation_on_a_gpu_in_miniature_trains_all_rows_of_all_seeds_on_one_base(tmp_path: Path) -> None:
     pytest.importorskip("embreex")
     environment = os.environ | {
-        "DEVICE": "cpu", "PRESET": "small_plain", "STEPS": "4", "BATCH": "1", "ROOMS": "2", "SIZE": "32x48", "SEEDS": "1 2",
+        "DEVICE": "cpu", "STEPS": "4", "BATCH": "1", "ROOMS": "2", "SIZE": "32x48", "SEEDS": "1 2",
         "WORKERS": "0", "VALIDATED": "0", "PYTHON": sys.executable,
     }  # fmt: skip
     command = ["bash", ROOT / "scripts/gpu_ablation.sh", tmp_path / "out"]

@@ -34,6 +34,8 @@ class ExecutionOptions:
     """Processes that load scenes ahead, for each device; 0 loads them between steps."""
     save_minutes: Annotated[float, one_word("FLOAT", at_least(0.0))] = 5.0
     """Minutes between checkpoints."""
+    cache_gib: Annotated[float, one_word("FLOAT", at_least(0.0))] = 0.0
+    """GiB of memory in which each of the workers keeps decoded images of --data folders. This speeds up training on a GPU where all images fit."""
 
     def execution(self, nodes: int = 1) -> Execution:
         """The same, for `semgs.training.loop.train`.
@@ -52,5 +54,6 @@ class ExecutionOptions:
         if device == "cuda" and self.devices > torch.cuda.device_count():
             raise UsageError(f"--devices {self.devices}: torch finds {torch.cuda.device_count()} CUDA devices here")
         return Execution(
-            device, self.devices, nodes, self.precision, self.accumulate, self.minutes, self.workers, self.save_minutes
+            device, self.devices, nodes, self.precision, self.accumulate, self.minutes, self.workers, self.save_minutes,
+            self.cache_gib,
         )  # fmt: skip

@@ -76,6 +76,7 @@ def training_batches(
     *,
     pool: Path,
     workers: int = 0,
+    cache: int = 0,
     share: Share | None = None,
     single_images: bool = False,
     teacher: Teacher | None = None,
@@ -92,6 +93,7 @@ def training_batches(
         start: the first step.
         pool: folder for rooms that several samples share.
         workers: processes that prepare portions; 0 prepares them in this one.
+        cache: how much memory each of them may use for decoded views of scenes in folders [bytes].
         share: of this process; None is all scenes of each step in one piece.
         single_images: each sample is a single image of another scene.
         teacher: of single images, if there is one.
@@ -121,7 +123,7 @@ def training_batches(
         halved=settings.batch * round(settings.half_size * steps),
     )  # fmt: skip
     schedule = _schedule_images(settings.seed, mixture, settings.batch, length) if single_images else None
-    samples = Samples(settings.seed, mixture, form, settings.batch, schedule, teacher)
+    samples = Samples(settings.seed, mixture, form, settings.batch, schedule, teacher, cache)
     return DataLoader(
         Portions(samples, settings.batch, share or Share(), steps),
         batch_size=None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -27,6 +28,7 @@ from semgs.training.data.augmentation import Variation, crop_to_size
 from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.data.image_schedule import ImageSchedule, Turn, frame_of
 from semgs.training.data.teacher import Teacher, coordinates
+from semgs.training.data.view_cache import ViewCache
 
 OPEN = 20_000
 """A process keeps scenes open until they have more frames than this in total (headers, not images)."""
@@ -120,6 +122,7 @@ class Samples:
         group: samples k with equal k // group have equal counts of views.
         schedule: which scene each sample shows, for samples of a single image; None chooses scenes at random.
         teacher: of single images, if there is one.
+        cache: how much memory decoded views of scenes in folders may take [bytes].
     """
 
     def __init__(
@@ -130,8 +133,10 @@ class Samples:
         group: int,
         schedule: ImageSchedule | None = None,
         teacher: Teacher | None = None,
+        cache: int = 0,
     ) -> None:
         self._seed, self._form, self._group = seed, form, group
+        self._views = ViewCache(cache)
         self._rooms, self._folders = mixture.rooms, mixture.folders
         self._chances = np.array(mixture.weights, dtype=np.float64) / sum(mixture.weights)
         self._choose = {"covisible": draw_sample, "consecutive": draw_consecutive}[form.frames]
@@ -221,10 +226,12 @@ class Samples:
 
     def _read(self, scene: Scene, bounds: DepthRange, frames: Sequence[int], with_depths: bool = True) -> Views:
         """Frames of a scene, all at the size of the first."""
-        chosen = [scene.frames[index] for index in frames]
-        if not with_depths:
-            chosen = [replace(frame, depth=None) for frame in chosen]
-        views = [frame.view((bounds.near, bounds.far), scene.classes) for frame in chosen]
+
+        def read(index: int) -> Views:
+            frame = scene.frames[index] if with_depths else replace(scene.frames[index], depth=None)
+            return frame.view((bounds.near, bounds.far), scene.classes)
+
+        views = [self._views.get((scene.path, index, with_depths), partial(read, index)) for index in frames]
         return scene.local(joined([crop_to_size(view, views[0].size) for view in views])).checked()
 
     def _generator(self, k: int, purpose: int) -> np.random.Generator:

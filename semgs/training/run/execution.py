@@ -18,6 +18,7 @@ class Execution:
         minutes: stop after this time, with a checkpoint; None runs to the last step.
         workers: processes that prepare batches, for each process that trains; 0 prepares them between steps.
         save_minutes: time between checkpoints.
+        cache_gib: memory in which each of these workers keeps images of scenes in folders that it has decoded [GiB].
     """
 
     device: str = "cpu"
@@ -28,6 +29,7 @@ class Execution:
     minutes: float | None = None
     workers: int = 1
     save_minutes: float = 5.0
+    cache_gib: float = 0.0
 
     def share(self, rank: int = 0) -> Share:
         """The share of one process."""

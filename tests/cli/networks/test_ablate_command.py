@@ -118,6 +118,13 @@ def test_rooms_that_are_trained_in_are_refused_before_anything_is_trained(tmp_pa
         ("--transfer nowhere", "nowhere"),
         ("--transfer . .", "--transfer needs folders of different names"),
         ("--stage semantic --full .", "--full is for --stage whole"),
+        ("--full . --rows none shared", "--full gives the variant full, which --rows leaves out"),
+        ("--rows half", "--rows half: --stage whole has none, shared, windows, camera, full"),
+        ("--rows base", "--rows base: --stage whole has none"),
+        (
+            "--stage semantic --rows half",
+            "--stage semantic has base, none, shared, windows, camera, full, smoothness_sum",
+        ),
     ],
 )
 def test_what_cannot_be_is_one_line_and_nothing_is_written(tmp_path: Path, line: str, told: str, capsys):
@@ -167,6 +174,19 @@ def test_the_semantic_rows_share_a_base_and_are_tested_on_other_worlds_too(
     assert told.index("Evaluated on elsewhere") < told.index("Evaluated on abroad")
     assert "+ Sm-Loss, summed" in told
     assert "overlap" in told
+
+
+def test_several_processes_train_variants_of_their_own_on_one_base(tmp_path, labelled, trained, capsys):
+    line = [*LINE.split(), "--stage", "semantic", "--data", str(labelled), "--out", str(tmp_path / "out"), "--rows"]
+    assert main([*line, "base"]) == 0
+    assert len(trained) == 2
+    assert capsys.readouterr().out == ""
+    assert main([*line, "full", "none", "--seeds", "1", "2", "--train-only"]) == 0
+    assert [(name, settings.seed) for name, settings in trained[2:]] == [
+        ("none", 1), ("full", 1), ("none", 2), ("full", 2),
+    ]  # fmt: skip
+    assert main([*line, "shared", "--seeds", "1", "--train-only"]) == 0
+    assert [name for name, _ in trained[6:]] == ["shared"]
 
 
 @pytest.mark.long

@@ -86,6 +86,9 @@ class Ablate:
     """Input views in the evaluation; by default 4, as in the paper's table, and 2 and 3 with --stage semantic."""
     seeds: Annotated[tuple[int, ...], tyro.conf.arg(metavar="SEED [SEED ...]", help_behavior_hint="")] = ()
     """Train all variants once per seed; by default, once with the seed of the settings."""
+    rows: Annotated[tuple[str, ...], tyro.conf.arg(metavar="ROW [ROW ...]", help_behavior_hint="")] = ()
+    """Only train and evaluate these variants, named as their folders; by default all. Processes can share the work: with --stage semantic,
+    first train depth and colour (--rows base), then the variants side by side, each by a command of its own with the same OUT."""
     full: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
     """A finished semgs train run of the full method with these settings. It is evaluated but not trained again."""
     train_only: bool = False
@@ -103,10 +106,11 @@ class Ablate:
         """
         self._check()
         with what_the_user_gave():
-            runs = [(row, seed) for seed in self.seeds or (self.settings.seed,) for row in rows_of(self.stage)]
+            runs = [(row, seed) for seed in self.seeds or (self.settings.seed,) for row in self._rows()]
             planned = [self._settings(row, seed) for row, seed in runs]
         self._check_unseen()
-        self._check_full(planned[-1])
+        if self.full is not None:
+            self._check_full(self.full, planned[-1])
         execution = self.compute.execution()
         with what_the_user_gave():
             execution.share().check(self.settings.batch)
@@ -116,6 +120,8 @@ class Ablate:
         ends = deadline(self.compute.minutes)
         if self.stage == "semantic" and not self._train_base(execution, ends):
             print("time is up: depth and colour are not finished; repeat the command to resume")
+            return
+        if not runs:
             return
         tests = {} if self.train_only else self._tests()
         for number, ((row, seed), settings) in enumerate(zip(runs, planned, strict=True), 1):
@@ -139,10 +145,15 @@ class Ablate:
             raise UsageError("--transfer needs folders of different names, none of them other")
         if self.full is not None and self.stage == "semantic":
             raise UsageError("--full is for --stage whole")
+        if self.full is not None and self.rows and "full" not in self.rows:
+            raise UsageError("--full gives the variant full, which --rows leaves out")
         if self.full is not None and len(self.seeds) > 1:
             raise UsageError("--full is a single run, so give at most one seed with --seeds")
         if len(set(self.seeds)) != len(self.seeds):
             raise UsageError("--seeds contains a seed twice")
+        known = [*([BASE] if self.stage == "semantic" else []), *(row.name for row in rows_of(self.stage))]
+        if unknown := [name for name in self.rows if name not in known]:
+            raise UsageError(f"--rows {unknown[0]}: --stage {self.stage} has {', '.join(known)}")
         if self.out.exists() and not self.out.is_dir():
             raise InputError(self.out, "a folder to write", "a file", advice="name another")
 
@@ -162,17 +173,19 @@ class Ablate:
             tested = scenes_by_name(folder, scene_paths(folder, wanted))
             check_unseen(folder, trained, tested, "train without these (--scenes), or evaluate on others")
 
-    def _check_full(self, settings: TrainingSettings) -> None:
+    def _check_full(self, full: Path, settings: TrainingSettings) -> None:
         """Refuse --full if that run has other settings or is not finished."""
-        if self.full is None:
-            return
         from semgs.training.run.differences import find_changes, list_changes
         from semgs.training.run.run_folder import is_finished, read_settings
 
-        if other := find_changes(settings, read_settings(self.full)):
-            raise UsageError(f"--full {self.full} has other settings: {list_changes(other, 'here')}")
-        if not is_finished(self.full):
-            raise UsageError(f"--full {self.full} is not finished; repeat its semgs train command first")
+        if other := find_changes(settings, read_settings(full)):
+            raise UsageError(f"--full {full} has other settings: {list_changes(other, 'here')}")
+        if not is_finished(full):
+            raise UsageError(f"--full {full} is not finished; repeat its semgs train command first")
+
+    def _rows(self) -> tuple[AblationRow, ...]:
+        """The variants that the user wants, in order."""
+        return tuple(row for row in rows_of(self.stage) if row.name in self.rows or not self.rows)
 
     def _settings(self, row: AblationRow, seed: int) -> TrainingSettings:
         """The settings of a variant."""
@@ -295,7 +308,7 @@ class Ablate:
                 for other, seed in runs
                 if other is row and (curve := read_validations(self._run(row, seed), "miou"))
             ]
-            for row in rows_of(self.stage)
+            for row in self._rows()
         }
         if can_plot() and any(found.values()):
             write_png(self.out / CURVES, validation_picture(found, "mIoU"))
@@ -323,7 +336,7 @@ class Ablate:
 
         data = open_labelled_scenes(path, wanted=self.test_scenes if path == self.test else "")
         plan = plan_targets((self.protocol,), data.scenes, self._views(), self.settings.size)
-        grids, rows = [], rows_of(self.stage)
+        grids, rows = [], self._rows()
         for views in self._views():
             relations = view_relations(plan, views)
             grids += [
