@@ -6,8 +6,8 @@ from __future__ import annotations
 import functools
 import gc
 import os
-import pkgutil
 import signal
+import sys
 import warnings
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -25,20 +25,24 @@ gc.disable()
 ROOT = Path(__file__).resolve().parent.parent
 SHARED = ROOT.parent / "shared"
 
-_modules = pkgutil.walk_packages([str(ROOT / "semgs")], "semgs.", onerror=lambda name: None)
 
-
-def _is_checked(module: pkgutil.ModuleInfo) -> bool:
-    """Whether beartype checks the calls of a module's functions. The hook takes a package's name for all modules in it, so only modules are named."""
-    if module.ispkg or module.name.endswith("_kernels"):
+def _is_checked(module: Path) -> bool:
+    """Whether beartype checks the calls of the functions in a file. The hook takes a package's name for all modules in it, so only modules are named."""
+    if module.name == "__init__.py" or module.stem.endswith("_kernels"):
         return False
     if os.environ.get("CHECK_TYPES"):
         return True
-    source = ROOT / f"{module.name.replace('.', '/')}.py"
-    return not module.name.startswith("semgs.rooms.") and "jaxtyping" in source.read_text()
+    return ROOT / "semgs/rooms" not in module.parents and "jaxtyping" in module.read_text()
 
 
-install_import_hook([module.name for module in _modules if _is_checked(module)], "beartype.beartype")
+def _checked_modules() -> list[str]:
+    """The modules whose calls beartype checks. None is imported to find them: the hook comes too late for what is."""
+    files = [file for file in sorted((ROOT / "semgs").rglob("*.py")) if _is_checked(file)]
+    return [".".join(file.relative_to(ROOT).with_suffix("").parts) for file in files]
+
+
+install_import_hook(_checked_modules(), "beartype.beartype")
+assert not [name for name in sys.modules if name.startswith("semgs.")]
 
 # tyro reads the source of a command's options at every call anew, which is half of its time; tests call hundreds of commands.
 _read_source = tyro._docstrings._ClassTokenization.make.__wrapped__  # type: ignore[attr-defined]

@@ -33,7 +33,7 @@ def write_dataset(
     """Write those of scenes 0 .. scenes - 1 that are missing in a folder, then its index and the attribution of its assets.
 
     Each scene appears only once it is complete. To resume, repeat the call; a larger number of scenes adds scenes. The bytes do
-    not depend on `workers`.
+    not depend on `workers`. A folder that is complete is only read, so several processes may ask for it at once.
 
     Args:
         out: a new or empty folder, or one with scenes with the same settings.
@@ -54,9 +54,22 @@ def write_dataset(
     if scenes < 1 or workers < 0:
         raise ValueError(f"scenes is {scenes} and workers {workers}; expected at least 1 and at least 0")
     folder = Path(out)
+    if (index := _complete_index(folder, settings, scenes)) is not None:
+        done(scenes)
+        return index
     claim(folder, settings, scenes)
     with _alone(folder):
         return _filled(folder, settings, scenes, workers, done)
+
+
+def _complete_index(folder: Path, settings: RoomSettings, scenes: int) -> dict | None:
+    """The index of a folder that has these scenes and no more; None if something is missing."""
+    if not (folder / INDEX).is_file() or not is_begun(folder / SETTINGS, settings.as_json(), "a data set of rooms"):
+        return None
+    if not all((folder / scene_name(number) / ROOM).is_file() for number in range(scenes)):
+        return None
+    index = _index(folder, settings, scenes)
+    return index if read_json(folder / INDEX) == index else None
 
 
 def _alone(folder: Path) -> AbstractContextManager[None]:

@@ -179,6 +179,28 @@ def test_a_folder_that_another_process_fills_is_refused_and_nothing_in_it_is_cle
     assert not part.exists()
 
 
+def test_a_complete_folder_is_only_read_so_several_processes_may_ask_for_it(whole, tmp_path):
+    folder = shutil.copytree(whole, tmp_path / "rooms")
+    counts = []
+    with lock_folder(folder / "settings.json", "", ""):
+        index = write_dataset(folder, ROOMS, 4, done=counts.append)
+        assert counts == [4]
+        assert index == json.loads((folder / "index.json").read_text())
+        for missing in ("scene_00000/room.json", "index.json"):
+            (folder / missing).unlink()
+            with pytest.raises(InputError, match="another process is filling"):
+                write_dataset(folder, ROOMS, 4)
+
+
+def test_an_index_of_other_scenes_is_written_anew(whole, tmp_path):
+    folder = shutil.copytree(whole, tmp_path / "rooms")
+    index = (folder / "index.json").read_text()
+    for other in ("[]", index.replace("scene_00001", "scene_00007")):
+        (folder / "index.json").write_text(other)
+        write_dataset(folder, ROOMS, 4)
+        assert (folder / "index.json").read_text() == index
+
+
 @pytest.mark.long
 def test_what_goes_wrong_in_a_worker_is_told_as_if_it_went_wrong_here(tmp_path):
     out = tmp_path / "rooms"
