@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from statistics import stdev
+from statistics import variance
 from typing import Literal
 
 import numpy as np
@@ -68,22 +68,66 @@ def paired_differences(first: Sequence[FrameScores], second: Sequence[FrameScore
     Raises:
         ValueError: the targets differ.
     """
-    return seed_differences([(first, second)])
+    return seed_differences([[(first, second)]])[0]
 
 
-def seed_differences(pairs: Sequence[Pair]) -> dict[str, Interval]:
-    """Second minus first, the mean over seeds, for every metric that all have.
+def seed_differences(comparisons: Sequence[Sequence[Pair]]) -> list[dict[str, Interval]]:
+    """For each comparison of two kinds of training: second minus first, the mean over seeds, for every metric that all seeds have.
 
     The interval says what other scenes and other seeds might have given: the distances of its ends are the root of the squares of two 95 %
-    intervals. One resamples scenes (or frames) in all trainings alike; the other is Student's for the mean of so few seeds. With one seed,
-    there is only the first.
+    intervals. One resamples scenes (or frames) in all trainings alike. The other is Student's for the mean over the seeds, and takes the
+    variance from all comparisons together, as two or three seeds alone say little about it. With one seed, there is only the first.
 
     Args:
-        pairs: of each seed; all with the same targets in the same order.
+        comparisons: the pairs of each seed; all with the same targets in the same order.
+
+    Returns:
+        The differences of each comparison, by metric.
 
     Raises:
         ValueError: there are no pairs, or the targets differ.
     """
+    found = [_differences(pairs) for pairs in comparisons]
+    metrics = {name for differences in found for name in differences}
+    spreads = {name: _pooled([one[name].seeds for one in found if name in one]) for name in metrics}
+    return [{name: one.interval(spreads[name]) for name, one in differences.items()} for differences in found]
+
+
+@dataclass(frozen=True)
+class _Difference:
+    """A difference between two kinds of training: over scenes, with its interval, and for each seed."""
+
+    over_scenes: Interval
+    seeds: Sequence[float]
+
+    def interval(self, spread: _Spread | None) -> Interval:
+        """The interval over scenes, widened by how much seeds differ."""
+        if spread is None:
+            return self.over_scenes
+        half = float(t.ppf((1 + LEVEL) / 2, spread.freedom)) * math.sqrt(spread.variance / len(self.seeds))
+        value, low, high = self.over_scenes.value, self.over_scenes.low, self.over_scenes.high
+        return Interval(value, value - math.hypot(value - low, half), value + math.hypot(high - value, half))
+
+
+@dataclass(frozen=True)
+class _Spread:
+    """The variance of a difference between seeds, and the degrees of freedom of this estimate."""
+
+    variance: float
+    freedom: int
+
+
+def _pooled(several: Sequence[Sequence[float]]) -> _Spread | None:
+    """How much differences vary between seeds, from several comparisons; None if each has only one seed."""
+    freedom = sum(len(seeds) - 1 for seeds in several)
+    if not freedom:
+        return None
+    squares = sum((len(seeds) - 1) * variance(seeds) for seeds in several if len(seeds) > 1)
+    return _Spread(squares / freedom, freedom)
+
+
+def _differences(pairs: Sequence[Pair]) -> dict[str, _Difference]:
+    """One comparison: the difference of every metric that all seeds have."""
     if not pairs:
         raise ValueError("there are no trainings to compare; expected a pair for each seed")
     targets = [[(one.scene, one.target) for one in frames] for pair in pairs for frames in pair]
@@ -91,7 +135,7 @@ def seed_differences(pairs: Sequence[Pair]) -> dict[str, Interval]:
         raise ValueError("the scores are of different targets; expected the same targets in the same order")
     over = choose_units(pairs[0][0])
     groups = [{group.names: group for group in group_metrics(frames)} for pair in pairs for frames in pair]
-    found: dict[str, Interval] = {}
+    found: dict[str, _Difference] = {}
     for names, group in groups[0].items():
         alike = [others[names] for others in groups if names in others]
         if len(alike) == len(groups) and all(np.array_equal(group.scene_of, one.scene_of) for one in alike):
@@ -99,26 +143,18 @@ def seed_differences(pairs: Sequence[Pair]) -> dict[str, Interval]:
     return found
 
 
-def _group_differences(before: Sequence[MetricGroup], after: Sequence[MetricGroup], over: Over) -> dict[str, Interval]:
+def _group_differences(
+    before: Sequence[MetricGroup], after: Sequence[MetricGroup], over: Over
+) -> dict[str, _Difference]:
     """The differences of a group of metrics, which has one entry in `before` and one in `after` for each seed."""
 
     def values(times: np.ndarray, scene_times: np.ndarray) -> np.ndarray:
         pairs = zip(before, after, strict=True)
         return np.mean([b.values(times, scene_times) - a.values(times, scene_times) for a, b in pairs], axis=0)
 
-    found = group_intervals(before[0], over, values)
-    if len(before) == 1:
-        return found
     seeds = [(a.once(), b.once()) for a, b in zip(before, after, strict=True)]
-    return {name: _wider(one, [b[name] - a[name] for a, b in seeds]) for name, one in found.items()}
-
-
-def _wider(over_scenes: Interval, seeds: Sequence[float]) -> Interval:
-    """An interval over scenes, widened by how much the differences of two or more seeds differ."""
-    half = float(t.ppf((1 + LEVEL) / 2, len(seeds) - 1)) * stdev(seeds) / math.sqrt(len(seeds))
-    value = over_scenes.value
-    low, high = math.hypot(value - over_scenes.low, half), math.hypot(over_scenes.high - value, half)
-    return Interval(value, value - low, value + high)
+    over_scenes = group_intervals(before[0], over, values)
+    return {name: _Difference(one, [b[name] - a[name] for a, b in seeds]) for name, one in over_scenes.items()}
 
 
 def group_intervals(group: MetricGroup, over: Over, values: Values | None = None) -> dict[str, Interval]:

@@ -79,13 +79,12 @@ def steps_grid(rows: Sequence[AblationRow], reports: Reports, views: int) -> Gri
     Args:
         rows, reports, views: as for `ablation_grid`.
     """
-    shown, most = [], 0
-    for row in rows:
-        pairs = _pairs(row, reports, views)
-        if pairs:
-            differences = seed_differences(pairs)
-            shown.append((Cell(row.title), *[_difference_cell(differences.get(metric)) for metric in METRICS]))
-            most = max(most, len(pairs))
+    compared = _compared(rows, reports, views)
+    shown = [
+        (Cell(row.title), *[_difference_cell(differences.get(metric)) for metric in METRICS])
+        for row, differences in zip(compared, seed_differences(list(compared.values())), strict=True)
+    ]
+    most = max(map(len, compared.values()), default=0)
     return Grid(
         title="What each part adds",
         head=("part", *map(_title, METRICS)),
@@ -106,13 +105,13 @@ def where_grid(rows: Sequence[AblationRow], reports: Reports, views: int, relati
     bins = [(f"overlap {_ends(overlaps, part, '.2f')}", part) for part in thirds(overlaps)]
     bins += [(f"angle {_ends(angles, part, '.0f')}°", part) for part in thirds(angles)]
     shown = []
-    for row in rows:
-        pairs = _pairs(row, reports, views)
-        if not pairs:
-            continue
-        found = [seed_differences([_only(pair, part) for pair in pairs]) for _, part in bins]
+    compared = _compared(rows, reports, views)
+    found = [
+        seed_differences([[_only(pair, part) for pair in pairs] for pairs in compared.values()]) for _, part in bins
+    ]
+    for number, row in enumerate(compared):
         for metric in ("miou", "accuracy"):
-            cells = [_difference_cell(differences.get(metric)) for differences in found]
+            cells = [_difference_cell(differences[number].get(metric)) for differences in found]
             shown.append((Cell(row.title), Cell(_title(metric)), *cells))
     return Grid(
         title="What each part adds, by how the input views lie to one another",
@@ -128,7 +127,13 @@ def where_grid(rows: Sequence[AblationRow], reports: Reports, views: int, relati
 
 _EXCLUDES = "* the interval excludes 0."
 _OVER_TARGETS = "Intervals are over targets; training again would vary by more."
-_OVER_SEEDS = "Intervals are over scenes and seeds."
+_OVER_SEEDS = "Intervals are over scenes and seeds; how much seeds differ is estimated from all parts together."
+
+
+def _compared(rows: Sequence[AblationRow], reports: Reports, views: int) -> dict[AblationRow, list[Pair]]:
+    """What is compared for each variant that some seed has together with the one above it."""
+    found = {row: _pairs(row, reports, views) for row in rows}
+    return {row: pairs for row, pairs in found.items() if pairs}
 
 
 def _pairs(row: AblationRow, reports: Reports, views: int) -> list[Pair]:
