@@ -132,7 +132,7 @@ class Cameras:
         """The cameras with a single leading axis."""
         return self.arranged(lambda array: array.reshape(-1, *array.shape[-2:]))
 
-    def __getitem__(self, index: int | slice | Tensor | tuple) -> Cameras:
+    def __getitem__(self, index: int | slice | Sequence[int] | Tensor | tuple) -> Cameras:
         """The cameras at an index of the leading axes."""
         return self.arranged(lambda array: array[index])
 

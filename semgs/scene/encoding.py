@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
-from jaxtyping import Bool, Float, Int64
+from jaxtyping import Bool, Float, Int64, Shaped
 from numpy import ndindex
 from torch import Tensor
 
@@ -113,11 +113,11 @@ class Encoding:
         semantic = replace(shape, features=features)
         return replace(self, gaussians=replace(self.gaussians, semantic=semantic), classes=classes, temperatures=None)
 
-    def per_gaussian(self, maps: Float[Tensor, "*batch v c h w"]) -> Float[Tensor, "*batch g c"]:
+    def per_gaussian(self, maps: Shaped[Tensor, "*batch v c h w"]) -> Float[Tensor, "*batch g c"]:
         """For each Gaussian the mean over the pixels that it stands for.
 
         Args:
-            maps: of the context views, at their size.
+            maps: of the context views, at their size; numbers or booleans.
         """
         return per_gaussian(maps.to(self.gaussians.means), self.stride, self.places)
 

@@ -27,7 +27,11 @@ SIZE = (32, 48)
 @pytest.fixture(scope="module")
 def room() -> Views:
     """Two photos of the embedded room, small."""
-    return resized(open_scene(demo_scene()).read([1, 3], size=None), (48, 64))
+    return photos((48, 64))
+
+
+def photos(size: tuple[int, int]) -> Views:
+    return resized(open_scene(demo_scene()).read([1, 3], size=None), size)
 
 
 def difference(a: torch.Tensor, b: torch.Tensor) -> float:
@@ -120,16 +124,18 @@ def test_logits_of_depth_disparity_and_opacity_are_float32_under_autocast(paper_
         assert difference(output, exact) < 1e-5
 
 
-def test_trained_weights_bear_bfloat16(device, room) -> None:
-    """Where two surfaces meet, rounding may decide on which of them a Gaussian lies; all others stay where they are."""
+def test_trained_weights_bear_bfloat16(device) -> None:
+    """Where two surfaces meet, rounding may decide on which of them a Gaussian lies; all others stay where they are. Processors round
+    differently: from 0.05 to 0.08 % move at this size (of 48x64, where most pixels are close to an edge, 0.8 to 1.04 %)."""
     model = load("small").eval()
     model.fuses = False
+    room = photos((96, 128))
     with torch.no_grad():
         exact = model(room)
         with torch.autocast(device.type, torch.bfloat16):
             rounded = model.to(device)(room)
     moved = ((rounded.depths.cpu() - exact.depths) / exact.depths).abs() > 0.05
-    assert moved.float().mean() < 0.01
+    assert moved.float().mean() < 0.002
     stay = ~moved[:, :: model.stride, :: model.stride].flatten()
     kept = [one.gaussians.map(lambda tensor: tensor.cpu()[stay]) for one in (rounded, exact)]
     assert 1e-5 < farthest_gaussians(*kept) < 2e-2
