@@ -17,7 +17,7 @@ def validation_picture(runs: Mapping[str, Sequence[Mapping[int, float]]], score:
         runs: by the name of the kind, the score by step of each of its runs. Steps that a run lacks are left out.
         score: its name.
     """
-    figure = new_figure((4.6, 3.0), dpi=160, layout="constrained")
+    figure = new_figure((5.8, 3.0), dpi=160, layout="constrained")
     axes = figure.subplots()
     for index, (name, found) in enumerate(runs.items()):
         steps = sorted(set.intersection(*[set(run) for run in found])) if found else []
@@ -29,5 +29,5 @@ def validation_picture(runs: Mapping[str, Sequence[Mapping[int, float]]], score:
     axes.set(xlim=(0, None), ylim=(0, None))
     label_axes(axes, "step", score)
     if axes.lines:
-        axes.legend(fontsize=SIZE, frameon=False, loc="lower right")
+        figure.legend(fontsize=SIZE, frameon=False, loc="outside right center")
     return render_figure(figure)
