@@ -182,7 +182,8 @@ def _prepare(
     resume(state, out, console)
     batches = training_batches(
         sampling, data, schedule.steps, state.step, pool=out / "rooms", workers=execution.workers,
-        cache=round(execution.cache_gib * 2**30), share=execution.share(fabric.global_rank), single_images=learning.single_images, teacher=teacher,
+        cache=round(execution.cache_gib * 2**30), share=execution.share(fabric.global_rank),
+        single_images=learning.single_images, teacher=teacher,
     )  # fmt: skip
     validation = validation_batches(sampling, data.classes, learning.single_images) if fabric.is_global_zero else []
     return state, Feed(batches, validation, data.scenes, data.bad)

@@ -66,7 +66,7 @@ def _complete_index(folder: Path, settings: RoomSettings, scenes: int) -> dict |
     """The index of a folder that has these scenes and no more; None if something is missing."""
     if not (folder / INDEX).is_file() or not is_begun(folder / SETTINGS, settings.as_json(), "a data set of rooms"):
         return None
-    if not all((folder / scene_name(number) / ROOM).is_file() for number in range(scenes)):
+    if _missing(folder, scenes) or _surplus(folder, scenes):
         return None
     index = _index(folder, settings, scenes)
     return index if read_json(folder / INDEX) == index else None
@@ -81,7 +81,7 @@ def _alone(folder: Path) -> AbstractContextManager[None]:
 
 def _filled(folder: Path, settings: RoomSettings, scenes: int, workers: int, done: Callable[[int], None]) -> dict:
     """Write the missing scenes, then the index; returns its content."""
-    missing = [index for index in range(scenes) if not (folder / scene_name(index) / ROOM).is_file()]
+    missing = _missing(folder, scenes)
     count = scenes - len(missing)
     done(count)
     if missing:
@@ -96,6 +96,16 @@ def _filled(folder: Path, settings: RoomSettings, scenes: int, workers: int, don
         write_bytes(folder / ATTRIBUTION, attribution(_files(folder, scenes), settings.library.lock).encode())
     write_json(folder / INDEX, index)
     return index
+
+
+def _missing(folder: Path, scenes: int) -> list[int]:
+    """The numbers of the scenes that are not complete."""
+    return [index for index in range(scenes) if not (folder / scene_name(index) / ROOM).is_file()]
+
+
+def _surplus(folder: Path, scenes: int) -> list[str]:
+    """The scenes that are more than these."""
+    return [path.name for path in folder.glob("scene_*") if int(_number(path.name)) >= scenes]
 
 
 def scene_name(index: int) -> str:
@@ -114,8 +124,7 @@ def claim(folder: Path, settings: RoomSettings, scenes: int) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         write_json(folder / SETTINGS, settings.as_json())
         return
-    more = [path.name for path in folder.glob("scene_*") if int(_number(path.name)) >= scenes]
-    if more:
+    if more := _surplus(folder, scenes):
         raise ValueError(
             f"{folder} contains {max(more)}, which is more than the {scenes} requested scenes; request more or name another folder"
         )

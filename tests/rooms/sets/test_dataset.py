@@ -192,6 +192,15 @@ def test_a_complete_folder_is_only_read_so_several_processes_may_ask_for_it(whol
                 write_dataset(folder, ROOMS, 4)
 
 
+def test_scenes_that_its_index_does_not_list_yet_are_too_many_as_well(whole, tmp_path):
+    folder = shutil.copytree(whole, tmp_path / "rooms")
+    shutil.copytree(
+        folder / "scene_00003", folder / "scene_00004"
+    )  # as where more were requested, and that was interrupted
+    with pytest.raises(ValueError, match="contains scene_00004, which is more than the 4 requested scenes"):
+        write_dataset(folder, ROOMS, 4)
+
+
 def test_an_index_of_other_scenes_is_written_anew(whole, tmp_path):
     folder = shutil.copytree(whole, tmp_path / "rooms")
     index = (folder / "index.json").read_text()
