@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any, TypeVar
 
 import cv2
 import numpy as np
+from cachetools import LRUCache, cached
 from jaxtyping import Bool, Float32
 
 from semgs.files.errors import InputError
@@ -83,8 +83,7 @@ class Library:
         self.meshes: tuple[MeshEntry, ...] = ()
         self.images: tuple[ImageEntry, ...] = ()
         self._folder_of: dict[str, Path] = {}
-        self._cache: OrderedDict[str, tuple[Any, int]] = OrderedDict()
-        self._size = 0
+        self._cache: LRUCache[str, Any] = LRUCache(memory, _weight)
         for folder in self.folders:
             if check:
                 verify(folder)
@@ -114,7 +113,7 @@ class Library:
         return tuple(lock_digest(folder) for folder in self.folders)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_cache": OrderedDict(), "_size": 0}
+        return {**self.__dict__, "_cache": LRUCache(self.memory, _weight)}
 
     def of_kind(self, *kinds: str) -> list[ImageEntry]:
         """The images of some kinds."""
@@ -126,7 +125,7 @@ class Library:
         Raises:
             InputError: the file cannot be read.
         """
-        return self._cached(entry.name, lambda: _panels(self._path(entry), entry), _weight)
+        return self._cached(entry.name, lambda: _panels(self._path(entry), entry))
 
     def pyramid(self, entry: ImageEntry, upright: bool = True) -> Pyramid:
         """The contents of an image. If not `upright`, it is transposed if its grain runs along columns.
@@ -139,22 +138,13 @@ class Library:
             pyramid = decode(self._path(entry).read_bytes(), self._path(entry))
             return pyramid if upright else _lay_down(pyramid)
 
-        return self._cached(f"{entry.kind}/{entry.name}/{upright}", read, lambda p: p.pixels.nbytes)
+        return self._cached(f"{entry.kind}/{entry.name}/{upright}", read)
 
     def _path(self, entry: MeshEntry | ImageEntry) -> Path:
         return self._folder_of[entry.file] / entry.file
 
-    def _cached(self, key: str, make: Callable[[], T], weigh: Callable[[T], int]) -> T:
-        if key in self._cache:
-            self._cache.move_to_end(key)
-            return self._cache[key][0]
-        value = make()
-        weight = weigh(value)
-        self._cache[key] = value, weight
-        self._size += weight
-        while self._size > self.memory and len(self._cache) > 1:
-            self._size -= self._cache.popitem(last=False)[1][1]
-        return value
+    def _cached(self, key: str, read: Callable[[], T]) -> T:
+        return cached(self._cache, key=lambda: key)(read)()
 
 
 def open_library(folders: Folders, style: str = "home", *, check: bool = True) -> Library:
@@ -232,9 +222,12 @@ def _used_triangles(
     return np.ones(len(corners), bool)
 
 
-def _weight(panels: tuple[Panel, ...]) -> int:
-    shells = sum(panel.shell.corners.nbytes * 2 + panel.shell.uv.nbytes for panel in panels)
-    return shells + sum(panel.picture.pixels.nbytes for panel in panels if panel.picture)
+def _weight(contents: tuple[Panel, ...] | Pyramid) -> int:
+    """The memory of a mesh or an image [bytes]."""
+    if isinstance(contents, Pyramid):
+        return contents.pixels.nbytes
+    shells = sum(panel.shell.corners.nbytes * 2 + panel.shell.uv.nbytes for panel in contents)
+    return shells + sum(panel.picture.pixels.nbytes for panel in contents if panel.picture)
 
 
 def _lay_down(upright: Pyramid) -> Pyramid:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import torch
+from cachetools import LRUCache, cached
 from torch import Tensor
 
 from semgs.data.bounds.depth_range import DepthRange
@@ -28,7 +27,6 @@ from semgs.training.data.augmentation import Variation, crop_to_size
 from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.data.image_schedule import ImageSchedule, Turn, frame_of
 from semgs.training.data.teacher import Teacher, coordinates
-from semgs.training.data.view_cache import ViewCache
 
 OPEN = 20_000
 """A process keeps scenes open until they have more frames than this in total (headers, not images)."""
@@ -136,13 +134,12 @@ class Samples:
         cache: int = 0,
     ) -> None:
         self._seed, self._form, self._group = seed, form, group
-        self._views = ViewCache(cache)
+        self._views: LRUCache[tuple[Path, int, bool], Views] = LRUCache(cache, _tensor_bytes)
         self._rooms, self._folders = mixture.rooms, mixture.folders
         self._chances = np.array(mixture.weights, dtype=np.float64) / sum(mixture.weights)
         self._choose = {"covisible": draw_sample, "consecutive": draw_consecutive}[form.frames]
         self._schedule, self._teacher = schedule, teacher
-        self._open: OrderedDict[Path, tuple[Scene, DepthRange]] = OrderedDict()
-        self._open_frames = 0
+        self._open: LRUCache[Path, tuple[Scene, DepthRange]] = LRUCache(OPEN, _frame_count)
 
     def __getitem__(self, k: int) -> TrainingSample:
         """Sample k.
@@ -201,15 +198,15 @@ class Samples:
         contexts, targets = self.counts(k)
         scene, bounds = self._open_scene(path)
         choice = self._choose(scene, bounds, contexts, targets, rng)
-        views = self._read(scene, bounds, [*choice.context, *choice.targets])
+        views = self._read(path, [*choice.context, *choice.targets])
         context, target = views.select(range(contexts)), views.select(range(contexts, contexts + targets))
         return TrainingSample(context, target, scene.name)
 
     def _read_image(self, path: Path, turn: Turn) -> TrainingSample:
         """The frame of a scene whose turn it is, without target views."""
-        scene, bounds = self._open_scene(path)
+        scene, _ = self._open_scene(path)
         frame = frame_of(self._seed, turn, len(scene))
-        views = self._read(scene, bounds, [frame], with_depths=False)
+        views = self._read(path, [frame], with_depths=False)
         taught = None if self._teacher is None else self._teacher.maps(scene, frame)
         return TrainingSample(views, views.select([]), scene.name, taught=taught)
 
@@ -218,24 +215,33 @@ class Samples:
         if path not in self._open:
             scene = open_scene(path, needs_cameras=False)
             self._open[path] = scene, scene.depth_range(stated=True)
-            self._open_frames += len(scene.frames)
-            while self._open_frames > OPEN and len(self._open) > 1:
-                self._open_frames -= len(self._open.popitem(last=False)[1][0].frames)
-        self._open.move_to_end(path)
         return self._open[path]
 
-    def _read(self, scene: Scene, bounds: DepthRange, frames: Sequence[int], with_depths: bool = True) -> Views:
+    def _read(self, path: Path, frames: Sequence[int], with_depths: bool = True) -> Views:
         """Frames of a scene, all at the size of the first."""
+        scene, bounds = self._open_scene(path)
 
+        @cached(self._views, key=lambda index: (path, index, with_depths))
         def read(index: int) -> Views:
             frame = scene.frames[index] if with_depths else replace(scene.frames[index], depth=None)
             return frame.view((bounds.near, bounds.far), scene.classes)
 
-        views = [self._views.get((scene.path, index, with_depths), partial(read, index)) for index in frames]
+        views = [read(index) for index in frames]
         return scene.local(joined([crop_to_size(view, views[0].size) for view in views])).checked()
 
     def _generator(self, k: int, purpose: int) -> np.random.Generator:
         return np.random.Generator(np.random.PCG64(np.random.SeedSequence((self._seed, k, purpose))))
+
+
+def _tensor_bytes(view: Views) -> int:
+    """The memory of a view's pixels [bytes]; the few numbers of its camera do not count."""
+    maps = (view.images, view.labels, view.depths, view.hidden)
+    return sum(each.nbytes for each in maps if each is not None)
+
+
+def _frame_count(opened: tuple[Scene, DepthRange]) -> int:
+    """What an open scene takes of OPEN; one with more frames than that stays open alone."""
+    return min(len(opened[0].frames), OPEN)
 
 
 def convert_labels(views: Views, table: ClassTable) -> Views:
