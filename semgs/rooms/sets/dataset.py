@@ -63,10 +63,12 @@ def write_dataset(
 
 
 def _complete_index(folder: Path, settings: RoomSettings, scenes: int) -> dict | None:
-    """The index of a folder that has these scenes and no more; None if something is missing."""
+    """The index of a folder that has these scenes, no more, and the attribution of its assets; None if something is missing."""
     if not (folder / INDEX).is_file() or not is_begun(folder / SETTINGS, settings.as_json(), "a data set of rooms"):
         return None
     if _missing(folder, scenes) or _surplus(folder, scenes):
+        return None
+    if settings.library is not None and not (folder / ATTRIBUTION).is_file():
         return None
     index = _index(folder, settings, scenes)
     return index if read_json(folder / INDEX) == index else None

@@ -161,6 +161,9 @@ def test_scenes_with_assets_name_them_and_are_not_mixed_with_others(asset_folder
     assert used
     assert all(f"`{row.file}`" in text for row in rows if row.file in used)
     assert not any(f"`{row.file}`" in text for row in rows if row.file not in used)
+    (tmp_path / "one" / "ATTRIBUTION.md").unlink()
+    write_dataset(tmp_path / "one", settings, 3)
+    assert (tmp_path / "one" / "ATTRIBUTION.md").read_text() == text
     with pytest.raises(ValueError, match=r"assets is lock [0-9a-f]{16} there, not None"):
         write_dataset(tmp_path / "one", replace(settings, library=None), 3)
 
