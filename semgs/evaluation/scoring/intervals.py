@@ -7,9 +7,9 @@ similar, so the interval is too narrow for other scenes. The seed is fixed, so n
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from statistics import variance
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -27,8 +27,8 @@ _BATCH = 500
 
 Over = Literal["scenes", "frames"]
 
-Pair = tuple[Sequence[FrameScores], Sequence[FrameScores]]
-"""Scores of two trainings with the same seed."""
+Trainings = Sequence[Sequence[FrameScores]]
+"""The scores of one kind of training [seed target]."""
 
 
 @dataclass(frozen=True)
@@ -68,93 +68,85 @@ def paired_differences(first: Sequence[FrameScores], second: Sequence[FrameScore
     Raises:
         ValueError: the targets differ.
     """
-    return seed_differences([[(first, second)]])[0]
+    return seed_differences([[first], [second]])[0]
 
 
-def seed_differences(comparisons: Sequence[Sequence[Pair]]) -> list[dict[str, Interval]]:
-    """For each comparison of two kinds of training: second minus first, the mean over seeds, for every metric that all seeds have.
+def seed_differences(rows: Sequence[Trainings]) -> list[dict[str, Interval]]:
+    """Each kind of training minus the one before it, as the mean over seeds, for every metric that all trainings have.
 
     The interval says what other scenes and other seeds might have given: the distances of its ends are the root of the squares of two 95 %
-    intervals. One resamples scenes (or frames) in all trainings alike. The other is Student's for the mean over the seeds, and takes the
-    variance from all comparisons together, as two or three seeds alone say little about it. With one seed, there is only the first.
+    intervals. One resamples scenes (or frames) in all trainings alike. The other is Student's, from what is left of the metric once each
+    row's and each seed's mean are taken out: a randomised block design, whose variance all rows share, as a few seeds of two rows alone
+    say little about it. For two rows it is Student's paired interval. With one seed, there is only the first.
 
     Args:
-        comparisons: the pairs of each seed; all with the same targets in the same order.
+        rows: kinds of training [row seed target], each of which adds something to the one before; all with the same seeds and targets, in
+            the same order.
 
     Returns:
-        The differences of each comparison, by metric.
+        The differences by metric [row - 1].
 
     Raises:
-        ValueError: there are no pairs, or the targets differ.
+        ValueError: there are fewer than two rows, a row has other seeds, or the targets differ.
     """
-    found = [_differences(pairs) for pairs in comparisons]
-    metrics = {name for differences in found for name in differences}
-    spreads = {name: _pooled([one[name].seeds for one in found if name in one]) for name in metrics}
-    return [{name: one.interval(spreads[name]) for name, one in differences.items()} for differences in found]
-
-
-@dataclass(frozen=True)
-class _Difference:
-    """A difference between two kinds of training: over scenes, with its interval, and for each seed."""
-
-    over_scenes: Interval
-    seeds: Sequence[float]
-
-    def interval(self, spread: _Spread | None) -> Interval:
-        """The interval over scenes, widened by how much seeds differ."""
-        if spread is None:
-            return self.over_scenes
-        half = float(t.ppf((1 + LEVEL) / 2, spread.freedom)) * math.sqrt(spread.variance / len(self.seeds))
-        value, low, high = self.over_scenes.value, self.over_scenes.low, self.over_scenes.high
-        return Interval(value, value - math.hypot(value - low, half), value + math.hypot(high - value, half))
-
-
-@dataclass(frozen=True)
-class _Spread:
-    """The variance of a difference between seeds, and the degrees of freedom of this estimate."""
-
-    variance: float
-    freedom: int
-
-
-def _pooled(several: Sequence[Sequence[float]]) -> _Spread | None:
-    """How much differences vary between seeds, from several comparisons; None if each has only one seed."""
-    freedom = sum(len(seeds) - 1 for seeds in several)
-    if not freedom:
-        return None
-    squares = sum((len(seeds) - 1) * variance(seeds) for seeds in several if len(seeds) > 1)
-    return _Spread(squares / freedom, freedom)
-
-
-def _differences(pairs: Sequence[Pair]) -> dict[str, _Difference]:
-    """One comparison: the difference of every metric that all seeds have."""
-    if not pairs:
-        raise ValueError("there are no trainings to compare; expected a pair for each seed")
-    targets = [[(one.scene, one.target) for one in frames] for pair in pairs for frames in pair]
+    if len(rows) < 2 or not rows[0]:
+        raise ValueError("there are no trainings to compare; expected two rows or more, each of one seed or more")
+    if any(len(row) != len(rows[0]) for row in rows):
+        raise ValueError(f"the rows have {', '.join(str(len(row)) for row in rows)} seeds; expected the same in each")
+    targets = [[(one.scene, one.target) for one in frames] for row in rows for frames in row]
     if any(other != targets[0] for other in targets):
         raise ValueError("the scores are of different targets; expected the same targets in the same order")
-    over = choose_units(pairs[0][0])
-    groups = [{group.names: group for group in group_metrics(frames)} for pair in pairs for frames in pair]
-    found: dict[str, _Difference] = {}
-    for names, group in groups[0].items():
-        alike = [others[names] for others in groups if names in others]
-        if len(alike) == len(groups) and all(np.array_equal(group.scene_of, one.scene_of) for one in alike):
-            found |= _group_differences(alike[::2], alike[1::2], over)
+    over = choose_units(rows[0][0])
+    groups = [[{group.names: group for group in group_metrics(frames)} for frames in row] for row in rows]
+    found: list[dict[str, Interval]] = [{} for _ in rows[1:]]
+    for names, first in groups[0][0].items():
+        alike = [[seed[names] for seed in row if names in seed] for row in groups]
+        scene_of = [one.scene_of for row in alike for one in row]
+        if len(scene_of) == len(targets) and all(np.array_equal(first.scene_of, one) for one in scene_of):
+            halves = _over_seeds(alike)
+            for differences, (before, after) in zip(found, pairwise(alike), strict=True):
+                differences |= _group_differences(before, after, over, halves)
     return found
 
 
+def _over_seeds(rows: Sequence[Sequence[MetricGroup]]) -> dict[str, float]:
+    """Half of the interval over seeds of the difference of two rows [row seed], by metric; empty for one seed."""
+    seeds, freedom = len(rows[0]), (len(rows) - 1) * (len(rows[0]) - 1)
+    if not freedom:
+        return {}
+    once = [[group.once() for group in row] for row in rows]
+    halves = {}
+    for name in once[0][0]:
+        values = np.array([[seed[name] for seed in row] for row in once])
+        left = values - values.mean(1, keepdims=True) - values.mean(0) + values.mean()
+        halves[name] = float(t.ppf((1 + LEVEL) / 2, freedom)) * math.sqrt(2 * (left**2).sum() / freedom / seeds)
+    return halves
+
+
 def _group_differences(
-    before: Sequence[MetricGroup], after: Sequence[MetricGroup], over: Over
-) -> dict[str, _Difference]:
-    """The differences of a group of metrics, which has one entry in `before` and one in `after` for each seed."""
+    before: Sequence[MetricGroup], after: Sequence[MetricGroup], over: Over, halves: Mapping[str, float]
+) -> dict[str, Interval]:
+    """The differences of a group of metrics, which has one entry in `before` and one in `after` for each seed.
+
+    Args:
+        before, after: the rows.
+        over: what is resampled.
+        halves: half of the interval over seeds, by metric.
+    """
 
     def values(times: np.ndarray, scene_times: np.ndarray) -> np.ndarray:
         pairs = zip(before, after, strict=True)
         return np.mean([b.values(times, scene_times) - a.values(times, scene_times) for a, b in pairs], axis=0)
 
-    seeds = [(a.once(), b.once()) for a, b in zip(before, after, strict=True)]
-    over_scenes = group_intervals(before[0], over, values)
-    return {name: _Difference(one, [b[name] - a[name] for a, b in seeds]) for name, one in over_scenes.items()}
+    return {
+        name: _widened(one, halves.get(name, 0.0)) for name, one in group_intervals(before[0], over, values).items()
+    }
+
+
+def _widened(one: Interval, half: float) -> Interval:
+    """An interval together with an independent one of the same number, half of which is given."""
+    low, high = math.hypot(one.value - one.low, half), math.hypot(one.high - one.value, half)
+    return Interval(one.value, one.value - low, one.value + high)
 
 
 def group_intervals(group: MetricGroup, over: Over, values: Values | None = None) -> dict[str, Interval]:

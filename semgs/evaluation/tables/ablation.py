@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from statistics import mean
 
 from semgs.evaluation.frames.view_relations import ViewRelation, thirds
 from semgs.evaluation.scoring.fragments import with_fragments
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.scoring.intervals import Interval, Pair, intervals, seed_differences
+from semgs.evaluation.scoring.intervals import Interval, Trainings, intervals, seed_differences
 from semgs.evaluation.tables.evaluation_report import SavedReport
 from semgs.evaluation.tables.table_grid import Cell, Grid
 from semgs.objectives.measures import TITLES
-from semgs.training.ablation_rows import AblationRow
+from semgs.training.ablation_rows import ROWS, AblationRow
 
 METRICS = ("miou", "miou_per_image", "accuracy", "class_accuracy", "fragments")
 """The columns of the paper's table, mIoU in both kinds, and the share of the class maps that is in tiny regions."""
@@ -79,12 +79,13 @@ def steps_grid(rows: Sequence[AblationRow], reports: Reports, views: int) -> Gri
     Args:
         rows, reports, views: as for `ablation_grid`.
     """
-    compared = _compared(rows, reports, views)
+    chains = _chains(rows, reports, views)
     shown = [
         (Cell(row.title), *[_difference_cell(differences.get(metric)) for metric in METRICS])
-        for row, differences in zip(compared, seed_differences(list(compared.values())), strict=True)
+        for chain in chains
+        for row, differences in chain.differences()
     ]
-    most = max(map(len, compared.values()), default=0)
+    most = max((len(chain.trainings[0]) for chain in chains), default=0)
     return Grid(
         title="What each part adds",
         head=("part", *map(_title, METRICS)),
@@ -105,14 +106,12 @@ def where_grid(rows: Sequence[AblationRow], reports: Reports, views: int, relati
     bins = [(f"overlap {_ends(overlaps, part, '.2f')}", part) for part in thirds(overlaps)]
     bins += [(f"angle {_ends(angles, part, '.0f')}°", part) for part in thirds(angles)]
     shown = []
-    compared = _compared(rows, reports, views)
-    found = [
-        seed_differences([[_only(pair, part) for pair in pairs] for pairs in compared.values()]) for _, part in bins
-    ]
-    for number, row in enumerate(compared):
-        for metric in ("miou", "accuracy"):
-            cells = [_difference_cell(differences[number].get(metric)) for differences in found]
-            shown.append((Cell(row.title), Cell(_title(metric)), *cells))
+    for chain in _chains(rows, reports, views):
+        found = [chain.only(part).differences() for _, part in bins]
+        for number, row in enumerate(chain.rows[1:]):
+            for metric in ("miou", "accuracy"):
+                cells = [_difference_cell(differences[number][1].get(metric)) for differences in found]
+                shown.append((Cell(row.title), Cell(_title(metric)), *cells))
     return Grid(
         title="What each part adds, by how the input views lie to one another",
         head=("part", "score", *[name for name, _ in bins]),
@@ -127,23 +126,54 @@ def where_grid(rows: Sequence[AblationRow], reports: Reports, views: int, relati
 
 _EXCLUDES = "* the interval excludes 0."
 _OVER_TARGETS = "Intervals are over targets; training again would vary by more."
-_OVER_SEEDS = "Intervals are over scenes and seeds; how much seeds differ is estimated from all parts together."
+_OVER_SEEDS = (
+    "Intervals are over scenes and seeds. How much seeds differ is estimated from all rows of the paper together, and from its own two rows"
+    " for every other."
+)
 
 
-def _compared(rows: Sequence[AblationRow], reports: Reports, views: int) -> dict[AblationRow, list[Pair]]:
-    """What is compared for each variant that some seed has together with the one above it."""
-    found = {row: _pairs(row, reports, views) for row in rows}
-    return {row: pairs for row, pairs in found.items() if pairs}
+@dataclass(frozen=True)
+class _Chain:
+    """Variants each of which adds to the one before it, with their scores for the seeds that all of them have.
+
+    Attributes:
+        rows: the variants.
+        trainings: their scores [row seed target].
+    """
+
+    rows: Sequence[AblationRow]
+    trainings: Sequence[Trainings]
+
+    def differences(self) -> list[tuple[AblationRow, dict[str, Interval]]]:
+        """What each variant but the first adds."""
+        return list(zip(self.rows[1:], seed_differences(self.trainings), strict=True))
+
+    def only(self, positions: Sequence[int]) -> _Chain:
+        """The scores of some targets."""
+        chosen = [[[frames[position] for position in positions] for frames in row] for row in self.trainings]
+        return replace(self, trainings=chosen)
 
 
-def _pairs(row: AblationRow, reports: Reports, views: int) -> list[Pair]:
-    """The scores of a variant and of the one above it, for every seed that has both."""
-    seeds = sorted(seed for name, seed in reports if name == row.name and (row.above, seed) in reports)
+def _chains(rows: Sequence[AblationRow], reports: Reports, views: int) -> list[_Chain]:
+    """What can be compared: the paper's rows, and each other variant with the row that it adds to; as far as they are there."""
+    present = {row.name: row for row in rows if any(name == row.name for name, _ in reports)}
+    chains: list[list[AblationRow]] = []
+    for row in present.values():
+        if row in ROWS and chains and chains[-1][-1].name == row.above:
+            chains[-1].append(row)
+        else:
+            chains.append([present[row.above], row] if row.above in present else [row])
+    found = []
+    for chain in chains:
+        seeds = sorted({seed for _, seed in reports if all((row.name, seed) in reports for row in chain)})
+        if len(chain) > 1 and seeds:
+            found.append(_Chain(chain, [[_scores(reports[row.name, seed], views) for seed in seeds] for row in chain]))
+    return found
 
-    def scores(name: str, seed: int) -> list[FrameScores]:
-        return [_of_classes(frame) for frame in reports[name, seed].results[views].frames]
 
-    return [(scores(row.above, seed), scores(row.name, seed)) for seed in seeds]
+def _scores(report: SavedReport, views: int) -> list[FrameScores]:
+    """What the tables show of a report."""
+    return [_of_classes(frame) for frame in report.results[views].frames]
 
 
 def _of_classes(frame: FrameScores) -> FrameScores:
@@ -151,12 +181,6 @@ def _of_classes(frame: FrameScores) -> FrameScores:
     return FrameScores(
         frame.scene, frame.target, frame.contexts, frame.confusion, frame.truth, fragments=frame.fragments
     )
-
-
-def _only(pair: Pair, positions: Sequence[int]) -> Pair:
-    """The scores of some targets."""
-    first, second = pair
-    return [first[position] for position in positions], [second[position] for position in positions]
 
 
 def _ends(values: Sequence[float], positions: Sequence[int], form: str) -> str:

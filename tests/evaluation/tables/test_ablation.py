@@ -9,7 +9,7 @@ from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.tables.ablation import ablation_grid, steps_grid, where_grid
 from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
 from semgs.evaluation.tables.table_grid import printed
-from semgs.training.ablation_rows import ROWS
+from semgs.training.ablation_rows import ROWS, SEMANTIC_ROWS
 
 
 def report(correct: int, scenes: int = 6) -> SavedReport:
@@ -66,6 +66,23 @@ def test_steps_are_each_row_minus_the_row_above_over_the_seeds_that_have_both():
     assert both.rows[0][column].text.startswith(f"{accuracy / 2:+.3f} (")  # the second seed gained nothing
     assert not both.rows[0][column].marked
     assert "seeds" in both.notes[-1]
+
+
+def test_a_seed_of_which_a_row_is_missing_does_not_count_and_other_rows_are_compared_on_their_own():
+    """So how much the rows of the paper differ by seed says nothing about the summed loss, nor the other way round."""
+    names = ("none", "shared", "windows", "camera", "full")
+    reports = {(name, seed): report(5 + number // 2) for number, name in enumerate(names) for seed in (1, 2)}
+    reports |= {("smoothness_sum", 1): report(2), ("smoothness_sum", 2): report(4)}
+    complete = steps_grid(SEMANTIC_ROWS, reports, 4)
+    column = complete.head.index("acc.")
+    marked = {row[0].text: row[column].marked for row in complete.rows}
+    assert marked == {
+        "+ Sh-Layer": False, "+ Sw-Trans": True, "+ C-Inj": False, "+ Sm-Loss": True, "+ Sm-Loss, summed": False,
+    }  # fmt: skip
+    without = steps_grid(SEMANTIC_ROWS, {key: one for key, one in reports.items() if key != ("full", 2)}, 4)
+    assert "seeds" in without.notes[-1]  # of the summed loss
+    alone = steps_grid(ROWS, {key: one for key, one in reports.items() if key != ("full", 2)}, 4)
+    assert "over targets" in alone.notes[-1]
 
 
 def test_where_a_part_helps_is_told_for_thirds_of_the_targets_by_overlap_and_by_angle():
