@@ -7,7 +7,7 @@
 # ASSETS is a folder of meshes and images with its lock (docs/assets.md). BACKBONE is a file of published MobileNetV2 weights, or "random", the clean
 # alternative that nothing else has gone into (docs/train.md). TEACHER is a published segmentation network for scripts/teach.py, or "" for none. PHOTOS is a folder of
 # labelled images (docs/train.md) for the last run, every eighth of which is kept back. FOLDER
-# gets the rooms (eight CPU hours; those of an earlier call are kept), thirty-six runs for each SEED. To resume, repeat the command. START has the weights that colour
+# gets the rooms (eight CPU hours; those of an earlier call are kept), thirty-seven runs for each SEED. To resume, repeat the command. START has the weights that colour
 # comes from and that depth starts from (small). SEMGS is the command (semgs). At the end it prints, in 24 rooms with held-out meshes, mIoU and accuracy of single views
 # and the depth error of input views.
 set -euo pipefail

@@ -33,6 +33,9 @@ from semgs.scene.upright import FramedScene, UpDirection
 Z_IS_UP = 0.985
 """Cosine of the largest angle (10 degrees) between z and up in a frame for maps: finding up is not more exact than that in some scenes."""
 
+GET_METRES = "reconstruct it again, with --scale-from if its cameras were estimated, or with --unit metric if its poses are in metres"
+"""What to do about a scene whose unit is unknown."""
+
 
 @dataclass(frozen=True)
 class PlacedThing:
@@ -135,9 +138,7 @@ def check_metric(scene: SavedScene) -> None:
         ValueError: the unit is unknown.
     """
     if scene.unit != "metric":
-        raise ValueError(
-            "the unit of the scene is unknown, and things and free floor need metres; reconstruct it with --scale-from"
-        )
+        raise ValueError(f"the unit of the scene is unknown, and things and free floor need metres; {GET_METRES}")
 
 
 def place_things(found: Objects, file_from_scene: Float64[Tensor, "4 4"] | None = None) -> tuple[PlacedThing, ...]:

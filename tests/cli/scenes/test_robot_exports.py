@@ -111,7 +111,9 @@ def test_what_robots_cannot_use_is_refused_in_one_line(
     save_scene(colour, room_of_blocks(classes=False))
     save_scene(ceiling, room_of_blocks(blocks=(("wall", (3.0, -9.0, -5.0), (4.0, 9.0, 9.0)),)))
     for name in ("objects", "occupancy"):
-        assert "--scale-from" in refused(capsys, unknown, out, "--as", name)
+        assert "with --scale-from if its cameras were estimated, or with --unit metric if" in refused(
+            capsys, unknown, out, "--as", name
+        )
     assert "a scene with classes for --as objects" in refused(capsys, colour, out, "--as", "objects")
     assert "no floor was found" in refused(capsys, ceiling, out, "--as", "occupancy", "--up", "z")
     assert "expected a smaller step" in refused(capsys, scene_file, out, "--as", "occupancy", "--step-height", 2)

@@ -221,7 +221,7 @@ class Export:
 
     def _check_for_robots(self, opened: OpenedScene, up: UpDirection | None) -> None:
         """Check that a scene has what things and maps need."""
-        from semgs.export.scene_objects import Z_IS_UP, check_metric
+        from semgs.export.scene_objects import GET_METRES, Z_IS_UP, check_metric
 
         scene = opened.scene
         try:
@@ -229,7 +229,7 @@ class Export:
         except ValueError as error:
             raise InputError(
                 self.scene, "a scene in metres for --as objects and occupancy", "one whose unit is unknown",
-                advice="give --cameras with a scene in metres" if opened.splat else "reconstruct it again with --scale-from",
+                advice="give --cameras with a scene in metres" if opened.splat else GET_METRES,
             ) from error  # fmt: skip
         if "objects" in self.formats and scene.classes is None:
             raise InputError(self.scene, "a scene with classes for --as objects", "one with colour and depth only")
