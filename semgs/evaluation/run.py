@@ -20,7 +20,7 @@ from semgs.evaluation.frames.protocols import neighbours, peers
 from semgs.evaluation.frames.saved import TIMING, SavedPredictions
 from semgs.evaluation.page.evaluation_page import evaluation_page
 from semgs.evaluation.scoring.method_scores import PREDICTIONS, score_method
-from semgs.evaluation.tables.comparison_tables import BRIEF, overview_grid
+from semgs.evaluation.tables.comparison_tables import overview_grid
 from semgs.evaluation.tables.environment import hardware, versions
 from semgs.evaluation.tables.evaluation_report import (
     EvaluatedMethod,
@@ -289,7 +289,7 @@ def _summary(report: SavedReport, evaluation: Evaluation, out: Path) -> str:
     """The printed summary: the table, the notes and the path of the report."""
     return "\n".join(
         [
-            printed(overview_grid(report, BRIEF), "text"),
+            printed(overview_grid(report), "text"),
             "",
             *(f"note  {sentence}" for sentence in evaluation.notes),
             *([""] if evaluation.notes else []),

@@ -28,6 +28,7 @@ from semgs.evaluation.tables.evaluation_report import EvaluatedMethod
 from semgs.evaluation.tables.score_cells import with_interval
 from semgs.evaluation.tables.table_grid import Cell, Grid, printed
 from semgs.files.atomic import write_json
+from semgs.files.errors import InputError
 from semgs.files.folders import own_folder
 from semgs.files.images.pictures import write_png
 from semgs.model.semgs import SemGS
@@ -73,7 +74,6 @@ def evaluate_single_images(
 
     Raises:
         InputError: an image or the folder cannot be used.
-        NotEnoughMemoryError: the network needs more memory than there is.
     """
     classes = network.classes
     assert classes is not None
@@ -102,16 +102,20 @@ def score_single_images(
     temperature = None if network.temperatures is None else network.temperatures.gaussians
     scores: list[FrameScores] = []
     for scene in scenes:
+        named: dict[str, str] = {}
         for index, frame in enumerate(scene.frames):
             if frame.labels is None:
                 continue
+            stem = Path(frame.name).stem
+            if stem in named:
+                raise InputError(scene.path, "images whose file names differ", f"{named[stem]} and {frame.name}")
+            named[stem] = frame.name
             view = scene.read([index], size or default_size(frame.lens.size), NO_DEPTH)
             assert view.labels is not None
             distributions = network.classify(view.to(device), alone=True)[0].cpu()
             predicted, labels = likeliest(distributions), view.labels[0]
             labelled = labels != IGNORE
             confidence = highest_probability(distributions.permute(1, 2, 0)[labelled], temperature)
-            stem = Path(frame.name).stem
             scores.append(
                 FrameScores(
                     scene=scene.name if scene.posed else f"{scene.name}/{stem}",

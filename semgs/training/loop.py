@@ -13,7 +13,7 @@
 The same call starts and resumes a run. With more `steps` the run becomes longer, and from then on its learning rate is that of the
 longer run. Step k sees batch k, which depends on the seed and k alone: on a CPU a resumed run gives exactly the same result as an
 uninterrupted one. On CUDA gradients are summed in no fixed order. Several processes share the scenes of each step; only the first one
-reads and writes RUN.
+reads and writes checkpoints, the log and weights.
 """
 
 from __future__ import annotations

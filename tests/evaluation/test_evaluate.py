@@ -28,7 +28,6 @@ from semgs.evaluation.scoring.method_scores import MethodScores, score_method
 from semgs.evaluation.scoring.score_records import encode_scores
 from semgs.evaluation.scoring.summary import summarise
 from semgs.evaluation.tables.comparison_tables import (
-    BRIEF,
     check_comparable,
     difference_grids,
     overview_grid,
@@ -332,7 +331,7 @@ def test_scores_over_the_seen_pixels_are_shown_where_a_twentieth_was_not_seen(pl
         """Headings of the table of a terminal if so much was not seen from two views."""
         result = saved.results[2]
         numbers = {**result.numbers, "unseen": unseen, "psnr_seen": 21.0, "depth_abs_rel_seen": 0.1}
-        return set(overview_grid(replace(saved, results={2: replace(result, numbers=numbers)}), BRIEF).head)
+        return set(overview_grid(replace(saved, results={2: replace(result, numbers=numbers)})).head)
 
     assert {"PSNR (seen)", "depth error (seen)"} <= columns(0.06)
     assert not {"PSNR (seen)", "depth error (seen)"} & columns(0.04)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from semgs.data.tables.classes import SCANNET20
 from semgs.data.views import Views
 from semgs.evaluation.single_images import evaluate_single_images, score_single_images, single_numbers
 from semgs.evaluation.tables.evaluation_report import EvaluatedMethod
+from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_uint8
 from semgs.model.semgs import SemGS
 from semgs.rendering.temperatures import Temperatures
@@ -63,6 +65,14 @@ def test_scores_are_those_worked_out_by_hand(images: Scene):
         ("wall", 512),
         ("floor", 256),
     ]
+
+
+def test_images_that_would_share_a_file_of_classes_are_refused(images: Scene, tmp_path: Path):
+    walls, floor = images.frames
+    alike = replace(images, frames=(replace(walls, name="left/1.png"), replace(floor, name="right/1.png")))
+    with pytest.raises(InputError, match=r"whose file names differ, found left/1\.png and right/1\.png"):
+        evaluate_single_images(tmp_path / "out", by_colour(), SUBJECT, [alike])
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_temperature_of_single_gaussians_changes_confidence_alone(images: Scene):

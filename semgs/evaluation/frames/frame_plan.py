@@ -168,7 +168,7 @@ def read_plan(
     for number, entry in enumerate(_list(path, content, "scenes", "frames")):
         place = f"scenes[{number}]"
         name = entry.get("scene") if isinstance(entry, dict) else None
-        if name not in known:
+        if not isinstance(name, str) or name not in known:
             raise InputError(path, f"one of the scenes {listed(list(known))}", f"{name!r}", key=f"{place}.scene")
         pinned = _size(path, entry.get("size"), f"{place}.size")
         for index, sample in enumerate(_list(path, entry, "samples", place)):

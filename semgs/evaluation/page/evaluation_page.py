@@ -17,7 +17,7 @@ from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.method_scores import SHOWN, MethodScores
 from semgs.evaluation.scoring.summary import METRICS, find_extremes, sum_confusions, summarise
 from semgs.evaluation.tables.card import risk_curve
-from semgs.evaluation.tables.comparison_tables import BRIEF, MARKED, ROWS, overview_grid
+from semgs.evaluation.tables.comparison_tables import MARKED, ROWS, overview_grid
 from semgs.evaluation.tables.evaluation_report import Evaluation, SavedReport, SavedResult, data_name
 from semgs.figures import html_page as page
 from semgs.figures.class_images import legend_of
@@ -102,7 +102,7 @@ def _headlines(report: SavedReport) -> list[page.Headline]:
 
 def _overview(report: SavedReport) -> page.Table:
     """The table that the terminal also prints."""
-    grid = overview_grid(report, BRIEF)
+    grid = overview_grid(report)
     rows = [
         tuple(cell.text.replace("  ", "– ") + (grid.mark if cell.marked else "") for cell in row) for row in grid.rows
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any
 
 from semgs.evaluation.scoring.intervals import paired_differences
 from semgs.evaluation.scoring.summary import LOWER_IS_BETTER, SEEN_METRICS
@@ -16,8 +16,6 @@ from semgs.evaluation.tables.table_grid import Cell, Grid
 from semgs.files.errors import InputError
 from semgs.objectives.measures import MOSTLY_SEEN, TITLES, shown_number
 
-Layout = Literal["paper", "difference", "data", "card"]
-
 PAPER = ("miou_per_image", "accuracy_per_image", "class_accuracy_per_image", "fps_encoding_each")
 """The columns of the paper's tables. All but the last are means over images, as in the code of S-Ray and GSNeRF."""
 
@@ -26,8 +24,6 @@ BRIEF = (
     "fps_encoding_each",
 )  # fmt: skip
 """The metrics that fit in a terminal."""
-
-FULL = tuple(metric for metric in TITLES if metric != "not_given")
 
 DATA = ("miou", *PAPER[:3], "psnr", "fps_encoding_each")
 """The columns of a table of several data sets."""
@@ -173,14 +169,14 @@ def difference_grids(reports: Sequence[SavedReport]) -> list[Grid]:
     return grids
 
 
-def overview_grid(report: SavedReport, metrics: Sequence[str] = FULL) -> Grid:
-    """The metrics of one report and its baselines, by number of views.
+def overview_grid(report: SavedReport) -> Grid:
+    """The brief metrics of one report and its baselines, by number of views.
 
     Metrics over the seen pixels are shown only if a relevant share was not seen, as in `semgs reconstruct`.
     """
     seen = all((result.numbers.get("unseen") or 0) <= 1 - MOSTLY_SEEN for result in report.results.values())
     every = [row for result in report.results.values() for row in (result.numbers, *result.baselines.values())]
-    wanted = [metric for metric in metrics if not (seen and metric in SEEN_METRICS)]
+    wanted = [metric for metric in BRIEF if not (seen and metric in SEEN_METRICS)]
     shown = [metric for metric in wanted if any(row.get(metric) is not None for row in every)]
     if any(result.numbers["not_given"] for result in report.results.values()):
         shown.append("not_given")

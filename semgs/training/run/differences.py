@@ -9,6 +9,9 @@ from pathlib import PurePath
 from semgs.data.tables.classes import ClassTable
 from semgs.training.training_settings import PLACES, TrainingSettings
 
+OF_A_RUN = ("weights.safetensors", "best.safetensors")
+"""What every run folder calls its weights."""
+
 
 def differences(settings: TrainingSettings, reference: TrainingSettings) -> dict[str, tuple[object, object]]:
     """The fields that differ: name to (value, value in the reference)."""
@@ -19,17 +22,23 @@ def differences(settings: TrainingSettings, reference: TrainingSettings) -> dict
 
 def find_changes(settings: TrainingSettings, reference: TrainingSettings) -> dict[str, tuple[object, object]]:
     """The fields that differ; the same file or folder in another place is no difference."""
-
-    def last_part(value: object) -> object:
-        if isinstance(value, tuple):
-            return tuple(map(last_part, value))
-        return PurePath(str(value)).name
-
     return {
         name: pair
         for name, pair in differences(settings, reference).items()
-        if name not in PLACES or last_part(pair[0]) != last_part(pair[1])
+        if name not in PLACES or not _same_name(*pair)
     }
+
+
+def _same_name(one: object, other: object) -> bool:
+    """Whether two places may be of the same file or folder. Ids of a hub must be equal, and weights of a run must be of a run of that name."""
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(_same_name, one, other))
+    if "://" in f"{one}{other}":
+        return one == other
+    first, second = PurePath(str(one)), PurePath(str(other))
+    if first.name in OF_A_RUN and first.parent.name and second.parent.name:
+        return first.parts[-2:] == second.parts[-2:]
+    return first.name == second.name
 
 
 def list_changes(changes: Mapping[str, tuple[object, object]], here: str) -> str:

@@ -160,13 +160,15 @@ def run_network(out: Path, settings: TrainingSettings) -> SemGS:
 
 
 def is_finished(run: Path) -> bool:
-    """Whether a run's newest intact checkpoint is that of its last step.
+    """Whether a run's newest intact checkpoint is that of its last step, with nothing left to validate.
 
     Raises:
         InputError: the folder is not a run.
     """
     checkpoint = newest_checkpoint(run / "checkpoints")
-    return checkpoint is not None and checkpoint.numbers["step"] >= read_settings(run).steps
+    if checkpoint is None or checkpoint.numbers.get("validation_due"):
+        return False
+    return checkpoint.numbers["step"] >= read_settings(run).steps
 
 
 def export_weights(run: Path, path: Path, *, best: bool = False) -> Path:

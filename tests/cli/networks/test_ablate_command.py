@@ -12,6 +12,7 @@ import pytest
 import torch
 
 from semgs.cli.main import main
+from semgs.files.hashes import sha256
 from semgs.files.images.pictures import write_png
 from semgs.model.weights.initial_weights import initial_network
 from semgs.model.weights.load import load
@@ -19,6 +20,7 @@ from semgs.model.weights.weights_file import save
 from semgs.training.ablation_rows import SEMANTIC_ROWS
 from semgs.training.loop import Outcome
 from semgs.training.presets import small_plain
+from semgs.training.run.checkpoints import Checkpoint
 from semgs.training.run.execution import Execution
 from semgs.training.run.run_folder import claim_folder, read_settings
 from semgs.training.training_settings import TrainingSettings
@@ -75,6 +77,43 @@ def test_five_rows_are_trained_evaluated_and_tabled_and_go_on_where_they_stopped
     assert main(line) == 0
     assert len(trained) == 5  # nothing is trained or evaluated again
     assert (tmp_path / "out/ablation.md").read_text() == table
+
+
+def test_evaluations_are_only_used_again_for_the_same_frames_and_weights(tmp_path, labelled, trained, capsys):
+    line = [*LINE.split(), "--rows", "none", "--out", str(tmp_path / "out"), "--test", str(labelled)]
+    assert main(line) == 0
+    folder = tmp_path / "out/seed_0/none/evaluation"
+    first = (folder / "report.json").read_bytes()
+    assert main(line) == 0
+    assert (folder / "report.json").read_bytes() == first
+    elsewhere = shutil.copytree(labelled, tmp_path / "elsewhere")
+    for change in (["--test", str(elsewhere)], ["--views", "3"]):
+        assert main([*line, *change]) == 2
+        assert "choose another --out" in capsys.readouterr().err.splitlines()[-1]
+    assert (folder / "report.json").read_bytes() == first
+    weights = tmp_path / "out/seed_0/none/run/weights.safetensors"
+    save(weights, load("small_plain", weights), {"description": "trained for longer"})
+    assert main(line) == 0
+    assert json.loads((folder / "report.json").read_text())["method"]["sha256"] == sha256(weights)
+    assert (folder / "report.json").read_bytes() != first
+
+
+def test_the_base_of_variants_does_not_become_longer(tmp_path, labelled, trained, capsys):
+    line = [
+        *LINE.split(),
+        "--stage",
+        "semantic",
+        "--data",
+        str(labelled),
+        "--out",
+        str(tmp_path / "out"),
+        "--rows",
+        "base",
+    ]
+    assert main([*line, "--steps", "16"]) == 0
+    assert main([*line, "--steps", "32"]) == 2
+    assert "has 10 steps, not 20, and the variants start from it" in " ".join(capsys.readouterr().err.split())
+    assert len(trained) == 2
 
 
 def test_other_settings_and_scenes_without_labels_are_refused(tmp_path, room, labelled, trained, capsys):
@@ -139,9 +178,13 @@ def test_a_dry_run_says_what_would_be_trained_and_writes_nothing(tmp_path: Path,
         "semgs.training.loop.train",
         lambda settings, out, execution: timed.append((settings.supervision, settings.steps)),
     )
+    monkeypatch.setattr(
+        "semgs.training.run.run_folder.newest_checkpoint",
+        lambda folder: Checkpoint({}, {"step": 3, "seconds": 6.0}, ()),
+    )
     line = [*LINE.split(), "--out", str(tmp_path / "out"), "--seeds", "3", "4", "--dry-run"]
     assert main(line) == 0
-    assert "variant: 10 x 2 steps of 1 scenes at 32x48" in capsys.readouterr().out
+    assert "variant: 10 x 2 steps of 1 scenes at 32x48, about 2.00 s per step" in capsys.readouterr().out
     assert timed == [("rendered", 1), ("rendered", 3)]
     timed.clear()
     assert main([*line, "--stage", "semantic", "--steps", "80"]) == 0

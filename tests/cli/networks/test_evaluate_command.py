@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -390,6 +391,14 @@ def test_single_images_are_scored_without_cameras(done: tuple[Path, str], tmp_pa
         assert f"{images} images" in told
         assert f"{report['miou']:.3f}" in told
         assert len(list((tmp_path / f"of {label}" / "predictions" / label).iterdir())) == images
+
+
+def test_weights_without_classes_cannot_score_single_images(refused: Refused, tmp_path: Path, monkeypatch):
+    photos = write_image_set(tmp_path / "photos", {"a": random_numbers(0, (32, 48))})
+    monkeypatch.setattr("semgs.evaluation.run.open_network", lambda *given: (SimpleNamespace(classes=None), None))
+    assert "expected weights with classes, found weights for colour and depth" in refused(
+        "small", "--single", data=photos
+    )
 
 
 def test_options_for_several_views_cannot_go_with_single(refused: Refused, tmp_path: Path):

@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 from scenes_on_disk import write_labelled
 
+from semgs.cli.commands.networks.segmenter_fit import FitSegmenter
 from semgs.cli.main import main
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import IGNORE
@@ -33,6 +34,21 @@ def renamed(room: Path, tmp_path: Path) -> Path:
     listed = [{"name": f"thing {number}", "colour": [number, 0, 0]} for number in range(20)]
     (folder / "classes.json").write_text(json.dumps({"name": "things", "classes": listed}))
     return folder
+
+
+def test_frames_are_spread_over_the_whole_scene(tmp_path: Path):
+    for frames, chosen in ((3, [0, 1, 2]), (7, [0, 2, 4, 6]), (11, [0, 3, 7, 10])):
+        scene = open_scene(write_labelled(tmp_path / str(frames), 8, frames=frames))
+        positions, views = FitSegmenter("x", tmp_path, tmp_path / "fit.json")._read(scene)
+        assert positions == chosen
+        assert len(views) == len(chosen)
+
+
+def test_weights_are_opened_before_anything_is_segmented(room, renamed, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("semgs.segmenters.fitting.fit_correspondence", lambda *given: pytest.fail("it segments"))
+    line = ["segmenters", "fit", str(renamed), "--data", str(room), "--out", str(tmp_path / "fit.json")]
+    assert main([*line, "--weights", "base"]) == 2
+    assert "base" in capsys.readouterr().err.splitlines()[-1]
 
 
 @pytest.mark.long

@@ -64,6 +64,7 @@ def test_frames_are_pinned_by_name_whatever_else_the_scene_holds(make_scene: Mak
     [
         (lambda file: file.update(format="x"), "format: expected format 'semgs.frames', version 1"),
         (lambda file: file["scenes"][0].update(scene="cellar"), "scenes[0].scene: expected one of the scenes attic, hall"),
+        (lambda file: file["scenes"][0].update(scene=["attic"]), "scenes[0].scene: expected one of the scenes attic, hall, found ['attic']"),
         (lambda file: file["scenes"][1]["samples"][0].update(target="009.png"), "scenes[1].samples[0]: expected frames of hall"),
         (lambda file: file["scenes"][0]["samples"][1]["contexts"].append("images/002.png"), "expected different frames"),
         (lambda file: file["scenes"][0]["samples"][1].update(contexts=["images/000.png"]), "two or more contexts, by name"),

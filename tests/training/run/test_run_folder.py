@@ -23,14 +23,15 @@ from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.data.data_settings import VALIDATION_SEED
 from semgs.training.loop import train
 from semgs.training.presets import PRESETS
-from semgs.training.run.checkpoints import save_checkpoint
-from semgs.training.run.differences import differences
+from semgs.training.run.checkpoints import Checkpoint, save_checkpoint
+from semgs.training.run.differences import differences, find_changes
 from semgs.training.run.execution import Execution
 from semgs.training.run.run_folder import (
     NETWORK,
     claim_folder,
     export_weights,
     extend_run,
+    is_finished,
     lock_run,
     read_settings,
     run_network,
@@ -73,6 +74,29 @@ def test_data_weights_and_assets_may_lie_elsewhere_on_another_machine(settings, 
     for change in ({"data": ("rooms", "/data/scans=3")}, {"data": ("rooms", "/data/others=2")}, {"init": "random"}):
         with pytest.raises(ValueError, match=next(iter(change))):
             claim_folder(tmp_path, replace(here, **change))
+
+
+def test_weights_that_every_run_calls_alike_are_told_apart_by_its_name_and_ids_of_a_hub_by_all_of_it(
+    settings, tmp_path
+):
+    for here, elsewhere, other in (
+        ("runs/a/weights.safetensors", "/moved/a/weights.safetensors", "runs/b/weights.safetensors"),
+        ("hf://alice/semgs", "hf://alice/semgs", "hf://bob/semgs"),
+        ("weights.safetensors", "runs/a/weights.safetensors", "best.safetensors"),
+    ):
+        began = replace(settings, init=here)
+        assert find_changes(replace(settings, init=elsewhere), began) == {}
+        assert find_changes(replace(settings, init=other), began) == {"init": (other, here)}
+
+
+def test_a_run_is_finished_after_its_last_step_and_the_validation_that_is_due(settings, tmp_path, monkeypatch):
+    claim_folder(tmp_path, replace(settings, steps=12))
+    for numbers, finished in (
+        ({"step": 11}, False), ({"step": 12}, True), ({"step": 12, "validation_due": 1}, False),
+    ):  # fmt: skip
+        newest = Checkpoint({}, numbers, ())
+        monkeypatch.setattr("semgs.training.run.run_folder.newest_checkpoint", lambda folder, newest=newest: newest)
+        assert is_finished(tmp_path) is finished
 
 
 def test_a_run_of_other_settings_is_refused_with_the_difference(settings, tmp_path):

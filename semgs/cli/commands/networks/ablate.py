@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -32,6 +32,8 @@ from semgs.training.data.data_sources import ROOMS
 from semgs.training.run.execution import Execution
 
 if TYPE_CHECKING:
+    from semgs.evaluation.frames.frame_plan import FramePlan
+    from semgs.evaluation.run import LabelledScenes
     from semgs.evaluation.tables.evaluation_report import SavedReport
     from semgs.evaluation.tables.table_grid import Grid
     from semgs.training.training_settings import TrainingSettings
@@ -115,24 +117,25 @@ class Ablate:
         with what_the_user_gave():
             execution.share().check(self.settings.batch)
         if self.dry_run:
-            print(self._cost(len(runs), execution.device))
+            print(self._cost(len(runs), execution))
             return
         ends = deadline(self.compute.minutes)
         if self.stage == "semantic" and not self._train_base(execution, ends):
-            print("time is up: depth and colour are not finished; repeat the command to resume")
+            print("stopped: depth and colour are not finished; repeat the command to resume")
             return
         if not runs:
             return
         tests = {} if self.train_only else self._tests()
+        targets = cache(self._targets)
         for number, ((row, seed), settings) in enumerate(zip(runs, planned, strict=True), 1):
             title = f"{number}/{len(runs)} {row.title}, seed {seed}"
             if not self._train(title, row, settings, execution, ends):
-                print(f"time is up: run {number} of {len(runs)} is not finished; repeat the command to resume")
+                print(f"stopped: run {number} of {len(runs)} is not finished; repeat the command to resume")
                 break
             for name, path in tests.items():
-                self._evaluate(row, settings, execution.device, name, path)
+                self._evaluate(row, settings, execution.device, name, *targets(path))
         if not self.train_only:
-            print(self._tables(runs, tests))
+            print(self._tables(runs, {name: targets(path) for name, path in tests.items()}))
 
     def _check(self) -> None:
         """Check what can be checked without importing torch."""
@@ -234,10 +237,20 @@ class Ablate:
         before: Path | None = None
         for stage in BASE_STAGES:
             settings = base_settings(self._shared(), stage, before)
+            self._check_base(self._base(stage), settings.steps)
             if not train_or_resume(f"Base: {stage}", self._base(stage), settings, execution, ends):
                 return False
             before = self._base_weights(stage)
         return True
+
+    def _check_base(self, run: Path, steps: int) -> None:
+        """Refuse to train the base for longer: variants have started from it."""
+        from semgs.training.run.run_folder import SETTINGS, read_settings
+
+        if (run / SETTINGS).exists() and (there := read_settings(run).steps) < steps:
+            raise UsageError(
+                f"--steps: {run} has {there} steps, not {steps}, and the variants start from it; name another --out"
+            )
 
     def _folder(self, row: AblationRow, seed: int) -> Path:
         return self.out / f"seed_{seed}" / row.name
@@ -255,40 +268,59 @@ class Ablate:
             return True
         return train_or_resume(title, run, settings, execution, ends)
 
-    def _evaluate(self, row: AblationRow, settings: TrainingSettings, device: str, name: str, path: Path) -> None:
-        """Evaluate a trained variant on some scenes, unless that was done before."""
-        from semgs.evaluation.run import Job, load_candidate, open_labelled_scenes, plan_targets, run_evaluation
+    def _targets(self, path: Path) -> tuple[LabelledScenes, FramePlan]:
+        """Scenes to evaluate on, and their targets."""
+        from semgs.evaluation.run import open_labelled_scenes, plan_targets
+
+        with show_stage("Reading scenes"):
+            data = open_labelled_scenes(path, wanted=self.test_scenes if path == self.test else "", needs_labels=True)
+        return data, plan_targets((self.protocol,), data.scenes, self._views(), self.settings.size)
+
+    def _evaluate(
+        self,
+        row: AblationRow,
+        settings: TrainingSettings,
+        device: str,
+        name: str,
+        data: LabelledScenes,
+        plan: FramePlan,
+    ) -> None:
+        """Evaluate a trained variant on some scenes, unless that was done before with the same weights."""
+        from semgs.evaluation.run import Job, load_candidate, run_evaluation
+        from semgs.files.hashes import sha256
         from semgs.training.run.run_folder import WEIGHTS
 
         folder = self._folder(row, settings.seed) / name
-        if folder.exists():
-            return
-        with show_stage("Reading scenes"):
-            data = open_labelled_scenes(path, wanted=self.test_scenes if path == self.test else "", needs_labels=True)
-        plan = plan_targets((self.protocol,), data.scenes, self._views(), settings.size)
         weights = self._run(row, settings.seed) / WEIGHTS
+        if folder.exists() and _evaluated(folder, data, plan) == sha256(weights):
+            return
         with what_the_user_gave():
             candidate = load_candidate(weights, data.classes, device, row.title)
-        with what_fits(), show_progress(f"Evaluating {row.title} on {path.name}", len(plan.tasks)) as done:
-            run_evaluation(folder, Job(data, plan, candidate), done=done)
+        with what_fits(), show_progress(f"Evaluating {row.title} on {data.path.name}", len(plan.tasks)) as done:
+            run_evaluation(folder, Job(data, plan, candidate), overwrite=folder.exists(), done=done)
 
     def _views(self) -> tuple[int, ...]:
         """The numbers of input views in the evaluation."""
         return self.views or VIEWS[self.stage]
 
-    def _tables(self, runs: list[tuple[AblationRow, int]], tests: dict[str, Path]) -> str:
-        """The tables of all evaluated runs; they are also written to OUT."""
+    def _tables(self, runs: list[tuple[AblationRow, int]], tests: dict[str, tuple[LabelledScenes, FramePlan]]) -> str:
+        """The tables of all evaluated runs; they are also written to OUT.
+
+        Args:
+            runs: the trainings.
+            tests: what they were evaluated on, by the name of the folder of its evaluations.
+        """
         from semgs.evaluation.tables.table_grid import printed
         from semgs.files.atomic import write_text
 
         texts: dict[Literal["text", "markdown"], list[str]] = {"text": [], "markdown": []}
-        for name, path in tests.items():
-            reports = self._reports(runs, name)
+        for name, (data, plan) in tests.items():
+            reports = self._reports(runs, name, data, plan)
             if not reports:
                 continue
             for form, blocks in texts.items():
-                heading = f"{'## ' if form == 'markdown' else ''}Evaluated on {path.name}"
-                blocks += [heading, *(printed(grid, form) for grid in self._grids(reports, path))]
+                heading = f"{'## ' if form == 'markdown' else ''}Evaluated on {data.path.name}"
+                blocks += [heading, *(printed(grid, form) for grid in self._grids(reports, plan))]
         if not texts["text"]:
             return "no run has been evaluated yet"
         write_text(self.out / TABLE, "\n\n".join(texts["markdown"]) + "\n")
@@ -313,29 +345,27 @@ class Ablate:
         if can_plot() and any(found.values()):
             write_png(self.out / CURVES, validation_picture(found, "mIoU"))
 
-    def _reports(self, runs: list[tuple[AblationRow, int]], name: str) -> dict[tuple[str, int], SavedReport]:
+    def _reports(
+        self, runs: list[tuple[AblationRow, int]], name: str, data: LabelledScenes, plan: FramePlan
+    ) -> dict[tuple[str, int], SavedReport]:
         """The reports of all runs that were evaluated on some scenes."""
         from semgs.evaluation.tables.ablation import read_fragments
         from semgs.evaluation.tables.comparison_tables import check_comparable
         from semgs.evaluation.tables.evaluation_report import read_report
 
         folders = {(row.name, seed): self._folder(row, seed) / name for row, seed in runs}
-        found = {run: read_report(folder) for run, folder in folders.items() if folder.exists()}
-        for report in found.values():
-            if missing := [str(count) for count in self._views() if count not in report.results]:
-                expected = f"results for {' and '.join(missing)} views"
-                raise InputError(report.path, expected, "none", advice="choose another --out")
+        folders = {run: folder for run, folder in folders.items() if folder.exists()}
+        for folder in folders.values():
+            _evaluated(folder, data, plan)
+        found = {run: read_report(folder) for run, folder in folders.items()}
         check_comparable(list(found.values()))
         return {run: read_fragments(report) for run, report in found.items()}
 
-    def _grids(self, reports: dict[tuple[str, int], SavedReport], path: Path) -> list[Grid]:
+    def _grids(self, reports: dict[tuple[str, int], SavedReport], plan: FramePlan) -> list[Grid]:
         """The tables of the reports of some scenes."""
         from semgs.evaluation.frames.view_relations import view_relations
-        from semgs.evaluation.run import open_labelled_scenes, plan_targets
         from semgs.evaluation.tables.ablation import ablation_grid, steps_grid, where_grid
 
-        data = open_labelled_scenes(path, wanted=self.test_scenes if path == self.test else "")
-        plan = plan_targets((self.protocol,), data.scenes, self._views(), self.settings.size)
         grids, rows = [], self._rows()
         for views in self._views():
             relations = view_relations(plan, views)
@@ -346,7 +376,7 @@ class Ablate:
             ]
         return grids
 
-    def _cost(self, runs: int, device: str) -> str:
+    def _cost(self, runs: int, execution: Execution) -> str:
         """What would be trained, and an estimate of the time from three steps of each kind of training."""
         full = self.settings
         kinds = [("variant", runs, full)]
@@ -358,7 +388,7 @@ class Ablate:
         lines, hours = [], 0.0
         with show_stage("Timing three steps of each kind of training"), what_the_user_gave():
             for kind, count, settings in kinds:
-                seconds = _seconds_a_step(settings, device)
+                seconds = _seconds_a_step(settings, execution)
                 hours += count * settings.steps * seconds / 3600
                 lines.append(
                     f"{kind}: {count} x {settings.steps} steps of {settings.batch} scenes at {height}x{width}, about {seconds:.2f} s per step on "
@@ -374,16 +404,38 @@ class Ablate:
         )
 
 
-def _seconds_a_step(settings: TrainingSettings, device: str) -> float:
-    """Seconds that a step takes here, the mean of three after a first."""
+def _evaluated(folder: Path, data: LabelledScenes, plan: FramePlan) -> str | None:
+    """The sha256 of the weights that an evaluation is of.
+
+    Raises:
+        InputError: the folder is no evaluation of these targets.
+    """
+    from semgs.evaluation.frames.frame_plan import frame_list
+    from semgs.evaluation.tables.evaluation_report import data_name, read_report
+    from semgs.files.strict_json import read_json
+
+    report = read_report(folder)
+    same_data = report.data_name == data_name(str(data.path), [scene.name for scene in data.scenes])
+    if not same_data or read_json(folder / "frames.json") != frame_list(plan):
+        raise InputError(
+            folder, f"an evaluation of these frames of {data.path.name}", f"one of other frames, or of {report.data_name}",
+            advice="choose another --out",
+        )  # fmt: skip
+    return report.sha256
+
+
+def _seconds_a_step(settings: TrainingSettings, execution: Execution) -> float:
+    """Seconds that one process takes for its part of a step, the mean of three after a training that warms up."""
     from tempfile import TemporaryDirectory
 
     from semgs.training.loop import train
+    from semgs.training.run.run_folder import newest_checkpoint
 
-    short = replace(settings, steps=TIMED_STEPS, validation_scenes=0, scene_reuse=1)
+    processes = execution.devices * execution.nodes
+    short = replace(settings, steps=TIMED_STEPS, validation_scenes=0, scene_reuse=1, batch=settings.batch // processes)
+    alone = replace(execution, workers=0, minutes=None, devices=1, nodes=1)
     with TemporaryDirectory() as folder:
-        execution = Execution(device, workers=0)
-        train(replace(short, steps=1), Path(folder) / "warm", execution)
-        began = time.perf_counter()
-        train(short, Path(folder) / "timed", execution)
-        return (time.perf_counter() - began) / TIMED_STEPS
+        train(replace(short, steps=1), Path(folder) / "warm", alone)
+        train(short, Path(folder) / "timed", alone)
+        checkpoint = newest_checkpoint(Path(folder) / "timed" / "checkpoints")
+    return 0.0 if checkpoint is None else checkpoint.numbers["seconds"] / TIMED_STEPS

@@ -8,7 +8,7 @@ from semgs.bench.bench_file import BenchReport
 from semgs.evaluation.tables.table_grid import Cell, Format, Grid, printed
 
 
-def bench_table(bench: BenchReport, form: Format = "text") -> str:
+def bench_table(bench: BenchReport) -> str:
     """The table of one bench."""
     rows = []
     absent: dict[str, list[str]] = {}
@@ -22,7 +22,7 @@ def bench_table(bench: BenchReport, form: Format = "text") -> str:
     for reason, names in absent.items():
         few = ", ".join(names) if len(names) <= 3 else f"{len(names)} rows, from {names[0]} to {names[-1]}"
         notes.append(f"Not measured ({reason}): {few}.")
-    return printed(Grid("", ("row", "seconds", "median", "MB"), tuple(rows), notes=tuple(notes)), form).lstrip("\n")
+    return printed(Grid("", ("row", "seconds", "median", "MB"), tuple(rows), notes=tuple(notes)), "text").lstrip("\n")
 
 
 def comparison_table(first: BenchReport, second: BenchReport, names: Sequence[str], form: Format = "text") -> str:

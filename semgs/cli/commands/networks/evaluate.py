@@ -167,10 +167,12 @@ class Evaluate:
             device = chosen_device(self.device)
             precision = chosen_precision(self.precision, device)
             network, subject = open_network(self.weights, data.classes, self.name, precision)
+            if network.classes is None:
+                raise InputError(self.weights, "weights with classes", "weights for colour and depth only")
             network.to(device)
             remarks += self._computed(precision)
         images = sum(frame.labels is not None for scene in data.scenes for frame in scene.frames)
-        with what_fits(), show_progress(f"Evaluating {subject.name}", images) as done:
+        with show_progress(f"Evaluating {subject.name}", images) as done:
             tables = evaluate_single_images(
                 self.out, network, subject, data.scenes, self.size, overwrite=self.overwrite, done=done
             )

@@ -182,7 +182,7 @@ class PaperFigure:
         methods: list[Method] = []
         for text in self.predictions:
             name, _, folder = text.partition("=")
-            saved = SavedPredictions(folder, name)
+            saved = SavedPredictions(typed_path(folder), name)
             saved.check(plan)
             methods.append(saved)
         with what_the_user_gave():

@@ -85,7 +85,7 @@ class Recipe:
             with what_the_user_gave():
                 execution.share().check(settings[stage].batch)
             if not train_or_resume(f"stage {stage}: {run}", run, settings[stage], execution, ends):
-                print(f"time is up: stage {stage} is not finished; repeat the command to resume")
+                print(f"stopped: stage {stage} is not finished; repeat the command to resume")
                 return
         print(f"finished: {weights_of(self.out, stages[-1])}")
 

@@ -13,13 +13,16 @@ from semgs.cli.options.types import AutoSize, Weights
 from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
+from semgs.data.spread import spread
 from semgs.files.paths import existing_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from semgs.data.scene import Scene
+    from semgs.data.tables.classes import ClassTable
     from semgs.data.views import Views
+    from semgs.model.semgs import SemGS
     from semgs.segmenters.class_source import ClassSource
     from semgs.segmenters.labelling import ClassVotes
     from semgs.segmenters.names import Correspondence
@@ -70,9 +73,11 @@ class FitSegmenter:
             data = open_labelled_scenes(self.data, self.reading.as_peers, self.reading.asked, needs_labels=True)
             scenes = [scene for scene in data.scenes if scene.classes is not None]
             opened = open_class_sources(self.segmenter, "own")
+            assert data.classes is not None
+            model = self._model(data.classes) if self.weights else None
         with show_progress("Segmenting", len(scenes)) as done:
             found = fit_correspondence(opened, scenes, self._read, done)
-        votes = self._votes(opened, found, scenes) if self.weights else None
+        votes = None if model is None else self._votes(model, opened, found, scenes)
         theirs = opened(scenes[0]).classes.names
         save_fit(self.out, Fit(opened(scenes[0]).title, theirs, found, votes))
         for name, row in zip(theirs, found.table, strict=True):
@@ -85,23 +90,27 @@ class FitSegmenter:
 
     def _read(self, scene: Scene) -> tuple[Sequence[int], Views]:
         """Some frames of a scene."""
-        step = max(1, len(scene) // FRAMES)
-        positions = list(range(0, len(scene), step))[:FRAMES]
+        positions = spread(range(len(scene)), FRAMES)
         return positions, scene.read(positions, self.size)
 
+    def _model(self, classes: ClassTable) -> SemGS:
+        """The network whose votes are fitted, with the classes of the scenes."""
+        from semgs.model.weights.load import load
+
+        with what_the_user_gave():
+            model = load(self.weights, classes=classes).eval()
+        if model.classes is None:
+            raise UsageError(f"--weights {self.weights}: expected weights with classes")
+        return model
+
     def _votes(
-        self, opened: Callable[[Scene], ClassSource], found: Correspondence, scenes: Sequence[Scene]
+        self, model: SemGS, opened: Callable[[Scene], ClassSource], found: Correspondence, scenes: Sequence[Scene]
     ) -> ClassVotes:
         """Fit the votes."""
         from semgs.model.encode import encode
-        from semgs.model.weights.load import load
         from semgs.segmenters.class_source import Translated, read_distributions
         from semgs.segmenters.fitting import fit_votes, sample_pixels
 
-        with what_the_user_gave():
-            model = load(self.weights, classes=found.classes).eval()
-        if model.classes is None:
-            raise UsageError(f"--weights {self.weights}: expected weights with classes")
         samples = []
         with what_fits(), show_progress("Fitting votes", len(scenes)) as done:
             for number, scene in enumerate(scenes, 1):

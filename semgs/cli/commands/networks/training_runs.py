@@ -36,10 +36,12 @@ def train_or_resume(
     from rich.console import Console
 
     from semgs.training.loop import train
-    from semgs.training.run.run_folder import WEIGHTS, claim_folder, is_finished
+    from semgs.training.run.run_folder import WEIGHTS, claim_folder, extend_run, is_finished, lock_run
 
     with what_the_user_gave():
         claim_folder(run, settings)
+    with lock_run(run):
+        extend_run(run, settings)
     if is_finished(run) and (run / WEIGHTS).is_file():
         return True
     left = None if ends is None else (ends - time.monotonic()) / 60

@@ -1,0 +1,51 @@
+"""Several trainings by one command: what is finished, and what more steps change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from semgs.cli.commands.networks.training_runs import train_or_resume
+from semgs.training.loop import Outcome
+from semgs.training.presets import small_plain
+from semgs.training.run.checkpoints import Checkpoint
+from semgs.training.run.execution import Execution
+from semgs.training.run.run_folder import read_settings
+
+
+@pytest.fixture
+def trained(monkeypatch) -> list[int]:
+    """Replaces training; lists the steps of each."""
+    found: list[int] = []
+
+    def train(settings, out: Path, execution, **options):
+        found.append(settings.steps)
+        (out / "weights.safetensors").touch()
+        return Outcome(settings.steps, True, 0)
+
+    monkeypatch.setattr("semgs.training.loop.train", train)
+    monkeypatch.setattr(
+        "semgs.training.run.run_folder.newest_checkpoint",
+        lambda folder: Checkpoint({}, {"step": max(found)}, ()) if found else None,
+    )
+    return found
+
+
+def test_a_finished_training_goes_on_if_more_steps_are_requested_and_only_then(tmp_path: Path, trained):
+    for steps, ran in ((2, [2]), (2, [2]), (3, [2, 3]), (3, [2, 3])):
+        assert train_or_resume("a run", tmp_path / "run", replace(small_plain(), steps=steps), Execution())
+        assert trained == ran
+        assert read_settings(tmp_path / "run").steps == steps
+
+
+def test_a_program_of_its_own_trains_the_requested_steps(tmp_path: Path, trained, monkeypatch):
+    began: list[int] = []
+    monkeypatch.setattr(
+        "semgs.cli.commands.networks.training_runs.train_apart",
+        lambda run, execution: began.append(read_settings(run).steps),
+    )
+    for steps in (2, 3):
+        train_or_resume("a run", tmp_path / "run", replace(small_plain(), steps=steps), Execution(devices=2))
+    assert began == [2, 3]
