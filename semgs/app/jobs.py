@@ -50,6 +50,7 @@ IDENTIFIER = re.compile(r"[a-z0-9]{20}")
 
 BUG = "SemGS failed on these files, and this is a bug. The details are in the terminal where semgs app runs."
 KILLED = "The work was stopped by the system, probably because memory ran out. Try fewer or smaller files."
+NO_WORKER = "The work could not be started, because the system refused it. Try again in some minutes."
 
 
 PLAIN = (
@@ -88,7 +89,8 @@ class Job:
         state: where it is.
         stages: in order; all but the last are finished.
         sentence: why it failed.
-        created, ended: times [s].
+        started: when a worker took it [s]; 0 before.
+        ended: when it was over [s]; 0 before.
     """
 
     identifier: str
@@ -99,7 +101,6 @@ class Job:
     state: State = "waiting"
     stages: list[Stage] = field(default_factory=list)
     sentence: str = ""
-    created: float = field(default_factory=time.time)
     started: float = 0.0
     ended: float = 0.0
 
@@ -249,7 +250,11 @@ class Jobs:
     def _work(self) -> None:
         """Take jobs from the queue, until the app closes."""
         while True:
-            self.start_spare()
+            try:
+                self.start_spare()
+            except OSError as error:
+                print(f"semgs: a worker cannot be started: {error}", file=sys.stderr)
+                self._refuse_first()
             with self._lock:
                 while not self._queue and not self._closed:
                     self._lock.wait()
@@ -271,6 +276,15 @@ class Jobs:
                 with self._lock:
                     self._running = None
                 _clean(job)
+
+    def _refuse_first(self) -> None:
+        """Let the first job that waits fail, because there is no worker for it."""
+        with self._lock:
+            if not self._queue:
+                return
+            job = self._queue.popleft()
+            job.state, job.sentence, job.ended = "failed", NO_WORKER, time.time()
+        _clean(job)
 
     def _run(self, job: Job, process: subprocess.Popen[str]) -> None:
         """Let a worker do a job."""
@@ -334,9 +348,10 @@ class Jobs:
                 del self._jobs[job.identifier]
         for job in old:
             shutil.rmtree(job.folder, ignore_errors=True)
-        for path in self.uploads.iterdir():
-            if now - path.stat().st_mtime > UPLOAD_SECONDS:
-                shutil.rmtree(path, ignore_errors=True)
+        for path in self.uploads.glob("*"):
+            with suppress(OSError):  # gradio and jobs delete uploads at the same time
+                if now - path.stat().st_mtime > UPLOAD_SECONDS:
+                    shutil.rmtree(path, ignore_errors=True)
 
     def _read_earlier(self) -> None:
         """Take over results of an earlier run of the app; what it did not complete is deleted."""
@@ -350,7 +365,7 @@ class Jobs:
                 shutil.rmtree(folder, ignore_errors=True)
                 continue
             request = Request("example", [], str(folder), {})
-            job = Job(folder.name, folder, request, title, state="done", created=ended, started=ended, ended=ended)
+            job = Job(folder.name, folder, request, title, state="done", started=ended, ended=ended)
             self._jobs[folder.name] = job
         self.expire()
 

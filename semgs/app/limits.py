@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 MIB = 1 << 20
@@ -32,3 +33,14 @@ class Limits:
     seconds: float = 900.0
     waiting: int = 20
     kept_seconds: float = 24 * 3600.0
+
+    @property
+    def kept(self) -> str:
+        """How long results are kept, in words: "a day", "36 hours", "30 minutes"."""
+        if math.isinf(self.kept_seconds):
+            return "an unlimited time"
+        minutes = max(1, round(self.kept_seconds / 60))
+        units = (("day", "a", 24 * 60), ("hour", "an", 60), ("minute", "a", 1))
+        unit, article, length = next(one for one in units if minutes % one[2] == 0)
+        count = minutes // length
+        return f"{article} {unit}" if count == 1 else f"{count} {unit}s"

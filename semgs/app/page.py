@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from semgs.app.jobs import IDENTIFIER, Job, Jobs
+from semgs.app.limits import Limits
 from semgs.app.requests import DEPTHS, OWN, RoomOptions
 from semgs.app.uploads import UnusableUploadError, Upload
 from semgs.files.extras import needs_extra
@@ -24,7 +25,10 @@ HEAD = """<header class="head"><p class="brand">SemGS</p><h1>Photos in, labelled
 <p>Drop two to twelve photos of a room. Let them overlap, and take a step to the side between them. A clip or a zip of a scene works, too. {privacy}</p></header>"""
 
 LOCAL = "Your photos stay on this computer."
-REMOTE = "Your photos are processed on this server and deleted when the room is ready; the room is deleted after a day."
+REMOTE = (
+    "Your photos are processed on this server and deleted when the room is ready, except small copies of those that the room shows; "
+    "the room is deleted after {kept}."
+)
 
 EMPTY = '<div class="quiet">Your room will appear here.</div>'
 
@@ -134,7 +138,7 @@ def _build(jobs: Jobs, local: bool) -> Any:
     import gradio as gr
 
     with gr.Blocks(title=TITLE, fill_width=True, analytics_enabled=False, delete_cache=(3600, 3600)) as page:
-        gr.HTML(HEAD.format(privacy=LOCAL if local else REMOTE))
+        gr.HTML(HEAD.format(privacy=privacy_statement(local, jobs.limits)))
         identifier = gr.Textbox("", visible="hidden", elem_id="room-identifier")
         with gr.Column(elem_id="ask") as ask:
             dropped = gr.File(
@@ -158,7 +162,7 @@ def _build(jobs: Jobs, local: bool) -> Any:
             return [
                 job.identifier if job is not None and job.state != "cancelled" and job.state != "failed" else "",
                 gr.update(visible=not working and not done),
-                status_text(job, jobs.ahead(job) if job else 0, sentence),
+                status_text(job, jobs.limits, jobs.ahead(job) if job else 0, sentence),
                 gr.update(visible=working),
                 gr.update(visible=done),
                 _frame(job) if job is not None and done else ("" if working else EMPTY),
@@ -205,9 +209,8 @@ def _build(jobs: Jobs, local: bool) -> Any:
                 return
             job = jobs.find(which) if IDENTIFIER.fullmatch(which) else None
             if job is None:
-                yield view(
-                    None, "This room is no longer here. Rooms are kept for a day; make it again from your photos."
-                )
+                kept = f"Rooms are kept for {jobs.limits.kept}; make it again from your photos."
+                yield view(None, f"This room is no longer here. {kept}")
                 return
             yield from follow(job)
 
@@ -279,11 +282,22 @@ def _chosen(values: Sequence[Any], example: bool = False) -> RoomOptions:
         raise UnusableUploadError("An option has a value that cannot be used.") from error
 
 
-def status_text(job: Job | None, ahead: int = 0, sentence: str = "") -> str:
+def privacy_statement(local: bool, limits: Limits) -> str:
+    """What becomes of photos.
+
+    Args:
+        local: whether they stay on this computer.
+        limits: how long rooms are kept.
+    """
+    return LOCAL if local else REMOTE.format(kept=limits.kept)
+
+
+def status_text(job: Job | None, limits: Limits, ahead: int = 0, sentence: str = "") -> str:
     """What a job is doing, or why it failed, as HTML.
 
     Args:
         job: the job; None if there is none.
+        limits: how long rooms are kept.
         ahead: jobs before it.
         sentence: an error without a job.
     """
@@ -292,9 +306,10 @@ def status_text(job: Job | None, ahead: int = 0, sentence: str = "") -> str:
     if job.state == "failed":
         return _alert(job.sentence)
     if job.state == "cancelled":
-        return '<div class="status" role="status"><p>Cancelled. Nothing was kept.</p></div>'
+        return '<div class="status" role="status"><p>Cancelled. No room was made.</p></div>'
     if job.state == "done":
-        return f'<div class="status done" role="status"><p>Ready after {job.ended - job.started:.0f} s. The room is kept for a day at this address.</p></div>'
+        said = f"Ready after {job.ended - job.started:.0f} s. The room is kept for {limits.kept} at this address."
+        return f'<div class="status done" role="status"><p>{said}</p></div>'
     if job.state == "waiting":
         rooms = "1 room is" if ahead == 1 else f"{ahead} rooms are"
         what = "It starts in a moment." if not ahead else f"{rooms} before yours."

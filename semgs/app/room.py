@@ -232,5 +232,5 @@ def _write_zip(folder: Path) -> None:
     with new_file(folder / ZIP) as file, zipfile.ZipFile(file, "w") as archive:
         for path in sorted(folder.rglob("*")):
             inside = path.relative_to(folder)
-            if path.is_file() and not path.name.startswith(".") and inside.name != ZIP and inside.parts[0] != "cameras":
+            if path.is_file() and not path.name.startswith(".") and inside.name != ZIP:
                 archive.write(path, Path("room") / inside)

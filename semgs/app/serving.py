@@ -133,7 +133,11 @@ def serve(app: Any, host: str, port: int, started: Callable[[int], None]) -> Non
 
     from uvicorn import Config, Server
 
-    listening = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+    listening = socket.create_server(
+        (host, port),
+        family=socket.AF_INET6 if ":" in host else socket.AF_INET,
+        dualstack_ipv6=host == "::" and socket.has_dualstack_ipv6(),
+    )
     started(listening.getsockname()[1])
     server = Server(
         Config(app, log_level="warning", access_log=False, timeout_graceful_shutdown=2, server_header=False)

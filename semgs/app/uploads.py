@@ -7,6 +7,7 @@ no links, no more bytes than the list says.
 from __future__ import annotations
 
 import io
+import math
 import stat
 import zipfile
 from collections.abc import Callable, Sequence
@@ -16,7 +17,7 @@ from typing import Literal
 
 from semgs.app.limits import MIB, Limits
 from semgs.files.atomic import write_bytes
-from semgs.files.text import printable
+from semgs.files.text import listed, printable
 
 PICTURES = (".jpg", ".jpeg", ".png", ".heic")
 CLIPS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm")
@@ -28,8 +29,6 @@ LONGEST_SIDE = 1024
 """Photos without cameras are reduced to this [px]: their cameras are found three times as fast, and the network sees less than 76,800 pixels anyway."""
 
 QUALITY = 95
-
-ORIENTATION, EXIF_FOLDER, FOCAL_35_MM, CUSTOM_RENDERED = 0x0112, 0x8769, 0xA405, 0xA401
 
 Kind = Literal["photos", "clip", "archive"]
 
@@ -136,13 +135,13 @@ def prepare(
     pictures = sorted(path for path in scene.rglob("*") if path.suffix.lower() in PICTURES)
     for path in pictures:
         _check_pixels(Upload(path, path.name), limits)
-    from semgs.sfm.photos import has_only_photos
+    from semgs.sfm.photos import has_only_photos, pictures_in
 
     if pictures and has_only_photos(scene):
-        listed = [Upload(path, path.name) for path in pictures if path.parent in (scene, scene / "images")]
-        if len(listed) > limits.photos:
-            raise UnusableUploadError(f"The zip has {len(listed)} photos without cameras; use at most {limits.photos}.")
-        return _photos(listed, folder / "photos", limits, say)
+        photos = [Upload(path, path.name) for path in pictures_in(scene) if path.suffix.lower() in PICTURES]
+        if len(photos) > limits.photos:
+            raise UnusableUploadError(f"The zip has {len(photos)} photos without cameras; use at most {limits.photos}.")
+        return _photos(photos, folder / "photos", limits, say)
     return scene, []
 
 
@@ -196,6 +195,8 @@ def _check_members(upload: Upload, members: Sequence[zipfile.ZipInfo], limits: L
         )
     for one in members:
         path = PurePosixPath(one.filename)
+        if not path.parts:
+            raise UnusableUploadError(f"{upload.shown} contains a file without a name. Make the zip again.")
         outside = path.is_absolute() or ".." in path.parts or "\\" in one.filename or ":" in path.parts[0]
         if outside or "\0" in one.orig_filename:
             raise UnusableUploadError(f"{upload.shown} contains a path that leads outside of it. It was not unpacked.")
@@ -232,8 +233,8 @@ def _photos(
             continue
         write_bytes(folder / f"{number:03d}.jpg", data)
     if len(uploads) - len(damaged) < 2:
-        names = ", ".join(damaged[:3]) + (", …" if len(damaged) > 3 else "")
-        raise UnusableUploadError(f"Fewer than two photos can be read. Damaged: {names}.")
+        names = f" Damaged: {listed(damaged, 3)}." if damaged else ""
+        raise UnusableUploadError(f"Fewer than two photos can be read.{names}")
     return folder, [f"{name} is damaged and was left out." for name in damaged]
 
 
@@ -259,6 +260,7 @@ def _check_pixels(upload: Upload, limits: Limits) -> None:
 def _reduced(upload: Upload) -> bytes | None:
     """A photo as an upright JPEG of at most `LONGEST_SIDE`, with its focal length; None if it is damaged."""
     from PIL import Image
+    from PIL.ExifTags import IFD, Base
 
     from semgs.files.errors import InputError
     from semgs.files.images.pictures import read_optics, read_upright
@@ -271,11 +273,10 @@ def _reduced(upload: Upload) -> bytes | None:
     image = Image.fromarray(pixels)
     exif = Image.Exif()
     if optics.focal_px is not None:
-        exif.get_ifd(EXIF_FOLDER)[FOCAL_35_MM] = max(
-            1, round(optics.focal_px * 43.2666 / (height**2 + width**2) ** 0.5)
-        )
+        focal_mm = optics.focal_px * math.hypot(36, 24) / math.hypot(height, width)
+        exif.get_ifd(IFD.Exif)[Base.FocalLengthIn35mmFilm] = max(1, round(focal_mm))
     if optics.panorama:
-        exif.get_ifd(EXIF_FOLDER)[CUSTOM_RENDERED] = 6
+        exif.get_ifd(IFD.Exif)[Base.CustomRendered] = 6
     image.thumbnail((LONGEST_SIDE, LONGEST_SIDE), Image.Resampling.LANCZOS, reducing_gap=3.0)
     buffer = io.BytesIO()
     image.save(buffer, "JPEG", quality=QUALITY, exif=exif)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import shutil
 import sys
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
@@ -68,6 +69,7 @@ def work(line: str) -> int:
     from semgs.app.requests import Request, RoomOptions
     from semgs.app.room import write_room
     from semgs.app.uploads import UnusableUploadError, Upload, prepare
+    from semgs.cli.commands.scenes.photo_scene import CAMERAS
 
     request = Request(**json.loads(line))
     options = RoomOptions(**request.options)
@@ -101,6 +103,9 @@ def work(line: str) -> int:
     for path in extra.iterdir():
         if path.name != "export.json" and not path.name.startswith("."):
             path.rename(out / path.name)
+    # A room has copies of the views that it shows, and no other photo.
+    if (out / CAMERAS).exists():
+        shutil.rmtree(out / CAMERAS)
     report_stage("Making the page of your room")
     titles = {"photos": "Your room", "clip": "Your room", "archive": "Your scene", "example": "The included room"}
     write_room(out, title=titles[request.kind], notes=notes)

@@ -152,7 +152,7 @@ def sightings(scene: Scene, frames: Sequence[int], matches: Matches) -> MatchedR
     """Matches as rays of the cameras of some frames.
 
     Args:
-        scene, frames: as for `refine`.
+        scene, frames: as for `refine_cameras`.
         matches: between these frames.
     """
     place = {index: camera for camera, index in enumerate(frames)}

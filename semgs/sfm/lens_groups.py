@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from semgs.files.text import listed
 from semgs.sfm.photos import UprightPhoto
 from semgs.sfm.pycolmap_library import pycolmap
 
@@ -28,12 +29,12 @@ _FOUND = ("keypoints", "descriptors", "matches", "two_view_geometries")
 """Tables of what was found in images, by their ids."""
 
 
-def may_be_several(listed: Sequence[UprightPhoto], ordered: bool) -> bool:
+def may_be_several(upright: Sequence[UprightPhoto], ordered: bool) -> bool:
     """Whether photos may have focal lengths of which EXIF says nothing. The frames of a clip have one."""
-    return not ordered and sum(photo.focal_px is None for photo in listed) >= FEWEST
+    return not ordered and sum(photo.focal_px is None for photo in upright) >= FEWEST
 
 
-def group_by_focal(model: Any, listed: Sequence[UprightPhoto]) -> dict[str, tuple]:
+def group_by_focal(model: Any, upright: Sequence[UprightPhoto]) -> dict[str, tuple]:
     """The group of each photo, from a model in which each has a camera of its own: photos of one size and one focal length.
 
     Photos that EXIF knows the focal length of are grouped by that; photos that are not in the model go to the largest group of their size.
@@ -42,8 +43,8 @@ def group_by_focal(model: Any, listed: Sequence[UprightPhoto]) -> dict[str, tupl
         image.name: float(model.cameras[image.camera_id].params[0]) for image in model.images.values() if image.has_pose
     }
     groups: dict[str, tuple] = {}
-    for size in dict.fromkeys(photo.size for photo in listed):
-        names = [one.name for one in listed if one.size == size and one.focal_px is None]
+    for size in dict.fromkeys(photo.size for photo in upright):
+        names = [one.name for one in upright if one.size == size and one.focal_px is None]
         known = sorted((focal[name], name) for name in names if name in focal)
         number, before, members = -1, 0.0, list[list[str]]()
         for value, name in known:
@@ -56,7 +57,7 @@ def group_by_focal(model: Any, listed: Sequence[UprightPhoto]) -> dict[str, tupl
         for index, group in enumerate(members):
             groups |= {name: (size, None, index) for name in group}
         groups |= {name: (size, None, largest) for name in names if name not in groups}
-    groups |= {one.name: (one.size, one.focal_px) for one in listed if one.focal_px is not None}
+    groups |= {one.name: (one.size, one.focal_px) for one in upright if one.focal_px is not None}
     return groups
 
 
@@ -120,5 +121,4 @@ def copy_with_cameras(
 
 def _named(photos: Sequence[Any]) -> str:
     """The names of some photos, at most five."""
-    names = [photo.name for photo in photos]
-    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+    return listed([photo.name for photo in photos])

@@ -325,6 +325,5 @@ def _size_notes(sizes: Iterable[tuple[int, int]]) -> list[str]:
     counts = Counter((max(size), min(size)) for size in sizes)
     if len(counts) == 1:
         return []
-    listed = ", ".join(f"{number} of {longer}x{shorter}" for (longer, shorter), number in counts.most_common(3))
-    more = f" and {len(counts) - 3} more" if len(counts) > 3 else ""
-    return [f"The photos have {len(counts)} sizes, and each size gets a focal length of its own: {listed}{more}."]
+    shown = listed([f"{number} of {longer}x{shorter}" for (longer, shorter), number in counts.most_common()], 3)
+    return [f"The photos have {len(counts)} sizes, and each size gets a focal length of its own: {shown}."]

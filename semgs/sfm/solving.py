@@ -19,6 +19,7 @@ import numpy as np
 from semgs.data.cameras.lens import Lens
 from semgs.files.errors import InputError
 from semgs.files.paths import check_utf8
+from semgs.files.text import listed
 from semgs.sfm.lens_groups import BETTER, copy_with_cameras, describe_groups, group_by_focal, may_be_several
 from semgs.sfm.photos import PhotoSet, UprightPhoto
 from semgs.sfm.pycolmap_library import pycolmap
@@ -136,12 +137,12 @@ def _frees_each(photos: Sequence[UprightPhoto], ordered: bool, held: bool) -> bo
     return not held and may_be_several(photos, ordered)
 
 
-def solve(photos: PhotoSet, listed: Sequence[UprightPhoto], focal_given: bool = False) -> Solution:
+def solve(photos: PhotoSet, upright: Sequence[UprightPhoto], focal_given: bool = False) -> Solution:
     """Estimate the cameras of photos.
 
     Args:
         photos: the set.
-        listed: its photos, with their focal lengths.
+        upright: its photos, with their focal lengths.
         focal_given: whether these are from the user, and are held.
 
     Raises:
@@ -150,57 +151,57 @@ def solve(photos: PhotoSet, listed: Sequence[UprightPhoto], focal_given: bool = 
     """
     library = pycolmap()
     check_utf8(photos.folder, "pycolmap")
-    held = focal_given or len(listed) == 2
+    held = focal_given or len(upright) == 2
     with TemporaryDirectory(prefix="semgs-") as temporary:
         work = Path(temporary)
         database = work / "features.db"
         library.set_random_seed(SEED)
-        _extract(database, photos.folder, listed)
-        _match(database, photos.ordered, min(LARGEST_SIDE, max(max(photo.size) for photo in listed)))
-        if _tries_starts(listed, held):
+        _extract(database, photos.folder, upright)
+        _match(database, photos.ordered, min(LARGEST_SIDE, max(max(photo.size) for photo in upright)))
+        if _tries_starts(upright, held):
             models = []
             for start in STARTS:
                 _start_at(database, start)
-                models += _models(database, photos.folder, work, held, listed)
+                models += _models(database, photos.folder, work, held, upright)
         else:
-            models = _models(database, photos.folder, work, held, listed)
+            models = _models(database, photos.folder, work, held, upright)
         equal = best(models)
         groups = None
-        if _frees_each(listed, photos.ordered, held):
-            equal, groups = _with_several_lenses(database, photos.folder, work, listed, equal)
+        if _frees_each(upright, photos.ordered, held):
+            equal, groups = _with_several_lenses(database, photos.folder, work, upright, equal)
         model = equal[0] if equal else None
         if model is None or _median_angle_deg(model) < LEAST_ANGLE_DEG:
             registered = 0 if model is None else model.num_reg_images()
             raise InputError(
-                photos.path, "photos whose cameras can be estimated", *_refusal(database, registered, len(listed))
+                photos.path, "photos whose cameras can be estimated", *_refusal(database, registered, len(upright))
             )
-    return _solution(equal, photos, listed, held, focal_given, groups)
+    return _solution(equal, photos, upright, held, focal_given, groups)
 
 
 def _with_several_lenses(
-    database: Path, folder: Path, work: Path, listed: Sequence[UprightPhoto], shared: Sequence[Any]
+    database: Path, folder: Path, work: Path, upright: Sequence[UprightPhoto], shared: Sequence[Any]
 ) -> tuple[list[Any], dict[str, tuple] | None]:
     """The models with one focal length for all photos of a size, and None; or, if that fits clearly better, with one for each group of photos, and the groups.
 
     One focal length is an assumption: it is freed once for each photo, and the errors are compared.
     """
-    own = {photo.name: (photo.size, photo.focal_px, "" if photo.focal_px else photo.name) for photo in listed}
+    own = {photo.name: (photo.size, photo.focal_px, "" if photo.focal_px else photo.name) for photo in upright}
     copy_with_cameras(database, work / "each.db", folder, own, {})
-    each = best(_models(work / "each.db", folder, work, False, listed))
+    each = best(_models(work / "each.db", folder, work, False, upright))
     if not each or (shared and not _fits_better(each[0], shared[0])):
         return list(shared), None
-    found, groups = each, group_by_focal(each[0], listed)
+    found, groups = each, group_by_focal(each[0], upright)
     for number in range(REGROUPED):
         copy = work / f"groups{number}.db"
         copy_with_cameras(database, copy, folder, groups, _focal_of(found[0], groups))
-        found = best(_models(copy, folder, work, False, listed))
+        found = best(_models(copy, folder, work, False, upright))
         if not found or (shared and not _fits_better(found[0], shared[0])):
             return list(shared), None
-        again = group_by_focal(found[0], listed)
+        again = group_by_focal(found[0], upright)
         if len(set(again.values())) == len(set(groups.values())):
             break
         groups = again  # together, groups may turn out to have the same focal length
-    if shared and len(set(groups.values())) == len({(photo.size, photo.focal_px) for photo in listed}):
+    if shared and len(set(groups.values())) == len({(photo.size, photo.focal_px) for photo in upright}):
         return list(shared), None
     return found[:1], groups
 
@@ -239,7 +240,7 @@ def posed_photos(model: Any, names: Sequence[str]) -> tuple[PosedPhoto, ...]:
     return tuple(found[name] for name in names if name in found)
 
 
-def _extract(database: Path, folder: Path, listed: Sequence[UprightPhoto]) -> None:
+def _extract(database: Path, folder: Path, upright: Sequence[UprightPhoto]) -> None:
     """Find the features of all photos. Photos of one size and focal length share a camera.
 
     The photos are numbered before, in their order: extraction, on all cores, would number them as it ends, and solutions differ with the numbers.
@@ -249,14 +250,14 @@ def _extract(database: Path, folder: Path, listed: Sequence[UprightPhoto]) -> No
     options = library.FeatureExtractionOptions()
     options.max_image_size, options.use_gpu = LARGEST_SIDE, False
     options.sift.max_num_features, options.sift.peak_threshold = FEATURES, CONTRAST
-    for photo in dict.fromkeys((one.size, one.focal_px) for one in listed):
+    for photo in dict.fromkeys((one.size, one.focal_px) for one in upright):
         (height, width), focal_px = photo
         reader = library.ImageReaderOptions()
         reader.default_focal_length_factor = GUESS
-        reader.camera_model = "SIMPLE_RADIAL" if len(listed) >= DISTORTED else "SIMPLE_PINHOLE"
+        reader.camera_model = "SIMPLE_RADIAL" if len(upright) >= DISTORTED else "SIMPLE_PINHOLE"
         if focal_px is not None:
-            reader.camera_params = f"{focal_px},{width / 2},{height / 2}" + (",0" if len(listed) >= DISTORTED else "")
-        names = [one.name for one in listed if (one.size, one.focal_px) == photo]
+            reader.camera_params = f"{focal_px},{width / 2},{height / 2}" + (",0" if len(upright) >= DISTORTED else "")
+        names = [one.name for one in upright if (one.size, one.focal_px) == photo]
         mode = library.CameraMode.SINGLE
         library.import_images(database, folder, mode, names, reader)
         library.extract_features(database, folder, names, mode, reader, options, library.Device.cpu)
@@ -299,10 +300,10 @@ def _start_at(database: Path, ratio: float) -> None:
                 opened.update_camera(camera)
 
 
-def _models(database: Path, folder: Path, work: Path, held: bool, listed: Sequence[UprightPhoto]) -> list[Any]:
+def _models(database: Path, folder: Path, work: Path, held: bool, upright: Sequence[UprightPhoto]) -> list[Any]:
     """The models that can be used; none if no camera could be estimated."""
-    library, count = pycolmap(), len(listed)
-    limits = {photo.name: focal_limits(photo) for photo in listed}
+    library, count = pycolmap(), len(upright)
+    limits = {photo.name: focal_limits(photo) for photo in upright}
     least = min(count, 3)
     options = library.IncrementalPipelineOptions()
     options.min_model_size, options.random_seed = least, SEED
@@ -369,26 +370,25 @@ def _refusal(database: Path, registered: int, count: int) -> tuple[str, None, st
 def _solution(
     equal: Sequence[Any],
     photos: PhotoSet,
-    listed: Sequence[UprightPhoto],
+    upright: Sequence[UprightPhoto],
     held: bool,
     focal_given: bool,
     groups: Mapping[str, tuple] | None,
 ) -> Solution:
     """The first of some models as ours, with notes."""
     model = equal[0]
-    posed = posed_photos(model, [photo.name for photo in listed])
-    missing = [photo.name for photo in listed if photo.name not in {one.name for one in posed}]
+    posed = posed_photos(model, [photo.name for photo in upright])
+    missing = [photo.name for photo in upright if photo.name not in {one.name for one in posed}]
     points = list(model.points3D.values())
-    notes = [*photos.notes, f"The cameras of {len(posed)} of {len(listed)} photos were estimated from the photos."]
+    notes = [*photos.notes, f"The cameras of {len(posed)} of {len(upright)} photos were estimated from the photos."]
     if missing:
-        shown = ", ".join(missing[:5]) + (f" and {len(missing) - 5} more" if len(missing) > 5 else "")
-        notes.append(f"These do not overlap enough with the others and are left out: {shown}.")
+        notes.append(f"These do not overlap enough with the others and are left out: {listed(missing)}.")
     ratios = [_ratio(one) for one in equal]
     sure = held or max(ratios) <= UNSURE * min(ratios)
     if groups is not None and len({groups[photo.name] for photo in posed}) > 1:
         notes.append(describe_groups(posed, groups))
     else:
-        notes.append(_focal_note(posed, listed, held, focal_given) if sure else _unsure_note(posed[0].lens, ratios))
+        notes.append(_focal_note(posed, upright, held, focal_given) if sure else _unsure_note(posed[0].lens, ratios))
     return Solution(
         posed,
         np.array([point.xyz for point in points]).reshape(-1, 3),
@@ -398,12 +398,12 @@ def _solution(
     )
 
 
-def _focal_note(posed: Sequence[PosedPhoto], listed: Sequence[UprightPhoto], held: bool, focal_given: bool) -> str:
+def _focal_note(posed: Sequence[PosedPhoto], upright: Sequence[UprightPhoto], held: bool, focal_given: bool) -> str:
     """Where the focal length is from."""
     text = _described(posed[0].lens)
     if focal_given:
         return f"The focal length is {text}, as given."
-    known = all(photo.focal_px is not None for photo in listed)
+    known = all(photo.focal_px is not None for photo in upright)
     if held and known:
         return f"The focal length is {text}, from EXIF."
     if held:

@@ -83,6 +83,7 @@ def test_photos_without_cameras_become_a_room_that_can_be_used(app: App, fox: li
         page.reload()
         room_in(page)
         assert room.get_by_text("Photos alone do not show how large a room is").count() == 1
+        assert not list(job_folder(app, page).rglob("*.jpg"))  # photos that the room does not show
 
 
 @pytest.mark.long

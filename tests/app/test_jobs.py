@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import shutil
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -10,7 +14,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from semgs.app.jobs import BUG, Job, Jobs, plain
+from semgs.app.jobs import BUG, NO_WORKER, UPLOAD_SECONDS, Job, Jobs, plain
 from semgs.app.limits import Limits
 from semgs.app.requests import Request, RoomOptions
 from semgs.app.uploads import UnusableUploadError, Upload
@@ -125,6 +129,27 @@ def test_a_bug_shows_no_traceback_to_the_user_but_to_who_runs_the_app(
     assert "RuntimeError: secret" in capsys.readouterr().err
 
 
+def test_a_worker_that_the_system_refuses_costs_one_job_and_the_next_one_runs(
+    start: Callable[..., Jobs], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(errno.EAGAIN, "Resource temporarily unavailable")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(subprocess, "Popen", refuse)
+        jobs = start()
+        job = jobs.submit((), example=True)
+        wait(lambda: job.over)
+    assert (job.state, job.sentence) == ("failed", NO_WORKER)
+    assert (
+        f"a worker cannot be started: [Errno {errno.EAGAIN}] Resource temporarily unavailable"
+        in capsys.readouterr().err
+    )
+    again = jobs.submit((), example=True)
+    wait(lambda: again.over)
+    assert again.state == "done"
+
+
 def test_a_job_that_takes_too_long_is_stopped(start: Callable[..., Jobs]):
     job = start(seconds=0.3).submit((), asked("sleep"), True)
     wait(lambda: job.over)
@@ -155,6 +180,19 @@ def test_rooms_expire_and_others_survive_a_restart(start: Callable[..., Jobs]):
     second.expire()
     assert second.find(job.identifier) is None
     assert not job.folder.exists()
+
+
+def test_old_uploads_are_deleted_although_others_disappear_meanwhile(start: Callable[..., Jobs]):
+    jobs = start()
+    (jobs.uploads / "gone").symlink_to("nowhere")  # listed, and not there
+    old, new = jobs.uploads / "old", jobs.uploads / "new"
+    for folder in (old, new):
+        folder.mkdir()
+    os.utime(old, (0.0, time.time() - UPLOAD_SECONDS - 1))
+    jobs.expire()
+    assert (old.exists(), new.exists()) == (False, True)
+    shutil.rmtree(jobs.uploads)  # the user's cache may be emptied at any time
+    jobs.expire()
 
 
 @pytest.mark.parametrize(

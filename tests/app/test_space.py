@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import runpy
 import signal
 import subprocess
 import sys
@@ -30,6 +31,12 @@ def test_its_settings_name_what_is_there():
     required = (SPACE / "requirements.txt").read_text().strip()
     assert required == f"./semgs-{__version__}-py3-none-any.whl[app]"
     assert "app" in extras
+
+
+def test_its_page_says_which_photos_stay_and_for_how_long():
+    limits = runpy.run_path(str(SPACE / "app.py"))["LIMITS"]
+    said = (SPACE / "README.md").read_text()
+    assert f"except small copies of those that the room shows; the room is deleted after {limits.kept}." in said
 
 
 @pytest.mark.long

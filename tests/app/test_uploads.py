@@ -52,6 +52,7 @@ WRONG: dict[str, tuple[Callable[[Path], list[Upload]], str]] = {
     "traversal": (lambda folder: [zipped(folder / "a.zip", {"../a": b"x"})], "leads outside"),
     "an absolute path": (lambda folder: [zipped(folder / "a.zip", {"/a": b"x"})], "leads outside"),
     "a drive": (lambda folder: [zipped(folder / "a.zip", {"C:/a": b"x"})], "leads outside"),
+    "a file without a name": (lambda folder: [zipped(folder / "a.zip", {".": b"x"})], "a file without a name"),
     "a link": (lambda folder: [with_link(folder / "a.zip")], "contains a link"),
     "a lie": (lambda folder: [lying(folder / "a.zip")], "a.zip"),
     "a zip in which a file is a folder": (lambda folder: [zipped(folder / "a.zip", {"a": b"x", "a/b": b"x"})], "cannot be unpacked"),
@@ -110,6 +111,33 @@ def test_a_zip_of_photos_is_photos_and_clutter_is_ignored(tmp_path: Path):
     scene, _ = prepare("archive", [archive], tmp_path, Limits(), lambda title: None)
     assert scene.name == "photos"
     assert len(list(scene.iterdir())) == 2
+
+
+def test_a_zip_of_a_cameras_card_is_photos_in_the_order_of_its_folders(tmp_path: Path):
+    first, second = picture(tmp_path / "a.jpg", (30, 20)), picture(tmp_path / "b.jpg", (40, 20))
+    members = {
+        "DCIM/100APPLE/IMG_9.JPG": first.path.read_bytes(),
+        "DCIM/101APPLE/IMG_1.JPG": second.path.read_bytes(),
+        "DCIM/101APPLE/IMG_2.webp": b"a format that is not read",
+    }
+    archive = zipped(tmp_path / "a.zip", members)
+    scene, notes = prepare("archive", [archive], tmp_path, Limits(), lambda title: None)
+    assert notes == []
+    assert [read_rgb(path).shape for path in sorted(scene.iterdir())] == [(20, 30, 3), (20, 40, 3)]
+
+
+def test_a_zip_of_one_photo_is_too_little_and_calls_none_damaged(tmp_path: Path):
+    archive = zipped(tmp_path / "a.zip", {"a.jpg": picture(tmp_path / "a.jpg").path.read_bytes()})
+    with pytest.raises(UnusableUploadError, match=r"^Fewer than two photos can be read\.$"):
+        prepare("archive", [archive], tmp_path, Limits(), lambda title: None)
+
+
+def test_a_panorama_is_still_one_when_it_is_reduced(tmp_path: Path):
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0xA401] = 6
+    uploads = [picture(tmp_path / "a.jpg", exif=exif), picture(tmp_path / "b.jpg", seed=1)]
+    scene, _ = prepare("photos", uploads, tmp_path, Limits(), lambda title: None)
+    assert [read_optics(path).panorama for path in sorted(scene.iterdir())] == [True, False]
 
 
 def test_an_honest_archive_keeps_its_folders(tmp_path: Path):

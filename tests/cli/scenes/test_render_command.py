@@ -52,6 +52,12 @@ def test_a_folder_has_an_image_for_each_camera_and_show_and_its_cameras_can_be_r
     assert (pixels(again / "0000_colour.png") != pixels(again / "0001_colour.png")).any()
 
 
+def test_a_path_may_begin_with_the_home_folder(done: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert render(done, tmp_path / "stills", "--frames", 1, "--show", "colour") == 0
+    assert render(done, tmp_path / "again", "--path", "~/stills/transforms.json", "--show", "colour") == 0
+
+
 def test_a_video_has_the_images_side_by_side(done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     av = pytest.importorskip("av")
     out, stills = tmp_path / "a.MP4", tmp_path / "stills"
@@ -116,6 +122,8 @@ def test_if_it_is_stopped_half_way_nothing_is_left(
         (("--degrees", 0), "--degrees is 0; expected more than 0, at most 360"),
         (("--degrees", 361), "--degrees is 361"),
         (("--degrees", "nan"), "--degrees is nan"),
+        (("--degrees", 20, "--path", "inputs"), "--degrees is for orbit; --path is inputs"),
+        (("--degrees", 20, "--path", "absent.json"), "--degrees is for orbit; --path is absent.json"),
         (("--frames", 0), "frames"),
         (("--fps", 0), "fps"),
         (("--size", "8x8"), "size"),

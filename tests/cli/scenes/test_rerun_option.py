@@ -147,6 +147,17 @@ def test_files_that_cannot_be_written_are_refused(tmp_path: Path, capsys: pytest
     assert "no such folder" in refused(capsys, scene, tmp_path / "nowhere" / "walk.rrd")
 
 
+def test_a_file_is_replaced_only_with_overwrite(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene, file = write_scene(tmp_path / "scene"), tmp_path / "walk.rrd"
+    file.write_bytes(b"mine")
+    line = refused(capsys, scene, file)
+    assert line.endswith("walk.rrd: expected a new file, found one that exists; use --overwrite to replace it")
+    assert file.read_bytes() == b"mine"
+    options = ["--weights", "random", "--rerun", str(file), "--overwrite"]
+    assert main(["reconstruct", str(scene), "--out", str(tmp_path / "out"), *options]) == 0
+    assert file.read_bytes().startswith(b"RRF")
+
+
 def test_a_file_that_fails_halfway_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = write_scene(tmp_path / "scene")
 

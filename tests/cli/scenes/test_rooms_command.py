@@ -89,3 +89,13 @@ def test_a_sheet_shows_frames_beside_their_labels(tmp_path: Path, monkeypatch: p
     picture = read_rgb(tmp_path / "sheet.png")
     assert picture.shape == (24 + 2 * sheet.LEGEND_PX, 6 * 2 * 32, 3)
     assert [path.name for path in tmp_path.iterdir()] == ["sheet.png"]
+
+
+def test_a_sheet_replaces_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "sheet.png"
+    file.write_bytes(b"mine")
+    assert main(["rooms", "--sheet", str(file)]) == 2
+    assert capsys.readouterr().err == (
+        f"semgs: error: {file}: expected a new file, found one that exists; choose another name\n"
+    )
+    assert file.read_bytes() == b"mine"

@@ -62,13 +62,25 @@ def test_without_viser_one_line_says_what_to_install_before_any_work(
     assert not (folder / "new").exists()
 
 
+def test_cameras_for_what_is_no_splat_are_refused_before_any_work(
+    folder: Path, room: Path, capsys: pytest.CaptureFixture[str]
+):
+    for scene in (folder, room):
+        assert main(["view", str(scene), "--cameras", str(room), "--html", str(folder / "a.html")]) == 2
+        shown = capsys.readouterr()
+        assert shown.err == f"semgs: error: --cameras is for splats of other programs; {scene} is not one\n"
+        assert shown.out == ""
+
+
 def test_a_scene_that_is_not_there_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["view", str(tmp_path / "nowhere")]) == 2
     assert "nowhere: expected a folder with a scene, found nothing there" in capsys.readouterr().err
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("host", "warnings"), [pytest.param("127.0.0.1", 0, marks=pytest.mark.long), ("0.0.0.0", 1)])
+@pytest.mark.parametrize(
+    ("host", "warnings"), [pytest.param("127.0.0.1", 0, marks=pytest.mark.long), ("localhost", 0), ("0.0.0.0", 1)]
+)
 def test_the_viewer_runs_until_an_interrupt_and_warns_once_if_others_can_reach_it(
     folder: Path, host: str, warnings: int
 ):

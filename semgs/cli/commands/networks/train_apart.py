@@ -47,7 +47,7 @@ def main(arguments: list[str]) -> int:
     console = Console(stderr=True, highlight=False)
     try:
         train(read_settings(run), run, execution, console=console)
-    except (InputError, ValueError, FloatingPointError, ImportError) as error:
+    except (InputError, FloatingPointError, ImportError) as error:
         console.print(f"error: {error}", markup=False)
         return 2
     return 0

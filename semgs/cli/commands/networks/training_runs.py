@@ -39,6 +39,7 @@ def train_or_resume(
     from semgs.training.run.run_folder import WEIGHTS, claim_folder, extend_run, is_finished, lock_run
 
     with what_the_user_gave():
+        settings.check_complete()
         claim_folder(run, settings)
     with lock_run(run):
         extend_run(run, settings)
@@ -54,7 +55,6 @@ def train_or_resume(
         train_apart(run, execution)
         return is_finished(run)
     try:
-        with what_the_user_gave():
-            return train(settings, run, execution, console=console).finished
+        return train(settings, run, execution, console=console).finished
     except (FloatingPointError, ImportError) as error:
         raise UsageError(str(error)) from error

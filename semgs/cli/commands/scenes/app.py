@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import secrets
-import socket
 import sys
 from contextlib import suppress
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ import tyro
 from semgs.app.jobs import Jobs
 from semgs.app.limits import Limits
 from semgs.app.page import check_page_library
+from semgs.cli.commands.scenes.addresses import is_this_machine, url_of_address
 from semgs.cli.options.types import at_least, one_word
 from semgs.cli.progress import show_stage
 from semgs.cli.usage_errors import UsageError
@@ -22,7 +22,7 @@ from semgs.files.cache import cache_folder
 from semgs.files.errors import InputError
 from semgs.files.folders import lock_folder
 from semgs.files.paths import found_at, typed_path
-from semgs.viewer.server import EVERY_ADDRESS, LOOPBACK, check_viewer_library
+from semgs.viewer.server import LOOPBACK, check_viewer_library
 
 LAST_PORT = 65535
 
@@ -32,8 +32,8 @@ class App:
     """Open a page in the browser: drop photos, and get a labelled room in 3D.
 
     The page takes photos (JPEG, PNG, HEIC) without cameras, a clip, or a zip of a scene, and shows each stage. The room can be looked at, measured and
-    downloaded. Rooms are made by semgs reconstruct in a process of its own, one at a time; others wait. Photos are deleted once the room is ready. The app runs
-    until Ctrl-C.
+    downloaded. Rooms are made by semgs reconstruct in a process of its own, one at a time; others wait. Photos are deleted once the room is ready, except
+    small copies of those that the room shows. The app runs until Ctrl-C.
 
     Examples
     - semgs app
@@ -74,7 +74,7 @@ class App:
         check_viewer_library()
         with show_stage("Starting"):
             check_page_library()
-        local = self.host in (LOOPBACK, "localhost", "::1")
+        local = is_this_machine(self.host)
         token = None if local else secrets.token_urlsafe(18)
         folder = (self.folder or cache_folder() / "app").absolute()
         folder.mkdir(parents=True, exist_ok=True)
@@ -103,15 +103,14 @@ class App:
 
     def _say(self, port: int, token: str | None) -> None:
         """Print the address."""
-        if token is None:
-            print(f"Open http://{self.host}:{port} in a browser. Ctrl-C stops the app.", flush=True)
-            return
-        print(
-            f"semgs: everyone who can reach {self.host} and has the token can use this app; the connection is not encrypted",
-            file=sys.stderr,
-        )
-        name = socket.gethostname() if self.host == EVERY_ADDRESS else self.host
-        print(f"Open http://{name}:{port}/?token={token} in a browser. Ctrl-C stops the app.", flush=True)
+        url = url_of_address(self.host, port)
+        if token is not None:
+            print(
+                f"semgs: everyone who can reach {self.host} and has the token can use this app; the connection is not encrypted",
+                file=sys.stderr,
+            )
+            url += f"/?token={token}"
+        print(f"Open {url} in a browser. Ctrl-C stops the app.", flush=True)
 
 
 def _findable(source: str) -> str:

@@ -24,9 +24,9 @@ from semgs.cli.options.types import (
     Views,
     WeightsOrRandom,
 )
+from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import say_compiling, show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
-from semgs.files.atomic import check_file
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
 from semgs.model.networks import NetworkName
@@ -136,7 +136,7 @@ class Reconstruct:
     """Also write a recording for Rerun: photos, cameras, class maps, Gaussians, boxes of things and free floor, on a timeline of frames. Needs
     rerun-sdk."""
     overwrite: bool = False
-    """Replace a DIR from an earlier run, once the new result is complete."""
+    """Replace a DIR from an earlier run, once the new result is complete, and the FILE of --rerun."""
     placing: Annotated[DepthOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=DepthOptions)
     segmenting: Annotated[SegmenterOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SegmenterOptions)
     featuring: Annotated[FeatureOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=FeatureOptions)
@@ -259,10 +259,9 @@ class Reconstruct:
         if path.suffix != ".rrd":
             raise UsageError(f"--rerun is {path}; expected a file that ends in .rrd")
         rerun_library()
-        if (
-            path.absolute().parent != self.out.absolute()
-        ):  # a file in the output folder is written once that is complete
-            check_file(path)
+        # A file in the output folder is written once that is complete.
+        if path.absolute().parent != self.out.absolute():
+            check_new_file(path, self.overwrite)
 
     def _check_recording(self) -> None:
         """Check the options that cannot be used together with --all."""

@@ -15,6 +15,7 @@ from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
+from semgs.files.paths import typed_path
 
 if TYPE_CHECKING:
     from semgs.export.stills import Stills
@@ -94,6 +95,8 @@ class Render:
             raise UsageError("--show rgba is for images; a video has no transparency")
         if self.frames is not None and self.path not in ("orbit", "inputs"):
             raise UsageError(f"--frames is for orbit and inputs; {self.path} has its own cameras")
+        if self.degrees is not None and self.path != "orbit":
+            raise UsageError(f"--degrees is for orbit; --path is {self.path}")
         if video:
             check_new_file(self.out, self.overwrite)
         else:
@@ -153,7 +156,7 @@ class Render:
                 raise InputError(self.scene, "two input views or more for --path inputs", "one")
             cameras = interpolate_cameras(scene.cameras, self.frames or 120)
         else:
-            cameras = read_camera_file(Path(self.path)).relative_to(scene.origin)
+            cameras = read_camera_file(typed_path(self.path)).relative_to(scene.origin)
         return (cameras if self.size is None else resize_cameras(cameras, self.size)), note
 
     def _check_width(self, cameras: Cameras, shows: int) -> None:

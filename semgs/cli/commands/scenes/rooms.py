@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from semgs.cli.options.types import Count, Size, WorkersOrCores, shown_size
+from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
-from semgs.files.atomic import check_file
 from semgs.rooms.plans.style import Style
 from semgs.runtime.cores import usable_cores
 
@@ -96,7 +96,7 @@ class Rooms:
         if self.sheet is not None and self.sheet.suffix.lower() != ".png":
             raise UsageError(f"--sheet is {self.sheet}; expected a name that ends in .png")
         if self.sheet is not None:
-            check_file(self.sheet)
+            check_new_file(self.sheet)
 
     def _library(self) -> Library | None:
         if not self.assets:

@@ -10,10 +10,11 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from semgs.cli.commands.scenes.addresses import is_this_machine
 from semgs.cli.commands.scenes.reconstruct import Reconstruct
 from semgs.cli.opened_scene import open_given
 from semgs.cli.options.types import Count, Probability, Views, WeightsOrRandom, at_least, one_word
@@ -30,6 +31,7 @@ from semgs.viewer.server import LOOPBACK, check_viewer_library
 if TYPE_CHECKING:
     from semgs.robotics.objects import Objects
     from semgs.scene.opened import OpenedScene
+    from semgs.scene.scene_file import SavedScene
 
 SCENE_FILE = "scene.safetensors"
 
@@ -87,6 +89,8 @@ class View:
             ImportError: viser, or for --objects scikit-learn or trimesh, is not installed.
         """
         existing_folder(self.scene)
+        if self.cameras is not None and not is_splat(self.scene):
+            raise UsageError(f"--cameras is for splats of other programs; {self.scene} is not one")
         if self.port > LAST_PORT:
             raise UsageError(f"--port is {self.port}; expected 1 to {LAST_PORT}")
         if self.html is not None:
@@ -117,24 +121,26 @@ class View:
     def _write(self, path: Path, file: Path) -> None:
         """Write the page."""
         with show_stage("Writing the page"):
-            from semgs.viewer.viewer_cameras import photos_in
             from semgs.viewer.viewer_page import MOST_GAUSSIANS, scene_page
 
-            opened = open_given(path, self.cameras, self.up)
-            scene = opened.scene
-            photos = opened.photos if opened.splat else photos_in(path if path.is_dir() else path.parent, scene)
-            at_most = self.max_gaussians or MOST_GAUSSIANS
-            page = scene_page(
-                scene,
-                photos or (),
-                up=opened.up,
-                min_confidence=self.min_confidence,
-                at_most=at_most,
-                things=self._things(opened),
-                near_photos=not opened.splat or bool(opened.photos),
-            )
+            scene, content = self._open(path)
+            page = scene_page(scene, at_most=self.max_gaussians or MOST_GAUSSIANS, **content)
             write_text(file, page.html)
         print(f"{file}: {page.shown:,} of {len(scene.gaussians):,} Gaussians, {file.stat().st_size / 1e6:.1f} MB")
+
+    def _open(self, path: Path) -> tuple[SavedScene, dict[str, Any]]:
+        """The scene, and what a page and a viewer of it have in common: keyword arguments of `scene_page` and `open_window`."""
+        from semgs.viewer.viewer_cameras import photos_in
+
+        opened = open_given(path, self.cameras, self.up)
+        photos = opened.photos if opened.splat else photos_in(path if path.is_dir() else path.parent, opened.scene)
+        return opened.scene, {
+            "photos": photos or (),
+            "up": opened.up,
+            "min_confidence": self.min_confidence,
+            "things": self._things(opened),
+            "near_photos": not opened.splat or bool(opened.photos),
+        }
 
     def _things(self, opened: OpenedScene) -> Objects | None:
         """The things of the scene, if they are to be shown."""
@@ -151,25 +157,12 @@ class View:
     def _show(self, path: Path) -> None:
         """Show the viewer until an interrupt."""
         with show_stage("Reading the scene"):
-            from semgs.viewer.viewer_cameras import photos_in
             from semgs.viewer.window import open_window
 
-            opened = open_given(path, self.cameras, self.up)
-            scene = opened.scene
-            photos = opened.photos if opened.splat else photos_in(path if path.is_dir() else path.parent, scene)
-        if self.host != LOOPBACK:
+            scene, content = self._open(path)
+        if not is_this_machine(self.host):
             print(f"semgs: anybody who can reach {self.host} can see this scene, without a password", file=sys.stderr)
-        viewer = open_window(
-            scene,
-            photos or (),
-            up=opened.up,
-            min_confidence=self.min_confidence,
-            at_most=self.max_gaussians,
-            things=self._things(opened),
-            near_photos=not opened.splat or bool(opened.photos),
-            host=self.host,
-            port=self.port,
-        )
+        viewer = open_window(scene, at_most=self.max_gaussians, host=self.host, port=self.port, **content)
         with viewer as window, suppress(KeyboardInterrupt):
             if not window.up.certain:
                 print(f"note: which way is up is uncertain ({window.up.reason}); set it with --up")
