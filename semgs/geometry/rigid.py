@@ -1,4 +1,4 @@
-"""Rigid motions of Gaussians and cameras: the same scene in another frame."""
+"""Gaussians and cameras in another frame: rigid motions, and a scale for Gaussians."""
 
 from __future__ import annotations
 
@@ -13,20 +13,24 @@ from semgs.geometry.harmonics_rotation import rotate_harmonics
 from semgs.geometry.rotations import quaternion_from_matrix, quaternion_product
 
 
-def move_gaussians(b_from_a: Float64[Tensor, "4 4"], gaussians: Gaussians) -> Gaussians:
-    """The Gaussians of one scene in another frame: positions, axes and the harmonics of their colours.
+def move_gaussians(b_from_a: Float64[Tensor, "4 4"], gaussians: Gaussians, *, scale: float = 1.0) -> Gaussians:
+    """The Gaussians of one scene in another frame: positions, axes, sizes and the harmonics of their colours.
+
+    Positions x become scale R x + t, computed in float64 and rounded once.
 
     Args:
-        b_from_a: rotation and translation from the frame of the Gaussians to the other.
+        b_from_a: R and t, rotation and translation from the frame of the Gaussians to the other.
         gaussians: without a batch axis.
+        scale: length of a unit of the Gaussians' frame in the other.
     """
     rotation = b_from_a[:3, :3]
     turn = quaternion_from_matrix(rotation)
-    means = gaussians.means.double() @ rotation.T + b_from_a[:3, 3]
+    means = scale * gaussians.means.double() @ rotation.T + b_from_a[:3, 3]
     harmonics = rotate_harmonics(gaussians.colour.features[None], rotation[None])[0]
 
     def turned(shape: Appearance) -> Appearance:
-        return replace(shape, quaternions=quaternion_product(turn.to(shape.quaternions), shape.quaternions))
+        scales = shape.scales if scale == 1 else (scale * shape.scales.double()).to(shape.scales)
+        return Appearance(quaternion_product(turn.to(shape.quaternions), shape.quaternions), scales, shape.features)
 
     return replace(
         gaussians,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from time import perf_counter
 
 import torch
@@ -95,14 +96,17 @@ def stream(
         voxel: Gaussians in the same voxel of this size are joined; None joins none [m].
 
     Raises:
-        ValueError: an argument is outside its range, or a frame has neither three nor four parts.
+        ValueError: an argument is outside its range, a frame has neither three nor four parts, or all frames have ended and none could be used, because
+            its time, image, pose or intrinsics were not valid.
     """
     if not isinstance(frames, Iterable):
         raise TypeError(
             f"frames are {type(frames).__name__}; expected (image, world_from_camera, intrinsics) again and again, as they come"
         )
-    model = load(network) if isinstance(network, str) else network
     near, far = depth_range
+    if not 0 < near < far < inf:
+        raise ValueError(f"depth_range is {depth_range}; expected near and far in metres, 0 < near < far")
+    model = load(network) if isinstance(network, str) else network
     bounds = DepthRange(near, far, "metric", "as given")
 
     def window(_: Sequence[int], seen: Views) -> Encoding:
@@ -110,15 +114,21 @@ def stream(
 
     mapper = Mapper(window, bounds, views=views, radius=radius, voxel=voxel)
     reader = FrameReader((near, far), size)
+    valid = 0
     for frame in frames:
         start = perf_counter()
         view = reader.read(frame, mapper.ignore)
+        valid += view is not None
         with torch.no_grad():
             if view is None or not mapper.add(view):
                 continue
             merged = mapper.merged()
         if merged is not None:
             yield _scene(merged, mapper, reader.resized, perf_counter() - start)
+    if mapper.ignored and not valid:
+        reasons = ", ".join(f"{reason} ({count})" for reason, count in mapper.ignored.items())
+        first = f"; the first: {reader.first_error}" if reader.first_error else ""
+        raise ValueError(f"no frame could be used: {reasons}{first}")
 
 
 class FrameReader:
@@ -130,13 +140,14 @@ class FrameReader:
 
     Attributes:
         resized: how many frames had another size than the first one.
+        first_error: what is wrong with the first frame whose image, pose or intrinsics are not valid; empty if there is none.
     """
 
     def __init__(self, depth_range: tuple[float, float], size: tuple[int, int] | None) -> None:
         self._depth_range, self._size = depth_range, size
         self._first: tuple[int, int] | None = None
         self._time = float("-inf")
-        self.resized = 0
+        self.resized, self.first_error = 0, ""
 
     def read(self, frame: StreamedFrame, ignore: Callable[[str], None]) -> Views | None:
         """A frame as one view; None, after `ignore` was called with the reason, if it cannot be used.
@@ -161,7 +172,8 @@ class FrameReader:
             self._time = time
         try:
             view = Views.from_arrays([image], [pose], intrinsics, self._depth_range)  # type: ignore[list-item, arg-type]
-        except (ValueError, TypeError, RuntimeError):
+        except (ValueError, TypeError, RuntimeError) as error:
+            self.first_error = self.first_error or str(error)
             ignore("its image, pose or intrinsics are not valid")
             return None
         if self._first is None:

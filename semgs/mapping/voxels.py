@@ -56,9 +56,9 @@ def join_in_voxels(
     _, voxel = torch.unique(voxel[several], return_inverse=True)
     parts = gaussians.map(lambda tensor: tensor[several])
     weight = (parts.opacities * area(parts.colour.scales)).clamp(min=1e-12)
-    heaviest = torch.empty(int(voxel.max()) + 1, dtype=torch.int64)
     order = weight.argsort(stable=True)
-    heaviest[voxel[order]] = order  # the last one that is written stays
+    order = order[voxel[order].argsort(stable=True)]  # by voxel, and there by weight
+    heaviest = order[voxel.bincount().cumsum(0) - 1]  # the last one of each voxel
     total = weight.new_zeros(len(heaviest)).index_add_(0, voxel, weight)
 
     def mean(values: Tensor) -> Tensor:

@@ -339,8 +339,10 @@ def _one_pass(part: RenderedViews, encoding: Encoding) -> OnePassViews:
 def _saved_scene(
     scene: Scene, context: RenderedViews, encoding: Encoding, model: str, labelling: Labelling | None
 ) -> SavedScene:
-    """The scene as its file stores it."""
-    transform = scene.applied_transform
+    """The scene as its file stores it. The depth of hidden pixels is 0, unknown: the network's would free space that no photo shows."""
+    transform, hidden = scene.applied_transform, context.views.hidden
+    if hidden is not None:
+        encoding = replace(encoding, depths=encoding.depths.masked_fill(hidden.to(encoding.depths.device), 0))
     saved = SavedScene.of(
         encoding,
         context.views,

@@ -17,6 +17,9 @@ LEAST_FLOOR = 0.01
 MOST_BELOW, FAR_BELOW = 0.05, 0.2
 """A level with more than this share of all points further below it than this [m] is a table that was taken for a floor."""
 
+DEEPEST = 1000.0
+"""Points further below the lowest camera are not searched for the floor: a single stray one would stretch the bins without end [m]."""
+
 LOWEST_PEAK = 0.4
 """Without classes, the floor is the lowest level with this share of the points of the fullest one."""
 
@@ -42,7 +45,7 @@ def floor_height(
     Raises:
         NoFloorError: there is no such level.
     """
-    may = heights < eyes.min() - THICK
+    may = (heights < eyes.min() - THICK) & (heights > eyes.min() - DEEPEST)
     if on_floor is not None:
         may &= on_floor
     if weights[may].sum() <= LEAST_FLOOR * weights.sum():

@@ -35,6 +35,9 @@ FLOOR = "floor"
 UNEVEN = 0.3
 """Points with the class of the floor are on it up to this height, as depth from images is not exact; higher ones have the wrong class [m]."""
 
+ROUNDING = 1e-9
+"""Lengths this close to a whole number of cells are that number: 0.14 / 0.02 is slightly more than 7 in floating point [cells]."""
+
 MOST_VOXELS = 400_000_000
 """More would not fit into the memory of a small machine."""
 
@@ -117,8 +120,8 @@ def occupancy(
     points, weights = points[near], weights[near]
     labels, on_floor = (None if one is None else one[near] for one in (labels, on_floor))
 
-    below = int(np.ceil(step / resolution))
-    layers = below + int(np.ceil(height / resolution - 1e-9))
+    below, above = (int(np.ceil(length / resolution - ROUNDING)) for length in (step, height))
+    layers = below + above
     plan = np.concatenate((points[:, :2], rays.origins[:, :2]))
     low = np.floor(plan.min(0) / resolution) - 1
     across, along = (np.floor(plan.max(0) / resolution) - low + 2).astype(int).tolist()
@@ -169,9 +172,10 @@ def closed(blocked: Bool[np.ndarray, "x y"], width: float) -> Bool[np.ndarray, "
         blocked: the plan.
         width: diameter of the disc [cells].
     """
-    reach = int(width / 2)
+    radius = width / 2 + ROUNDING
+    reach = int(radius)
     offsets = np.arange(-reach, reach + 1)
-    disc = np.hypot(offsets[:, None], offsets) <= width / 2
+    disc = np.hypot(offsets[:, None], offsets) <= radius
     return binary_closing(np.pad(blocked, reach), disc)[reach or None : -reach or None, reach or None : -reach or None]
 
 

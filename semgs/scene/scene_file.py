@@ -65,7 +65,7 @@ class SavedScene:
         gaussians: in the order view, row, column, without a batch axis, relative to `origin`.
         cameras: of the context views, at the size of the encoding, also relative to `origin`. To convert cameras of the source, use
             `cameras.relative_to(scene.origin)`.
-        depths: z-depth of the Gaussian at every context pixel, the network's or a sensor's [unit of the scene].
+        depths: z-depth of the Gaussian at every context pixel, the network's or a sensor's, 0 = unknown, as at hidden pixels [unit of the scene].
         confidences: the largest probability among the depth candidates, 0..1; 1 where a sensor measured the depth.
         depth_range: near and far of each context view [unit of the scene].
         unit: "metric" for metres, or "unknown".

@@ -22,7 +22,7 @@ from semgs.data.ply_tables import PlyTables
 from semgs.files.errors import InputError
 from semgs.geometry.harmonics import DEGREE_0
 from semgs.splats.plain_ply import VERTEX, Columns, by_coefficient, rest_names, together
-from semgs.splats.splat import Splat, check_all, check_count, make_gaussians
+from semgs.splats.splat import Splat, check_all, check_count, make_gaussians, with_largest
 
 CHUNK, HARMONICS = "chunk", "sh"
 CHUNK_SIZE = 256
@@ -111,13 +111,7 @@ def _between(bounds: Columns, names: tuple[str, ...], chunks: np.ndarray, shares
 def _rotations(packed: np.ndarray) -> np.ndarray:
     """Quaternions (w, x, y, z) [g 4]."""
     others = (_shares(packed, ((20, 10), (10, 10), (0, 10))) - 0.5) * 2**0.5
-    largest = (packed >> np.uint32(30)).astype(np.int64)
-    quaternions = np.empty((len(packed), 4))
-    rows = np.arange(len(packed))
-    for place in range(3):
-        quaternions[rows, place + (place >= largest)] = others[:, place]
-    quaternions[rows, largest] = np.sqrt(np.maximum(0, 1 - (others**2).sum(-1)))
-    return quaternions
+    return with_largest(others, (packed >> np.uint32(30)).astype(np.int64))
 
 
 def _harmonics(path: Path, ply: PlyTables, count: int) -> np.ndarray:

@@ -175,9 +175,7 @@ def _moved(path: Path, gaussians: Gaussians, part: Part) -> Gaussians:
         raise InputError(path, "nodes that turn, move and scale evenly", "one that stretches or mirrors", part.place)
     rigid = torch.eye(4, dtype=torch.float64)
     rigid[:3, :3], rigid[:3, 3] = torch.from_numpy(axes / scale), torch.from_numpy(part.matrix[:3, 3])
-    means, shape = gaussians.means.double() * scale, gaussians.colour
-    larger = Appearance(shape.quaternions, (shape.scales.double() * scale).float(), shape.features)
-    moved = move_gaussians(rigid, Gaussians(means, gaussians.opacities, larger))
+    moved = move_gaussians(rigid, gaussians, scale=float(scale))
     return make_gaussians(
         path,
         means=moved.means.numpy(),

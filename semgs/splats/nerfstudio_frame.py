@@ -19,7 +19,7 @@ from torch import Tensor
 
 from semgs.files.errors import InputError
 from semgs.files.strict_json import read_json
-from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.geometry.gaussians import Gaussians
 from semgs.geometry.rigid import move_gaussians
 
 FILE_NAME = "dataparser_transforms.json"
@@ -41,14 +41,13 @@ class TrainedFrame:
     transform: Float64[Tensor, "4 4"]
     scale: float
 
-    def undo(self, gaussians: Gaussians) -> Gaussians:
-        """A splat in the frame of the scene's poses."""
+    def undo(
+        self, gaussians: Gaussians, origin: Float64[np.ndarray, " 3"] | tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> Gaussians:
+        """A splat in the frame of the scene's poses, relative to an origin there, which may be too far out for float32."""
         inverse = torch.linalg.inv(self.transform)
-        shape = gaussians.colour
-        larger = Appearance(shape.quaternions, shape.scales / self.scale, shape.features)
-        means = gaussians.means.double() / self.scale
-        moved = move_gaussians(inverse, Gaussians(means, gaussians.opacities, larger))
-        return Gaussians(moved.means.float(), moved.opacities, moved.colour)
+        inverse[:3, 3] -= torch.tensor(origin, dtype=torch.float64)
+        return move_gaussians(inverse, gaussians, scale=1 / self.scale)
 
 
 def find_trained_frame(

@@ -115,7 +115,7 @@ def in_frame_of(file: Path, gaussians: Gaussians, scene: Scene) -> Gaussians:
     folders = [file.parent, scene.path if scene.path.is_dir() else scene.path.parent]
     trained = find_trained_frame(folders, scene.applied_transform, scene.applied_scale)
     if trained is not None:
-        gaussians = trained.undo(gaussians)
+        return trained.undo(gaussians, scene.origin)
     if scene.origin.any():
         means = (gaussians.means.double() - torch.from_numpy(scene.origin)).float()
         gaussians = Gaussians(means, gaussians.opacities, gaussians.colour)

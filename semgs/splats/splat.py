@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int64
 from torch import Tensor
 
 from semgs.files.errors import InputError
@@ -111,6 +111,20 @@ def make_gaussians(
         opacities=_tensor(opacities),
         colour=Appearance(_tensor(turns), _tensor(scales), _tensor(harmonics[:, : _used(harmonics)])),
     )
+
+
+def with_largest(others: Float[np.ndarray, "g 3"], largest: Int64[np.ndarray, " g"]) -> Float[np.ndarray, "g 4"]:
+    """Quaternions of unit length from all of their numbers but the largest one, which is positive.
+
+    Args:
+        others: the three others, in their order.
+        largest: the place of the largest one, 0..3.
+    """
+    quaternions, rows = np.empty((len(others), 4)), np.arange(len(others))
+    for place in range(3):
+        quaternions[rows, place + (place >= largest)] = others[:, place]
+    quaternions[rows, largest] = np.sqrt(np.maximum(0, 1 - (others**2).sum(-1)))
+    return quaternions
 
 
 def _tensor(values: np.ndarray) -> Float[Tensor, " ..."]:

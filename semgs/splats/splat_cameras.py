@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import cos, radians, sin, tan
 
 import torch
@@ -13,6 +13,7 @@ from semgs.geometry.camera_paths import orbit
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Gaussians
 from semgs.rendering.render import render
+from semgs.splats.splat_scene import without_harmonics
 
 COUNT = 8
 """Cameras on the circle."""
@@ -87,7 +88,7 @@ def cameras_around(gaussians: Gaussians, up: Float64[Tensor, " 3"]) -> Surround:
 
 def _is_room(gaussians: Gaussians, centre: Float64[Tensor, " 3"], up: Float64[Tensor, " 3"], free: float) -> bool:
     """Whether there is something on all four sides of a point, half of it further away than `free`."""
-    gaussians = replace(gaussians, colour=replace(gaussians.colour, features=gaussians.colour.features[:, :1]))
+    gaussians = without_harmonics(gaussians)
     cameras, depths = _circle(centre, up, 0.0, 0.0, 90.0, (PROBE, PROBE), 4), []
     for view in range(4):
         rendering = render(gaussians, cameras[view : view + 1], near=free / 10)

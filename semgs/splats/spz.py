@@ -31,7 +31,7 @@ import numpy as np
 
 from semgs.files.errors import InputError
 from semgs.files.extras import needs_extra
-from semgs.splats.splat import Splat, check_count, make_gaussians
+from semgs.splats.splat import Splat, check_count, make_gaussians, with_largest
 
 MAGIC, GZIP = b"NGSP", b"\x1f\x8b"
 HEADER, STREAMS_HEADER = struct.Struct("<4sIIBBBB"), struct.Struct("<4sIIBBBBI12x")
@@ -248,11 +248,6 @@ def _first_three(data: np.ndarray) -> np.ndarray:
 def _smallest_three(data: np.ndarray) -> np.ndarray:
     """Quaternions (w, x, y, z) of versions 3 and 4 [g 4]."""
     packed = data.view("<u4").astype(np.int64)
-    largest, rows = packed >> 30, np.arange(len(packed))
     parts = np.stack([packed >> shift & 0x3FF for shift in (20, 10, 0)], axis=-1)
     others = (parts & 0x1FF) / 0x1FF / 2**0.5 * np.where(parts & 0x200, -1, 1)
-    quaternions = np.empty((len(packed), 4))  # x, y, z, w
-    for place in range(3):
-        quaternions[rows, place + (place >= largest)] = others[:, place]
-    quaternions[rows, largest] = np.sqrt(np.maximum(0, 1 - (others**2).sum(-1)))
-    return np.roll(quaternions, 1, axis=-1)
+    return np.roll(with_largest(others, packed >> 30), 1, axis=-1)  # the file has x, y, z, w

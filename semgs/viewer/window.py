@@ -6,7 +6,6 @@ import json
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -26,6 +25,7 @@ from semgs.geometry.cameras import Cameras
 from semgs.rendering.rendering import label_maps
 from semgs.robotics.objects import Objects
 from semgs.scene.scene_file import SavedScene
+from semgs.scene.selection import part_of
 from semgs.scene.upright import Up, UpDirection, up_of
 from semgs.viewer import panel_texts as texts
 from semgs.viewer.nodes import add_boxes, add_input_views, add_splats, node_name, set_first_camera, view_data
@@ -317,9 +317,7 @@ class Window:
 
     def _render_image(self, camera: Cameras) -> UInt8[np.ndarray, "h w 3"]:
         """The shown classes from a camera, in the mode of the panel."""
-        kept = torch.from_numpy(self._find_visible())
-        scene = self._splats.scene
-        scene = replace(scene, gaussians=scene.gaussians.map(lambda tensor: tensor[kept]))
+        scene = part_of(self._splats.scene, torch.from_numpy(self._find_visible()))
         cameras = camera.arranged(lambda array: array[None])
         if self._mode == "colour" and self._tint > 0 and scene.classes is not None:
             rendering = scene.render(cameras)

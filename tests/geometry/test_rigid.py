@@ -52,3 +52,15 @@ def test_a_quarter_turn_about_z_takes_x_to_y() -> None:
     assert torch.allclose(after[:, 2], before[:, 2], atol=1e-6)
     assert torch.allclose(after[:, 3], -before[:, 1], atol=1e-6)
     assert moved.colour.scales is gaussians.colour.scales
+
+
+def test_a_scaled_scene_has_all_lengths_scaled_before_it_is_moved() -> None:
+    gaussians, moved = some_gaussians(), motion(0.3, -0.8, 0.5, 0.1)
+    larger = move_gaussians(moved, gaussians, scale=4.0)
+    expected = 4 * gaussians.means.double() @ moved[:3, :3].T + moved[:3, 3]
+    torch.testing.assert_close(larger.means, expected.float())
+    assert gaussians.semantic is not None
+    assert larger.semantic is not None
+    assert torch.equal(larger.colour.scales, 4 * gaussians.colour.scales)
+    assert torch.equal(larger.semantic.scales, 4 * gaussians.semantic.scales)
+    assert torch.equal(larger.colour.features, move_gaussians(moved, gaussians).colour.features)

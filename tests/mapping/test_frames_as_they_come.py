@@ -109,6 +109,15 @@ def test_a_recording_with_nothing_usable_gives_no_scene(frames):
     assert streamed(frames) == []
 
 
+def test_frames_of_which_none_is_valid_are_an_error_with_the_counted_reasons():
+    """Intrinsics that are divided by the image size, as some programs have them; one frame of four comes twice."""
+    divided = INTRINSICS / torch.tensor([[SIZE[1]], [SIZE[0]], [1.0]])
+    frames = [(image(), pose(0.3 * number), divided, float(max(number, 1))) for number in range(4)]
+    said = r"no frame could be used: its image, pose or intrinsics are not valid \(3\), its time is not later than the one before \(1\); the first: .*intrinsics"
+    with pytest.raises(ValueError, match=said):
+        streamed(frames)
+
+
 def test_a_frame_needs_three_or_four_parts():
     with pytest.raises(ValueError, match="a frame has 2 parts"):
         streamed([(image(), pose(0.0))])
@@ -116,7 +125,14 @@ def test_a_frame_needs_three_or_four_parts():
 
 @pytest.mark.parametrize(
     ("options", "said"),
-    [({"views": 5}, "2 to 4 views"), ({"radius": 0.0}, "radius is 0"), ({"voxel": -1.0}, "voxel is -1")],
+    [
+        ({"views": 5}, "2 to 4 views"),
+        ({"radius": 0.0}, "radius is 0"),
+        ({"voxel": -1.0}, "voxel is -1"),
+        ({"depth_range": (10.0, 0.5)}, r"depth_range is \(10.0, 0.5\); expected .* 0 < near < far"),
+        ({"depth_range": (0.0, 10.0)}, "0 < near < far"),
+        ({"depth_range": (0.5, math.inf)}, "0 < near < far"),
+    ],
 )
 def test_numbers_outside_their_range_are_refused(options, said):
     with pytest.raises(ValueError, match=said):

@@ -36,8 +36,8 @@ SPLATS = (
     ),
     Mutant(
         "splats: packed rotations count x, y, z, w", "semgs/splats/compressed_ply.py",
-        "quaternions[rows, largest] = np.sqrt(np.maximum(0, 1 - (others**2).sum(-1)))\n    return quaternions",
-        "quaternions[rows, largest] = np.sqrt(np.maximum(0, 1 - (others**2).sum(-1)))\n    return np.roll(quaternions, 1, axis=-1)",
+        "return with_largest(others, (packed >> np.uint32(30)).astype(np.int64))",
+        "return np.roll(with_largest(others, (packed >> np.uint32(30)).astype(np.int64)), 1, axis=-1)",
         OF_PLY,
     ),
     Mutant(
@@ -70,12 +70,11 @@ SPLATS = (
     ),
     Mutant(
         "splats: a node of glTF does not scale its Gaussians", "semgs/splats/gltf_splat.py",
-        "(shape.scales.double() * scale).float()", "shape.scales", OF_GLTF,
+        "move_gaussians(rigid, gaussians, scale=float(scale))", "move_gaussians(rigid, gaussians)", OF_GLTF,
     ),
     Mutant(
         "splats: nerfstudio's scale is undone after its transform", "semgs/splats/nerfstudio_frame.py",
-        "means = gaussians.means.double() / self.scale\n        moved = move_gaussians(inverse, Gaussians(means, gaussians.opacities, larger))\n        return Gaussians(moved.means.float(),",
-        "means = gaussians.means.double()\n        moved = move_gaussians(inverse, Gaussians(means, gaussians.opacities, larger))\n        return Gaussians((moved.means / self.scale).float(),",
+        "        inverse[:3, 3] -= torch", "        inverse[:3, 3] /= self.scale\n        inverse[:3, 3] -= torch",
         OF_SCENES,
     ),
     Mutant(

@@ -22,6 +22,7 @@ from semgs.reconstruction.notes import strangers
 from semgs.reconstruction.output.report import Provenance, report_numbers
 from semgs.reconstruction.pipeline import reconstruct
 from semgs.reconstruction.recording import Walk
+from semgs.robotics.rays import rays_of
 from semgs.runtime.stopwatch import COMPILE, Stages
 from semgs.scene.encoding import Encoding
 from semgs.scene.scene_file import load_scene, save_scene
@@ -333,6 +334,20 @@ def test_a_black_border_has_no_gaussians_and_no_scores_and_the_notes_say_so(
         "Hidden: 1,720 of 4,480 pixels of the input views and 1,720 of 4,480 pixels of the held-out views are a black border or masked. "
         "They have no Gaussians and count in no score."
     ]
+
+
+@pytest.mark.parametrize("walk", [False, True])
+def test_a_black_border_frees_no_space(wall_scene: Callable[..., Scene], oracle: Network, walk: bool) -> None:
+    """The oracle says how far the wall is behind the border, too. Nobody saw it there: the saved depth is 0, and no ray goes there."""
+    scene = wall_scene()
+    change_images(scene, black_edge, 0, 1, 2, 3)
+    result = reconstruct(scene, Walk(2) if walk else choose_named(scene, [0, 3]), oracle, (40, 56))
+    hidden, depths = result.context.views.hidden, result.saved.depths
+    assert hidden is not None
+    assert not depths[hidden].any()
+    assert (depths[~hidden] > 1.5).all()
+    rays = rays_of(result.saved.gaussians, result.saved.cameras, np.eye(3), depths, result.saved.depth_spread)
+    assert len(rays.ends) == int((~hidden).sum()) == len(hidden) * 30 * 46
 
 
 def test_a_walk_along_photos_with_black_borders_has_no_gaussians_there(

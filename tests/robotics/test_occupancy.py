@@ -140,6 +140,19 @@ def test_gaps_that_no_disc_fits_into_are_closed() -> None:
     np.testing.assert_array_equal(closed(blocked, 1.0), blocked)
 
 
+def test_lengths_that_are_whole_numbers_of_cells_but_for_rounding_are_whole() -> None:
+    """In floating point 0.28 / 0.04 is above 7 and 0.6 / 0.1 below 6. A disc of 6 cells is one of radius 3, which fits into no gap of five."""
+    assert 0.28 / 0.04 > 7
+    scene = room_of_blocks()
+    found = occupancy(scene.gaussians, scene.cameras, resolution=0.04, step=0.28, height=0.4)
+    assert found.voxels.shape[0] == 7 + 10
+    assert found.origin[2] == pytest.approx(-0.28, abs=1e-6)
+    assert 0.6 / 0.1 < 6
+    blocked = np.zeros((9, 13), bool)
+    blocked[:, [2, 8]] = True
+    assert closed(blocked, 0.6 / 0.1)[4].tolist() == [False] * 2 + [True] * 7 + [False] * 4
+
+
 def test_a_scene_without_classes_and_the_public_name_work() -> None:
     scene = room_of_blocks(classes=False)
     plain = semgs.occupancy(scene.gaussians, scene.cameras, resolution=0.1)

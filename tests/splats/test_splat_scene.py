@@ -25,7 +25,7 @@ from semgs.scene.scene_file import FILE_NAME, load_scene, save_scene
 from semgs.scene.upright import UpDirection, up_of
 from semgs.splats import nerfstudio_frame
 from semgs.splats.nerfstudio_frame import find_trained_frame, read_trained_frame
-from semgs.splats.scene_opening import MOST_VIEWS, open_splat
+from semgs.splats.scene_opening import MOST_VIEWS, in_frame_of, open_splat
 from semgs.splats.splat_cameras import cameras_around
 from semgs.splats.splat_scene import find_places, splat_scene
 
@@ -192,6 +192,29 @@ def test_nerfstudios_frame_is_undone(tmp_path: Path):
     torch.testing.assert_close(
         covariance(undone.colour.quaternions, undone.colour.scales)[0].diagonal().sqrt(), torch.tensor([0.8, 0.4, 1.2])
     )
+
+
+def test_a_splat_of_a_capture_in_utm_is_as_exact_as_near_the_origin(tmp_path: Path):
+    """5,400 km from the origin float32 counts in halves of a metre; relative to the scene's origin it counts in micrometres."""
+    utm = np.array([432_100.0, 5_400_200.0, 310.0])
+
+    def move(content: dict) -> None:
+        for frame in content["frames"]:
+            for row, far in zip(frame["transform_matrix"], utm, strict=False):
+                row[3] += far
+
+    scene = write_scene(tmp_path / "scene", 4, (24, 32), change=move)
+    assert float(np.abs(scene.origin - utm).max()) < 4
+    turn = np.array(TRANSFORM)[:, :3]
+    transform = np.column_stack((turn, -turn @ utm))
+    saved = {"transform": transform.tolist(), "scale": 0.25}
+    (tmp_path / nerfstudio_frame.FILE_NAME).write_text(json.dumps(saved))
+    beside = np.array([[0.3, 0.7, -0.2], [1.1, -0.4, 0.6]])
+    trained = dots(torch.from_numpy(0.25 * beside @ turn.T), 0.02)
+    found = in_frame_of(tmp_path / "a.ply", trained, scene)
+    assert found.means.dtype == torch.float32
+    np.testing.assert_allclose(found.means.numpy(), beside + utm - scene.origin, atol=1e-6)
+    assert float(found.colour.scales.mean()) == pytest.approx(0.08)
 
 
 def test_what_nerfstudio_multiplied_in_from_transforms_json_is_taken_out(tmp_path: Path):

@@ -53,7 +53,8 @@ def write_results(folder: Path, result: Reconstruction, origin: Provenance, stag
     if page:
         with stages("page", "Writing the page in 3D"):
             photos = [as_bytes(image) for image in result.context.views.images]
-            write_text(folder / SCENE_PAGE, scene_page(result.saved, photos, min_confidence=result.min_confidence).html)
+            shown = scene_page(result.saved, photos, up=result.up, min_confidence=result.min_confidence)
+            write_text(folder / SCENE_PAGE, shown.html)
     write_json(folder / "report.json", report_numbers(result, origin, stages.seconds))
     write_text(folder / "report.html", report_page(result, origin, stages.seconds, page))
 
