@@ -126,7 +126,7 @@ class Ablate:
         if not runs:
             return
         tests = {} if self.train_only else self._tests()
-        targets = cache(self._targets)
+        targets, done = cache(self._targets), []
         for number, ((row, seed), settings) in enumerate(zip(runs, planned, strict=True), 1):
             title = f"{number}/{len(runs)} {row.title}, seed {seed}"
             if not self._train(title, row, settings, execution, ends):
@@ -134,8 +134,10 @@ class Ablate:
                 break
             for name, path in tests.items():
                 self._evaluate(row, settings, execution.device, name, *targets(path))
+            done.append((row, seed))
         if not self.train_only:
-            print(self._tables(runs, {name: targets(path) for name, path in tests.items()}))
+            tested = {name: targets(path) for name, path in tests.items()} if done else {}
+            print(self._tables(done, tested))
 
     def _check(self) -> None:
         """Check what can be checked without importing torch."""
@@ -292,7 +294,7 @@ class Ablate:
 
         folder = self._folder(row, settings.seed) / name
         weights = self._run(row, settings.seed) / WEIGHTS
-        if folder.exists() and _evaluated(folder, data, plan) == sha256(weights):
+        if folder.exists() and _report(folder, data, plan).sha256 == sha256(weights):
             return
         with what_the_user_gave():
             candidate = load_candidate(weights, data.classes, device, row.title)
@@ -304,10 +306,10 @@ class Ablate:
         return self.views or VIEWS[self.stage]
 
     def _tables(self, runs: list[tuple[AblationRow, int]], tests: dict[str, tuple[LabelledScenes, FramePlan]]) -> str:
-        """The tables of all evaluated runs; they are also written to OUT.
+        """The tables of evaluated runs; they are also written to OUT.
 
         Args:
-            runs: the trainings.
+            runs: the trainings, each of which was evaluated.
             tests: what they were evaluated on, by the name of the folder of its evaluations.
         """
         from semgs.evaluation.tables.table_grid import printed
@@ -316,8 +318,6 @@ class Ablate:
         texts: dict[Literal["text", "markdown"], list[str]] = {"text": [], "markdown": []}
         for name, (data, plan) in tests.items():
             reports = self._reports(runs, name, data, plan)
-            if not reports:
-                continue
             for form, blocks in texts.items():
                 heading = f"{'## ' if form == 'markdown' else ''}Evaluated on {data.path.name}"
                 blocks += [heading, *(printed(grid, form) for grid in self._grids(reports, plan))]
@@ -348,16 +348,11 @@ class Ablate:
     def _reports(
         self, runs: list[tuple[AblationRow, int]], name: str, data: LabelledScenes, plan: FramePlan
     ) -> dict[tuple[str, int], SavedReport]:
-        """The reports of all runs that were evaluated on some scenes."""
+        """The reports of runs on some scenes."""
         from semgs.evaluation.tables.ablation import read_fragments
         from semgs.evaluation.tables.comparison_tables import check_comparable
-        from semgs.evaluation.tables.evaluation_report import read_report
 
-        folders = {(row.name, seed): self._folder(row, seed) / name for row, seed in runs}
-        folders = {run: folder for run, folder in folders.items() if folder.exists()}
-        for folder in folders.values():
-            _evaluated(folder, data, plan)
-        found = {run: read_report(folder) for run, folder in folders.items()}
+        found = {(row.name, seed): _report(self._folder(row, seed) / name, data, plan) for row, seed in runs}
         check_comparable(list(found.values()))
         return {run: read_fragments(report) for run, report in found.items()}
 
@@ -404,8 +399,8 @@ class Ablate:
         )
 
 
-def _evaluated(folder: Path, data: LabelledScenes, plan: FramePlan) -> str | None:
-    """The sha256 of the weights that an evaluation is of.
+def _report(folder: Path, data: LabelledScenes, plan: FramePlan) -> SavedReport:
+    """The report of an evaluation.
 
     Raises:
         InputError: the folder is no evaluation of these targets.
@@ -421,7 +416,7 @@ def _evaluated(folder: Path, data: LabelledScenes, plan: FramePlan) -> str | Non
             folder, f"an evaluation of these frames of {data.path.name}", f"one of other frames, or of {report.data_name}",
             advice="choose another --out",
         )  # fmt: skip
-    return report.sha256
+    return report
 
 
 def _seconds_a_step(settings: TrainingSettings, execution: Execution) -> float:
