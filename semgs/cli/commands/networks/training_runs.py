@@ -36,13 +36,12 @@ def train_or_resume(
     from rich.console import Console
 
     from semgs.training.loop import train
-    from semgs.training.run.run_folder import WEIGHTS, claim_folder, extend_run, is_finished, lock_run
+    from semgs.training.run.run_folder import WEIGHTS, claim_folder, extend_run, is_finished
 
     with what_the_user_gave():
         settings.check_complete()
         claim_folder(run, settings)
-    with lock_run(run):
-        extend_run(run, settings)
+    extend_run(run, settings)  # without the lock, as all processes of a training come here at the same time
     if is_finished(run) and (run / WEIGHTS).is_file():
         return True
     left = None if ends is None else (ends - time.monotonic()) / 60
