@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 LOOPBACK = "127.0.0.1"
 """The address that only this machine can reach."""
 
-EVERY_ADDRESS = "0.0.0.0"
+EVERY_ADDRESS, EVERY_ADDRESS_6 = "0.0.0.0", "::"
 
 ANY_PORT = 0
 
@@ -85,8 +85,19 @@ def run_script(target: ViserServer | ClientHandle, source: str) -> None:
 
 def url_of(server: ViserServer) -> str:
     """What to open in a browser."""
-    host = server.get_host()
-    return f"http://{socket.gethostname() if host == EVERY_ADDRESS else host}:{server.get_port()}"
+    return url_of_address(server.get_host(), server.get_port())
+
+
+def url_of_address(host: str, port: int) -> str:
+    """What to open in a browser: the name of this machine if it listens on every address, and IPv6 in brackets."""
+    if host in (EVERY_ADDRESS, EVERY_ADDRESS_6):
+        host = socket.gethostname()
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+
+def is_this_machine(host: str) -> bool:
+    """Whether only this machine can reach an address."""
+    return host in (LOOPBACK, "localhost", "::1")
 
 
 def _refuse(verbose: bool = True) -> None:

@@ -6,8 +6,8 @@ import socket
 
 import pytest
 
-from semgs.cli.commands.scenes.addresses import is_this_machine, url_of_address
 from semgs.cli.commands.scenes.app import App
+from semgs.viewer.server import is_this_machine, url_of_address
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "::1"])

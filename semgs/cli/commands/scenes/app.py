@@ -14,7 +14,6 @@ import tyro
 from semgs.app.jobs import Jobs
 from semgs.app.limits import Limits
 from semgs.app.page import check_page_library
-from semgs.cli.commands.scenes.addresses import is_this_machine, url_of_address
 from semgs.cli.options.types import at_least, one_word
 from semgs.cli.progress import show_stage
 from semgs.cli.usage_errors import UsageError
@@ -22,7 +21,7 @@ from semgs.files.cache import cache_folder
 from semgs.files.errors import InputError
 from semgs.files.folders import lock_folder
 from semgs.files.paths import found_at, typed_path
-from semgs.viewer.server import LOOPBACK, check_viewer_library
+from semgs.viewer.server import LOOPBACK, check_viewer_library, is_this_machine, url_of_address
 
 LAST_PORT = 65535
 

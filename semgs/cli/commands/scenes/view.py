@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from semgs.cli.commands.scenes.addresses import is_this_machine
 from semgs.cli.commands.scenes.reconstruct import Reconstruct
 from semgs.cli.opened_scene import open_given
 from semgs.cli.options.types import Count, Probability, Views, WeightsOrRandom, at_least, one_word
@@ -26,7 +25,7 @@ from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 from semgs.robotics.object_libraries import check_object_libraries
 from semgs.splats.endings import is_splat
-from semgs.viewer.server import LOOPBACK, check_viewer_library
+from semgs.viewer.server import LOOPBACK, check_viewer_library, is_this_machine
 
 if TYPE_CHECKING:
     from semgs.robotics.objects import Objects
