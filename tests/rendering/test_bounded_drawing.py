@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import tracemalloc
-
 import numpy as np
 import pytest
 import torch
+from traced_memory import most_memory
 
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
@@ -70,12 +69,7 @@ def test_runs_have_at_most_so_many_pairs_or_are_one_tile(most: int, runs: list[t
 def arrays_at_most(size: tuple[int, int]) -> int:
     """Bytes of the arrays that drawing there and back holds together, of 200 Gaussians that cover the picture."""
     scene = covering(200, size)
-    tracemalloc.start()
-    try:
-        drawn(*scene)
-        return tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
+    return most_memory(lambda: drawn(*scene))
 
 
 def test_gaussians_that_cover_the_picture_are_drawn_in_bounded_memory(monkeypatch: pytest.MonkeyPatch) -> None:
