@@ -14,7 +14,7 @@ from math import sqrt
 from typing import final
 
 import torch
-from jaxtyping import Float, Float64
+from jaxtyping import Bool, Float, Float64, Int64
 from torch import Tensor
 from torch.nn.functional import grid_sample
 
@@ -22,7 +22,7 @@ from semgs.depth_maps.depth_source import Meaning
 from semgs.geometry.cameras import Cameras, back_project, project
 
 STEP = 6
-"""One pixel of so many by so many takes part in the fit."""
+"""One pixel of so many by so many takes part in the fit; of a sparse reference, all that it knows, up to as many."""
 
 ROUNDS = 12
 """Rounds of weighted least squares."""
@@ -136,19 +136,28 @@ class _Fit:
     def __init__(self, x: Float64[Tensor, "v h w"], shifts: bool, reference: Reference, cameras: Cameras) -> None:
         self._x, self._shifts, self._cameras = x, shifts, cameras
         count, height, width = x.shape
-        rows, columns = torch.arange(STEP // 2, height, STEP), torch.arange(STEP // 2, width, STEP)
+        rows, columns = (torch.arange(min(STEP // 2, side - 1), side, STEP) for side in (height, width))
         self._rows, self._columns = (grid.flatten() for grid in torch.meshgrid(rows, columns, indexing="ij"))
-        self._reference = reference.depths[:, self._rows, self._columns].double()
-        self._spread = reference.spread[:, self._rows, self._columns].double()
         self._few = x[:, self._rows, self._columns]
-        self._usable = self._few.isfinite() & (self._reference > 0)
-        used = self._reference[self._reference > 0]
-        self._least = LEAST_INVERSE / float(used.median()) if len(used) else LEAST_INVERSE
+        places = [self._known_places(x[view].isfinite() & (reference.depths[view] > 0)) for view in range(count)]
+        self._at = [x[view].flatten()[place] for view, place in enumerate(places)]
+        self._reference = [reference.depths[view].flatten()[place].double() for view, place in enumerate(places)]
+        self._spread = [reference.spread[view].flatten()[place].double() for view, place in enumerate(places)]
+        self._least = LEAST_INVERSE / float(torch.cat(self._reference).median())
         # Views without a reference start from the median of the others.
         starts = [self._start(view) for view in range(count)]
         usual = torch.tensor([start for start in starts if start is not None], dtype=torch.float64).median(0).values
         lines = torch.stack([usual if one is None else torch.tensor(one, dtype=torch.float64) for one in starts])
         self.scales, self.shifts = lines[:, 0].clone(), lines[:, 1].clone()
+
+    def _known_places(self, known: Bool[Tensor, "h w"]) -> Int64[Tensor, " n"]:
+        """The pixels of a view that are compared with the reference, counted row by row: those of the grid that are known, or, if fewer than half of
+        all are, as many of those that are, because sparse points are hardly ever on the grid."""
+        grid = self._rows * known.shape[1] + self._columns
+        every, on_grid = known.flatten().nonzero()[:, 0], grid[known.flatten()[grid]]
+        if 2 * len(every) >= known.numel() and len(on_grid):
+            return on_grid
+        return every[:: max(1, -(-len(every) // len(grid)))]
 
     def inverse_depths(self, view: int, x: Float64[Tensor, "*n"]) -> Float64[Tensor, "*n"]:
         """The aligned inverse depths of numbers of a view."""
@@ -177,11 +186,11 @@ class _Fit:
 
     def _result(self, view: int, apart: Float64[Tensor, " n"] | None) -> MapFit:
         """The fit of a view, whose log depths are so far from those of other views."""
-        usable, variances = self._usable[view], [LEAST_SPREAD**2]
+        variances = [LEAST_SPREAD**2]
         residual = disagreement = torch.nan
-        if usable.any():
-            residual = SIGMA_PER_MAD * float(self._errors(view)[usable].abs().median())
-            others = float(self._spread[view][usable].square().median())
+        if len(self._at[view]):
+            residual = SIGMA_PER_MAD * float(self._errors(view).abs().median())
+            others = float(self._spread[view].square().median())
             variances.append(max(residual**2 - others, OWN_SHARE * residual**2))
         if apart is not None and len(apart):
             disagreement = SIGMA_PER_MAD * float(apart.abs().median()) / sqrt(2)
@@ -191,10 +200,9 @@ class _Fit:
 
     def _start(self, view: int) -> tuple[float, float] | None:
         """Scale and shift of a view by itself, by robust least squares of inverse depth; None without a reference."""
-        usable = self._usable[view]
-        if not usable.any():
+        x, y = self._at[view], 1 / self._reference[view]
+        if not len(x):
             return None
-        x, y = self._few[view][usable], 1 / self._reference[view][usable]
         if not self._shifts:
             return float((y / x).median()), 0.0
         columns, weights = torch.stack((x, torch.ones_like(x)), -1), torch.ones_like(x)
@@ -207,9 +215,8 @@ class _Fit:
         return float(line[0]), float(line[1])
 
     def _errors(self, view: int) -> Float64[Tensor, " n"]:
-        """Log of the reference over the aligned depth at the chosen pixels."""
-        found = self.inverse_depths(view, self._few[view].nan_to_num(0))
-        return (found * self._reference[view].clamp(min=1e-9)).log()
+        """Log of the reference over the aligned depth, where the reference is known."""
+        return (self.inverse_depths(view, self._at[view]) * self._reference[view]).log()
 
     def _slopes(self, view: int, x: Float64[Tensor, " n"]) -> Float64[Tensor, "n unknowns"]:
         """How the log of the inverse depth of pixels changes with each unknown."""
@@ -224,13 +231,12 @@ class _Fit:
     def _to_reference(self) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
         """Slopes, residuals and weights of each view's pixels against the reference."""
         for view in range(len(self._x)):
-            usable = self._usable[view]
-            if not usable.any():
+            if not len(self._at[view]):
                 continue
-            errors = self._errors(view)[usable]
+            errors = self._errors(view)
             sigma = SIGMA_PER_MAD * errors.abs().median() + LEAST_SPREAD
-            weights = 1 / (1 + (errors / sigma).square()) / (sigma.square() + self._spread[view][usable].square())
-            yield self._slopes(view, self._few[view][usable]), errors, weights
+            weights = 1 / (1 + (errors / sigma).square()) / (sigma.square() + self._spread[view].square())
+            yield self._slopes(view, self._at[view]), errors, weights
 
     def _between_views(self) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
         """Slopes, residuals and weights of pixels against the maps of other views."""

@@ -194,15 +194,16 @@ def _check_metres(source: DepthMaps, reference: Reference, aligned: tuple[MapFit
 
 
 def _depths_of_points(scene: Scene, positions: Sequence[int], views: Views) -> Float[Tensor, "v h w"] | None:
-    """Depth maps with the sparse points that each frame sees, 0 elsewhere; None if the scene does not say which."""
+    """Depth maps with the sparse points that each frame sees, in a pixel the nearest one, 0 elsewhere; None if the scene does not say which."""
     frames = [scene.frames[position] for position in positions]
     if scene.points is None or any(frame.points is None for frame in frames):
         return None
-    maps = torch.zeros(len(views), *views.size)
     height, width = views.size
+    maps = torch.full((len(views), height * width), torch.inf)
     for view, frame in enumerate(frames):
         points = torch.from_numpy(scene.points[frame.points] - scene.origin).double()
         column, row, depth = project(points, views.cameras[view]).unbind(-1)
         inside = (depth > 0) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        maps[view, row[inside].long(), column[inside].long()] = depth[inside].float()
-    return maps
+        pixels = row[inside].long() * width + column[inside].long()
+        maps[view].scatter_reduce_(0, pixels, depth[inside].float(), "amin")
+    return torch.where(maps.isfinite(), maps, 0).unflatten(1, views.size)

@@ -106,6 +106,29 @@ def test_an_exact_map_is_trusted_beside_a_noisy_reference_and_a_bent_one_less(ca
     assert max(fit.spread for fit in both) == LEAST_SPREAD
 
 
+@pytest.mark.parametrize("first", [0, 1, 3])
+def test_every_sparse_point_is_used_wherever_it_is(cameras: Cameras, truth: torch.Tensor, first: int):
+    """The reference is known at every 12th pixel from `first` on: of these only those from 3 on are on the grid of every 6th from 3 on."""
+    sparse = torch.zeros_like(truth)
+    sparse[:, first::12, first::12] = truth[:, first::12, first::12]
+    assert (sparse > 0).sum((1, 2)).tolist() == [5 * 7, 5 * 7, 5 * 7]
+    maps = (1 / truth - SHIFTS[:, None, None]) / SCALES[:, None, None]
+    depths, fits = align(maps, "inverse", known(sparse), cameras)
+    torch.testing.assert_close(torch.tensor([fit.scale for fit in fits]), SCALES, rtol=1e-3, atol=0)
+    assert max(fit.residual for fit in fits) < 1e-3  # not NaN: each view has a reference
+    torch.testing.assert_close(depths, truth, rtol=1e-3, atol=0)
+
+
+def test_of_sparse_points_most_decide_and_not_the_few_on_the_grid(cameras: Cameras, truth: torch.Tensor):
+    """35 points are right. Four more are half as far away as they should be, and they alone are on the grid."""
+    sparse = torch.zeros_like(truth)
+    sparse[:, 1::12, 1::12] = truth[:, 1::12, 1::12]
+    sparse[:, [3, 27], 3:76:36] = truth[:, [3, 27], 3:76:36] / 2
+    depths, fits = align(3 * truth, "scaled", known(sparse), cameras)
+    assert [fit.scale for fit in fits] == pytest.approx([3, 3, 3], rel=0.01)
+    torch.testing.assert_close(depths, truth, rtol=0.01, atol=0)
+
+
 def test_what_cannot_be_aligned_is_refused(cameras: Cameras, truth: torch.Tensor):
     with pytest.raises(ValueError, match="a map has no value"):
         align(truth * torch.tensor([1, 1, torch.nan])[:, None, None], "scaled", known(truth), cameras)

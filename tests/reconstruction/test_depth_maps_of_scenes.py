@@ -114,6 +114,20 @@ def test_sparse_points_are_the_reference_without_a_sensor(wall_scene: Callable[.
     assert find_reference(encoding, few, [0, 3], views).title == "the model's depth"
 
 
+def test_of_sparse_points_behind_one_another_the_nearest_is_seen(wall_scene: Callable[..., Scene]):
+    """Each point of the wall has one behind it and one before it on the ray of the first camera, at 1.5 and 0.5 times its depth."""
+    scene = wall_scene(metric=False)
+    views = scene.read([0, 3], SIZE)
+    encoding = Oracle()(views)
+    wall, centre = encoding.gaussians.means[::7].double().numpy(), scene.frames[0].world_from_camera[:3, 3]
+    points = np.concatenate([centre + share * (wall - centre) for share in (0.5, 1.0, 1.5)])
+    frames = tuple(replace(frame, points=np.arange(len(points))) for frame in scene.frames)
+    reference = find_reference(encoding, replace(scene, frames=frames, points=points), [0, 3], views)
+    found = reference.depths[0][reference.depths[0] > 0]
+    assert len(found) > 100
+    assert float((found < 0.51 * WALL).double().mean()) > 0.95
+
+
 def test_the_scenes_own_maps_are_no_reference_for_themselves(wall_scene: Callable[..., Scene]):
     scene = wall_scene()
     result = reconstruct(scene, choose_named(scene, [0, 3]), Oracle(), SIZE, depth=FrameMaps())  # type: ignore[arg-type]
