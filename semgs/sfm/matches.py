@@ -160,10 +160,12 @@ def _features(frame: Frame, most: int) -> _Features:
     # OpenCV's positions have the first pixel's centre at 0.
     positions = (np.array([point.pt for point in keypoints], dtype=np.float64).reshape(-1, 2) + 0.5) * scale
     directions = frame.lens.directions(positions)
+    seen = np.isfinite(directions).all(axis=1)  # a lens may image no ray in the corners
+    directions = directions[seen]
     depths = _depths(frame, directions, np.concatenate(([1.0], ZOOMS)))
     return _Features(
         points=directions[:, :2] * frame.lens.focal + frame.lens.centre,
-        descriptors=np.zeros((0, 128), np.float32) if descriptors is None else descriptors,
+        descriptors=np.zeros((0, 128), np.float32) if descriptors is None else descriptors[seen],
         depths=depths[:, 0],
         zoomed=depths[:, 1:],
         shrink=float(1 / scale.max()),

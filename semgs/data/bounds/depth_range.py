@@ -40,6 +40,9 @@ BOTH_CONTRADICT = 0.05
 SLACK = 1.1
 """Depths beyond the range of rooms by less than this factor are not outside of it."""
 
+LOOKING = 100
+"""Sparse points are looked at from so many of the frames, evenly spread: enough for percentiles, in a recording of any length."""
+
 GRID = 24
 """Depth maps are sampled at this many places along each side."""
 
@@ -141,7 +144,8 @@ def _seen(
 ) -> Seen | None:
     """Depths of the sparse points that frames see, or else of points triangulated between images; None if there are too few."""
     if points is not None:
-        inverse = 1 / np.concatenate([depths_of_points(frames[index], points) for index in positions])
+        few = spread(positions, LOOKING)
+        inverse = 1 / np.concatenate([depths_of_points(frames[index], points) for index in few])
         if len(inverse) >= FEW_POINTS:
             return Seen(inverse, f"from {len(inverse)} sightings of the scene's sparse points")
     for pairs in (_pairs_among(positions), _pairs_beside(frames, positions)):

@@ -44,12 +44,14 @@ def find_features(frame: Frame) -> FrameFeatures:
     grey = read_grey(frame.picture, frame.lens.size, LONGEST_SIDE)
     positions, descriptors = sift(grey)
     scale = np.array([frame.lens.size[1] / grey.shape[1], frame.lens.size[0] / grey.shape[0]])
-    directions = frame.lens.directions(positions * scale) @ frame.world_from_camera[:3, :3].T
+    directions = frame.lens.directions(positions * scale)
+    seen = np.isfinite(directions).all(axis=1)  # a lens may image no ray in the corners
+    directions = directions[seen] @ frame.world_from_camera[:3, :3].T
     return FrameFeatures(
         centre=frame.world_from_camera[:3, 3],
         axis=frame.world_from_camera[:3, 2],
         directions=directions / np.linalg.norm(directions, axis=1, keepdims=True),
-        descriptors=descriptors,
+        descriptors=descriptors[seen],
         pixel=float(scale.max() / min(frame.lens.focal)),
     )
 

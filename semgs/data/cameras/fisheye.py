@@ -52,6 +52,14 @@ class FisheyeLens(AbstractOpenCVLens):
         centre = (size[0] / 2, size[1] / 2) if self.as_toolbox else (ideal[0, 2] + HALF, ideal[1, 2] + HALF)
         return matrix((ideal[0, 0], ideal[1, 1]), centre)
 
+    def directions(self, positions: np.ndarray) -> np.ndarray:
+        """Directions in the camera [n 3], z = 1, of positions [n 2] in the stored image [px]."""
+        if not len(positions):
+            return np.zeros((0, 3))
+        points = np.asarray(positions, dtype=np.float64)[:, None] - self._half
+        plane = cv2.fisheye.undistortPoints(points, self._opencv_matrix, np.array(self.coefficients))[:, 0]
+        return np.concatenate((plane, np.ones((len(plane), 1))), axis=1)
+
     @property
     def invents_nothing(self) -> bool:
         """The toolbox allows unseen pixels."""

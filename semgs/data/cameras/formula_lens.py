@@ -20,16 +20,10 @@ from typing import final
 
 import numpy as np
 
-from semgs.data.cameras.lens import HALF, AbstractLens, matrix
+from semgs.data.cameras.lens import HALF, AbstractLens, matrix, rays_seen_at
 
 Formula = Callable[[np.ndarray, np.ndarray, tuple[float, ...]], tuple[np.ndarray, np.ndarray]]
 """From (x, y) of rays and coefficients to the place in the image at focal length 1."""
-
-_STEPS, _CLOSE = 50, 1e-10
-"""Newton's method ends after so many steps, or this close."""
-
-_STEP = 1e-6
-"""Derivatives are differences over this much to both sides."""
 
 _ALONG = 65
 """Positions along each side of the image that decide how wide the pinhole is."""
@@ -165,32 +159,10 @@ class FormulaLens(AbstractLens):
         return matrix((fx, fy), (-fx * x_range[0], -fy * y_range[0]))
 
     def directions(self, positions: np.ndarray) -> np.ndarray:
-        """Directions in the camera [n 3], z = 1, of positions [n 2] in the stored image [px]; NaN if the lens images no ray there.
-
-        Newton's method on the formula, from the ray that an ideal pinhole would see.
-        """
-        seen = (np.asarray(positions, dtype=np.float64).reshape(-1, 2) - self.centre) / self.focal
-        x, y = seen[:, 0].copy(), seen[:, 1].copy()
-        with np.errstate(all="ignore"):
-            for _ in range(_STEPS):
-                u, v = self._image(x, y)
-                error_u, error_v = u - seen[:, 0], v - seen[:, 1]
-                if np.hypot(error_u, error_v).max(initial=0.0) < _CLOSE:
-                    break
-                (ux, vx), (uy, vy) = (
-                    [(high - low) / (2 * _STEP) for high, low in zip(plus, minus, strict=True)]
-                    for plus, minus in (
-                        (self._image(x + _STEP, y), self._image(x - _STEP, y)),
-                        (self._image(x, y + _STEP), self._image(x, y - _STEP)),
-                    )
-                )
-                determinant = ux * vy - uy * vx
-                x = x - (vy * error_u - uy * error_v) / determinant
-                y = y - (ux * error_v - vx * error_u) / determinant
-            u, v = self._image(x, y)
-            found = np.hypot(u - seen[:, 0], v - seen[:, 1]) < 1e-7
-        plane = np.where(found[:, None], np.stack((x, y), axis=1), np.nan)
-        return np.concatenate((plane, np.ones((len(plane), 1))), axis=1)
+        """Directions in the camera [n 3], z = 1, of positions [n 2] in the stored image [px]; NaN if the lens images no ray there."""
+        return rays_seen_at(
+            (np.asarray(positions, dtype=np.float64).reshape(-1, 2) - self.centre) / self.focal, self._image
+        )
 
     def sources(self, pinhole: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
         """Where the pixels of a pinhole K [3 3] of (height, width) come from in the stored image, in OpenCV's positions."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -22,6 +23,12 @@ NORMALISED = 10.0
 
 FURTHEST_CENTRE = 10.0
 """Largest distance of the principal point from the image corner, relative to the longer side."""
+
+_STEPS, _CLOSE, _FOUND = 50, 1e-10, 1e-7
+"""Newton's method for rays ends after so many steps, or this close, and has found them if they are closer than the last [image at focal length 1]."""
+
+_STEP = 1e-6
+"""Derivatives are differences over this much to both sides."""
 
 _GRID = 32
 """Distortion is checked at this many places along each side."""
@@ -115,9 +122,16 @@ class AbstractLens(ABC):
         return np.asarray(cv2.remap(values, *maps, method, borderMode=cv2.BORDER_REPLICATE))
 
     def empty(self, maps: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-        """Undistorted pixels [h w] whose source, by `maps()`, is more than a pixel outside the stored image: it has no colour for them."""
+        """Undistorted pixels [h w] that the stored image has no colour for: their source, by `maps()`, is more than a pixel outside of it, or the model
+        folds over there and images another ray, too, in the same place, as in the corners of wide lenses with k1 alone."""
         (x, y), (height, width) = maps, self.size
-        return (x < -1) | (x > width) | (y < -1) | (y > height)
+        outside = (x < -1) | (x > width) | (y < -1) | (y > height)
+        return outside | _folded(x, y) if _folded(*self._coarse_sources()).any() else outside
+
+    def _coarse_sources(self) -> tuple[np.ndarray, np.ndarray]:
+        """As `maps`, at `_GRID` places along each side."""
+        height, width = self.size
+        return self.sources(np.diag((_GRID / width, _GRID / height, 1.0)) @ self.intrinsics, (_GRID, _GRID))
 
     def _can_be_undone(self) -> bool:
         """Whether every undistorted pixel has exactly one source in the image: the model does not fold over before the edge."""
@@ -131,8 +145,7 @@ class AbstractLens(ABC):
         if (enlarged > _MOST_ENLARGED).any():
             return False
         height, width = self.size
-        coarse = np.diag((_GRID / width, _GRID / height, 1.0)) @ self.intrinsics
-        x, y = self.sources(coarse, (_GRID, _GRID))
+        x, y = self._coarse_sources()
         slack = 0.01 * max(self.size)  # OpenCV's pinhole is only as accurate as its grid of points
         inside = min(x.min(), y.min()) > -slack and x.max() < width + slack and y.max() < height + slack
         return bool(inside and np.diff(x, axis=1).min() > 0 and np.diff(y, axis=0).min() > 0)
@@ -151,14 +164,6 @@ class AbstractOpenCVLens(AbstractLens):
     @abstractmethod
     def _half(self) -> float:
         """Our pixel positions minus those passed to OpenCV [px]."""
-
-    def directions(self, positions: np.ndarray) -> np.ndarray:
-        """Directions in the camera [n 3], z = 1, of positions [n 2] in the stored image [px]."""
-        if not len(positions):
-            return np.zeros((0, 3))
-        points = np.asarray(positions, dtype=np.float64)[:, None] - self._half
-        plane = self._model.undistortPoints(points, self._opencv_matrix, np.array(self.coefficients))[:, 0]
-        return np.concatenate((plane, np.ones((len(plane), 1))), axis=1)
 
     def sources(self, pinhole: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
         """Where the pixels of a pinhole K [3 3] of (height, width) come from in the stored image, in OpenCV's positions."""
@@ -208,6 +213,21 @@ class Lens(AbstractOpenCVLens):
         """(k1, k2, p1, p2, k3)."""
         return self.distortion
 
+    def directions(self, positions: np.ndarray) -> np.ndarray:
+        """Directions in the camera [n 3], z = 1, of positions [n 2] in the stored image [px]; NaN if the lens images no ray there.
+
+        OpenCV's own function stops after five steps, which at the edges of a wide lens is pixels too early.
+        """
+        seen = (np.asarray(positions, dtype=np.float64).reshape(-1, 2) - self.centre) / self.focal
+        return np.column_stack((seen, np.ones(len(seen)))) if self.is_pinhole else rays_seen_at(seen, self._image)
+
+    def _image(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where the rays (x, y, 1) are in the image at focal length 1."""
+        k1, k2, p1, p2, k3 = self.distortion
+        r2 = x * x + y * y
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        return x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + 2 * p2 * x * y + p1 * (r2 + 2 * y * y)
+
     @property
     def is_pinhole(self) -> bool:
         """Whether all coefficients are 0."""
@@ -226,6 +246,48 @@ class Lens(AbstractOpenCVLens):
             self._opencv_matrix, np.array(self.distortion), (width, height), 0, (width, height)
         )
         return matrix((ideal[0, 0], ideal[1, 1]), (ideal[0, 2] + HALF, ideal[1, 2] + HALF))
+
+
+def _folded(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Where a map of positions [h w] mirrors its surroundings."""
+    if min(x.shape) < 2:
+        return np.zeros(x.shape, np.bool_)
+    (x_down, x_right), (y_down, y_right) = np.gradient(x), np.gradient(y)
+    return x_right * y_down <= x_down * y_right
+
+
+def rays_seen_at(
+    seen: np.ndarray, image: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+) -> np.ndarray:
+    """The rays (x, y, 1) [n 3] that a lens images at places [n 2] of the image at focal length 1; NaN where it images none.
+
+    Newton's method, from the ray that an ideal pinhole would see.
+
+    Args:
+        seen: the places.
+        image: from x and y of rays to their places.
+    """
+    x, y = seen[:, 0].copy(), seen[:, 1].copy()
+    with np.errstate(all="ignore"):
+        for _ in range(_STEPS):
+            u, v = image(x, y)
+            error_u, error_v = u - seen[:, 0], v - seen[:, 1]
+            if np.hypot(error_u, error_v).max(initial=0.0) < _CLOSE:
+                break
+            (ux, vx), (uy, vy) = (
+                [(high - low) / (2 * _STEP) for high, low in zip(plus, minus, strict=True)]
+                for plus, minus in (
+                    (image(x + _STEP, y), image(x - _STEP, y)),
+                    (image(x, y + _STEP), image(x, y - _STEP)),
+                )
+            )
+            determinant = ux * vy - uy * vx
+            x = x - (vy * error_u - uy * error_v) / determinant
+            y = y - (ux * error_v - vx * error_u) / determinant
+        u, v = image(x, y)
+        found = np.hypot(u - seen[:, 0], v - seen[:, 1]) < _FOUND
+    plane = np.where(found[:, None], np.stack((x, y), axis=1), np.nan)
+    return np.concatenate((plane, np.ones((len(plane), 1))), axis=1)
 
 
 def matrix(focal: tuple[float, float], centre: tuple[float, float]) -> np.ndarray:
