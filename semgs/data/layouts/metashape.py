@@ -8,7 +8,9 @@ Metashape user manual, appendix D (camera models), and the XML that it writes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -62,6 +64,7 @@ def open_metashape(path: Path) -> Scene:
         else:
             unposed.append(one.get("label", ""))
     labels = [one.get("label", "") for one in posed]
+    _check_labels(file, labels)
     matrices = []
     for one, label in zip(posed, labels, strict=True):
         numbers = _numbers(file, one.findtext("transform"), f"camera {label}")
@@ -78,7 +81,7 @@ def open_metashape(path: Path) -> Scene:
     pictures = _pictures(file.parent)
     frames, absent = [], []
     for one, label, pose in zip(posed, labels, poses, strict=True):
-        picture = pictures.get(label.replace("\\", "/").rpartition("/")[2].lower())
+        picture = _picture(file, pictures, label)
         if picture is None:
             absent.append(label)
             continue
@@ -147,16 +150,63 @@ def _similarity(file: Path, component: ElementTree.Element) -> tuple[float, np.n
     return (scale[0] if scale else 1.0), motion
 
 
-def _pictures(folder: Path) -> dict[str, Path]:
-    """The photos of a folder, of `images` in it and of its other folders, by their names in lower case, with and without ending; the first counts."""
+def _name_in(label: str) -> str:
+    """The name of a photo in a label, in lower case."""
+    return label.replace("\\", "/").rpartition("/")[2].lower()
+
+
+def _check_labels(file: Path, labels: Sequence[str]) -> None:
+    """Refuse cameras with the same label, as photos of the same name in two folders have: nothing says which photo is whose.
+
+    Raises:
+        InputError: a label occurs twice.
+    """
+    again = [name for name, count in Counter(map(_name_in, labels)).items() if count > 1]
+    if again:
+        raise InputError(
+            file,
+            "a label of its own for each camera",
+            f"{len(again)} that several cameras have, such as {next(one for one in labels if _name_in(one) == again[0])}",
+            advice="give the photos different names and load them anew, or export each folder of photos by itself",
+        )
+
+
+@dataclass(frozen=True)
+class _Photos:
+    """Photos by their names in lower case, with and without ending."""
+
+    by_name: dict[str, list[Path]]
+    by_stem: dict[str, list[Path]]
+
+
+def _pictures(folder: Path) -> list[_Photos]:
+    """The photos of a folder, of `images` in it, and of its other folders together."""
     inside = sorted(one for one in folder.iterdir() if one.is_dir() and one.name != IMAGES)
-    found: dict[str, Path] = {}
-    for place in (folder, folder / IMAGES, *inside):
-        for file in sorted(place.iterdir()) if place.is_dir() else ():
+    found = []
+    for places in ([folder], [folder / IMAGES], inside):
+        photos = _Photos({}, {})
+        for file in (file for place in places if place.is_dir() for file in sorted(place.iterdir())):
             if file.suffix.lower() in PICTURES and file.is_file():
-                found.setdefault(file.name.lower(), file)
-                found.setdefault(file.stem.lower(), file)
+                photos.by_name.setdefault(file.name.lower(), []).append(file)
+                photos.by_stem.setdefault(file.stem.lower(), []).append(file)
+        found.append(photos)
     return found
+
+
+def _picture(file: Path, pictures: Sequence[_Photos], label: str) -> Path | None:
+    """The photo with a label, in the first of some places that has one; None if none has.
+
+    Raises:
+        InputError: a place has several, such as photos and masks of the same names in two folders.
+    """
+    for photos in pictures:
+        found = photos.by_name.get(_name_in(label)) or photos.by_stem.get(_name_in(label), [])
+        if len(found) > 1:
+            shown = " and ".join(one.relative_to(file.parent).as_posix() for one in found[:2])
+            raise InputError(file, f"one photo of camera {label}", shown, advice=f"put the photos into {IMAGES}/")
+        if found:
+            return found[0]
+    return None
 
 
 def _lens(file: Path, sensor: ElementTree.Element | None, number: str) -> AbstractLens:

@@ -10,6 +10,7 @@ import pytest
 import torch
 from landmarks import POINTS, found
 from other_cameras import FISHEYE, FRAME, POSES, SIZE, write_llff, write_metashape
+from PIL import Image
 
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
@@ -69,6 +70,34 @@ def test_what_cannot_be_in_metashapes_xml_is_refused(tmp_path: Path, old: str, n
     with pytest.raises(InputError, match=message) as caught:
         open_scene(tmp_path)
     assert str(caught.value).startswith(str(file))
+
+
+def test_cameras_with_the_same_label_are_refused_because_their_photos_cannot_be_told_apart(tmp_path: Path):
+    """Drones number the photos of each folder from the start: 100MEDIA/DJI_1.png and 101MEDIA/DJI_1.png. Both cameras got the first photo."""
+    file = write_metashape(tmp_path) / "cameras.xml"
+    file.write_text(file.read_text().replace('label="IMG_2"', 'label="img_0"'))
+    with pytest.raises(
+        InputError, match=r"cameras\.xml: expected a label of its own for each camera, found 1 .* IMG_0"
+    ):
+        open_scene(tmp_path)
+
+
+@pytest.mark.parametrize("ending", [".png", ".jpg"])
+def test_masks_with_the_names_of_photos_are_not_taken_for_them(tmp_path: Path, ending: str):
+    """Photos in photos/ and masks of the same names in masks/, which comes first: nothing says which is which, unless photos are in images/."""
+    write_metashape(tmp_path)
+    for folder in ("photos", "masks"):
+        (tmp_path / folder).mkdir()
+    for photo in sorted(tmp_path.glob("*.png")):
+        Image.new("RGB", (170, 120)).save((tmp_path / "masks" / photo.name).with_suffix(ending))
+        photo.rename(tmp_path / "photos" / photo.name)
+    with pytest.raises(
+        InputError, match=rf"one photo of camera IMG_0, found masks/IMG_0\{ending} and photos/IMG_0\.png"
+    ):
+        open_scene(tmp_path)
+    (tmp_path / "photos").rename(tmp_path / "images")
+    assert [frame.name for frame in open_scene(tmp_path).frames] == [f"images/IMG_{index}.png" for index in range(3)]
+    assert offset(tmp_path) < 0.1
 
 
 @pytest.mark.parametrize(("shrink", "name"), [(1, "images"), (4, "images_4")])

@@ -30,7 +30,9 @@ DETAILS = ("intrinsics", "depth_unit")
 
 START = "frame-"
 COLOUR, DEPTH, POSE = tuple(f".color{ending}" for ending in PICTURES), (".depth.png", ".depth.pgm"), (".pose.txt",)
-CALIBRATIONS = ("camera-intrinsics.txt", "info.txt", "_info.txt")
+OF_DEPTH_TOO = ("info.txt", "_info.txt")
+"""Files that also have the unit of depth, and perhaps the depth camera: given intrinsics are those of the images alone."""
+CALIBRATIONS = ("camera-intrinsics.txt", *OF_DEPTH_TOO)
 
 MILLIMETRE = 0.001
 KINECT_SIZE = (480, 640)
@@ -60,18 +62,19 @@ def open_frame_files(path: Path, details: SceneDetails) -> Scene:
     if not colours:
         raise InputError(path, f"images {START}000000{COLOUR[0]}", "none", "frame files")
     calibration_file = first_file((path, path.absolute().parent), CALIBRATIONS)
-    calibration = calibration_from_details(details) or (
-        read_calibration(calibration_file) if calibration_file else None
-    )
-    notes, depth_lens = [], calibration.depth_lens if calibration else None
-    if calibration is None or calibration_file is None:
+    given = calibration_from_details(details)
+    read = calibration_file is not None and (given is None or calibration_file.name in OF_DEPTH_TOO)
+    stated = read_calibration(calibration_file) if calibration_file is not None and read else None
+    calibration = given or stated
+    notes, depth_lens = [], stated.depth_lens if stated else None
+    if calibration_file is None:
         depth_lens = KINECT_DEPTH
         notes.append(
             "7-Scenes' cameras were not calibrated: depth is assumed to have 585 px, "
             + ("colour the given intrinsics" if calibration else "colour 525 px")
             + ", and the 2.5 cm between the two cameras are ignored."
         )
-    unit = details.depth_unit or (calibration and calibration.depth_unit) or MILLIMETRE
+    unit = details.depth_unit or (stated and stated.depth_unit) or MILLIMETRE
     return ShotList(
         path=path,
         layout=LAYOUT,

@@ -101,9 +101,10 @@ def open_rgbd(path: Path, details: SceneDetails) -> Scene:
     if files is None:
         raise InputError(path, LOOKED_FOR, "nothing like that")
     calibration_file = first_file((path, path.absolute().parent), CALIBRATIONS)
-    calibration = calibration_from_details(details) or _calibration(path, files, calibration_file)
+    given = calibration_from_details(details)
+    calibration = given or _calibration(path, files, calibration_file)
     depths = _paired(path, files.pictures, files.depths, "depth maps") if files.depths else {}
-    stated = read_calibration(calibration_file).depth_unit if calibration_file and depths else None
+    stated = _depth_unit(calibration_file, given is None) if calibration_file and depths else None
     unit = details.depth_unit or stated or (MILLIMETRE if files.source else None)
     notes = [] if files.depths else _unread(path)
     if depths and unit is None:
@@ -220,6 +221,16 @@ def _calibration(path: Path, files: Files, calibration_file: Path | None) -> Cal
         path, "a file of intrinsics: " + ", ".join(CALIBRATIONS[:5]) + ", cam_params.json or the like", "none",
         advice="or give them: --intrinsics fx fy cx cy",
     )  # fmt: skip
+
+
+def _depth_unit(calibration_file: Path, needed: bool) -> float | None:
+    """Metres per count of depth, if a file of intrinsics says so. If its intrinsics are not needed, as others are given, it may have a form that is not read."""
+    try:
+        return read_calibration(calibration_file).depth_unit
+    except InputError:
+        if needed:
+            raise
+        return None
 
 
 def _listed(folder: Path, endings: Sequence[str], start: str = "") -> tuple[Path, ...]:

@@ -105,6 +105,9 @@ def test_bundle_fusions_info_tells_intrinsics_size_and_unit(tmp_path: Path):
     assert (carried[:, :16] == 0).all()
     # (32.5 - 32.6) / 58.3 * 116.6 + 32 = 31.8 and (24.5 - 24.4) / 58.4 * 116.8 + 24 = 24.2: column 31, row 24.
     assert carried[24, 32] == pytest.approx(room.depths[1, 24, 31] / 500, abs=1e-3)
+    # Given intrinsics are those of the images: the depth camera and its 500 counts a metre stay. (48.5 - 32.4) / 233.2 * 116.6 + 32 = 40.05.
+    given = open_scene(folder, intrinsics=(233.2, 233.6, 32.4, 24.4)).read([1], "native").depths[0].numpy()
+    assert given[24, 48] == pytest.approx(room.depths[1, 24, 40] / 500, abs=1e-3)
 
 
 def test_lost_poses_and_missing_files_are_counted(tmp_path: Path):

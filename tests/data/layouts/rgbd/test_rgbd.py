@@ -229,6 +229,16 @@ def test_without_intrinsics_they_are_asked_for(tmp_path: Path):
     check_read(open_scene(folder, intrinsics=(57.5, 56.25, 32.0, 25.0), depth_unit=0.001), room)
 
 
+def test_given_intrinsics_replace_a_file_that_cannot_be_read(tmp_path: Path):
+    """intrinsics.txt with distortion behind fx fy cx cy: 8 numbers, which are refused."""
+    room = miniature()
+    folder = pose_files(tmp_path, room)
+    (folder / "intrinsics.txt").write_text("57.5 56.25 31.5 24.5 0.1 -0.2 0 0")
+    with pytest.raises(InputError, match="intrinsics as a 3x3 or 4x4 matrix or as fx fy cx cy, found 8 numbers"):
+        open_scene(folder)
+    check_read(open_scene(folder, intrinsics=(57.5, 56.25, 32.0, 25.0), depth_unit=0.001), room)
+
+
 def test_redwood_without_a_file_has_the_primesense(tmp_path: Path):
     folder = redwood(tmp_path, miniature(frames=3))
     (folder / "intrinsic.json").unlink()
