@@ -114,12 +114,19 @@ def measure_motion(first: np.ndarray, second: np.ndarray) -> float:
 
 def _judged(path: Path) -> Iterator[Judged]:
     """The frames of a clip to choose from."""
-    video = _opened(path)
-    step = max(1, int(video.get(cv2.CAP_PROP_FRAME_COUNT)) // MOST_JUDGED)
-    video.release()
-    for index, pixels in _frames(path, step):
+    for index, pixels in _frames(path, max(1, _count_frames(path) // MOST_JUDGED)):
         grey = small_grey(pixels)
         yield Judged(index, grey, sharpness_of(grey) if grey.std() >= BLANK else 0.0)
+
+
+def _count_frames(path: Path) -> int:
+    """The number of frames of a clip. If its file does not say, as recordings of browsers (WebM) do not, they are counted."""
+    video = _opened(path)
+    try:
+        stated = int(video.get(cv2.CAP_PROP_FRAME_COUNT))
+        return stated if stated > 0 else sum(1 for _ in iter(video.grab, False))
+    finally:
+        video.release()
 
 
 def _frames(path: Path, step: int) -> Iterator[tuple[int, np.ndarray]]:

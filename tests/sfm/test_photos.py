@@ -14,7 +14,7 @@ from PIL import Image
 
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
-from semgs.files.images.pictures import read_optics, read_rgb, read_upright
+from semgs.files.images.pictures import jpeg_bytes, read_optics, read_rgb, read_upright
 from semgs.sfm.clips import LEAST_MOTION, copy_frames, measure_motion, moving
 from semgs.sfm.photos import (
     MOST_PHOTOS,
@@ -71,6 +71,13 @@ def test_a_focal_length_from_the_density_of_the_sensor(tmp_path: Path):
     assert read_optics(tmp_path / "a.jpg").focal_px == pytest.approx(2400)
     save(tmp_path / "b.jpg", pixels(0), x920A=24.0)
     assert read_optics(tmp_path / "b.jpg").focal_px is None
+
+
+@pytest.mark.parametrize(("width", "height"), [(1600, 1200), (1200, 1600)])
+def test_the_density_of_the_sensor_is_that_of_the_photo_as_it_was_taken(tmp_path: Path, width: int, height: int):
+    """24 mm at 1,000 px a cm are 2,400 px of 1,600; the photo was reduced to 400, perhaps turned upright, and its EXIF data were kept: 2,400 / 4."""
+    save(tmp_path / "a.jpg", pixels(0, 300, 400), x920A=24.0, xA20E=1000.0, xA210=3, xA002=width, xA003=height)
+    assert read_optics(tmp_path / "a.jpg").focal_px == pytest.approx(600)
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
@@ -192,6 +199,19 @@ def test_the_sharp_frame_of_each_stretch_is_taken(tmp_path: Path):
     assert found.ordered
     difference = read_rgb(tmp_path / "out" / "frame_00006.jpg").astype(int) - frames[6]
     assert np.abs(difference).mean() < 10  # the frame itself, RGB and not BGR
+
+
+def test_frames_of_a_clip_that_does_not_say_how_many_it_has_are_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """A stream of 45 pictures without a header, as browsers record: with at most about 10 to judge, every 4th is, which is 12."""
+    stream = b"".join(jpeg_bytes(textured(2 * index), 90) for index in range(45))
+    (tmp_path / "a.webm").write_bytes(stream)
+    monkeypatch.setattr("semgs.sfm.clips.MOST_JUDGED", 10)
+    (tmp_path / "out").mkdir()
+    found = copy_frames(tmp_path / "a.webm", tmp_path / "out", 4)
+    assert " of 12 frames of the clip were chosen" in found.notes[0]
+    assert len(found.photos) == 4
 
 
 def test_frames_are_turned_as_the_rotation_flag_says(tmp_path: Path):

@@ -37,6 +37,7 @@ _PGM = re.compile(rb"P5" + rb"(?:\s|#[^\n]*\n)+(\d{1,9})" * 3 + rb"\s")
 """A PGM header: width, height and largest count, separated by spaces and comments, then one space before the counts."""
 _ORIENTATION = 0x0112
 _EXIF, _FOCAL_MM, _FOCAL_35_MM, _PLANE_X, _PLANE_UNIT, _CUSTOM = 0x8769, 0x920A, 0xA405, 0xA20E, 0xA210, 0xA401
+_TAKEN_WIDTH, _TAKEN_HEIGHT = 0xA002, 0xA003
 _DIAGONAL_35_MM = math.hypot(36, 24)
 _PANORAMA = 6
 """What iPhones write as CustomRendered of a panorama."""
@@ -100,7 +101,8 @@ def read_optics(path: str | Stored) -> Optics:
     """How an image was taken.
 
     The focal length comes from FocalLengthIn35mmFilm, which compares diagonals: 26 mm on an image of 4000x3000 are 26 * 5000 / 43.27 pixels. If it
-    is missing, it comes from FocalLength and FocalPlaneXResolution.
+    is missing, it comes from FocalLength and FocalPlaneXResolution, which counts pixels as they were taken: programs that make photos smaller keep it, and
+    PixelXDimension and PixelYDimension beside it.
 
     Raises:
         InputError: the file is missing, or is not a JPEG, PNG or HEIC.
@@ -114,7 +116,11 @@ def read_optics(path: str | Stored) -> Optics:
         if equivalent:
             return Optics(equivalent * math.hypot(*image.size) / _DIAGONAL_35_MM, stitched)
         unit = _MM.get(exif.get(_PLANE_UNIT, 2))
-        return Optics(focal * per_unit / unit if focal and per_unit and unit else None, stitched)
+        if not (focal and per_unit and unit):
+            return Optics(None, stitched)
+        taken = [side for tag in (_TAKEN_WIDTH, _TAKEN_HEIGHT) if (side := _positive(exif.get(tag)))]
+        shrunk = max(image.size) / max(taken) if len(taken) == 2 else 1.0
+        return Optics(focal * per_unit / unit * shrunk, stitched)
 
 
 def read_upright(path: str | Stored) -> np.ndarray:
