@@ -10,7 +10,7 @@ import numpy as np
 
 from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
-from semgs.data.maps import DepthMap
+from semgs.data.maps import DepthMap, MaskMap
 from semgs.data.scene import Scene
 from semgs.doctor.rig import FLIP, Rig
 from semgs.files.atomic import write_json
@@ -37,7 +37,7 @@ def check_fixable(scene: Scene) -> None:
 def fixed_transforms(scene: Scene, rig: Rig, folder: Path) -> dict[str, Any]:
     """The content of a `transforms.json` with other cameras.
 
-    Frames without a pose are left out. Labels are not listed. Depth maps are, unless the correction is to ignore them.
+    Frames without a pose are left out. Labels are not listed. Masks are, and depth maps unless the correction is to ignore them.
 
     Args:
         scene: what `check_fixable` has passed.
@@ -48,8 +48,7 @@ def fixed_transforms(scene: Scene, rig: Rig, folder: Path) -> dict[str, Any]:
     for index, frame in enumerate(scene.frames):
         if np.isfinite(rig.poses[index]).all():
             frames.append(_entry(frame, rig, index, folder))
-    metric = {"metric": True} if scene.unit == "metric" else {}
-    return {"camera_model": "OPENCV", **metric, "frames": frames}
+    return {"camera_model": "OPENCV", "metric": scene.unit == "metric", "frames": frames}
 
 
 def write_fixed(path: Path, scene: Scene, rig: Rig) -> None:
@@ -72,6 +71,8 @@ def _entry(frame: Frame, rig: Rig, index: int, folder: Path) -> dict[str, Any]:
         "fl_x": fx, "fl_y": fy, "cx": cx, "cy": cy, **dict(zip(DISTORTION, lens.distortion, strict=True)),
         "transform_matrix": (rig.poses[index] @ FLIP).tolist(),
     }  # fmt: skip
+    if isinstance(frame.mask, MaskMap):
+        entry["mask_path"] = os.path.relpath(str(frame.mask.path), folder)
     if isinstance(frame.depth, DepthMap) and not frame.depth.rotated and np.isfinite(rig.depth_unit):
         entry["depth_file_path"] = os.path.relpath(str(frame.depth.path), folder)
         entry["depth_unit_scale_factor"] = frame.depth.unit * rig.depth_unit
