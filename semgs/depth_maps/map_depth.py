@@ -17,7 +17,7 @@ from semgs.data.views import Views
 from semgs.depth_maps.alignment import MapFit, Reference, align
 from semgs.depth_maps.depth_fit import ALIKE, POOR
 from semgs.depth_maps.depth_source import DepthMaps, Meaning
-from semgs.depth_maps.sensor_depth import FEWEST_MEASURED, sensor_spread
+from semgs.depth_maps.sensor_depth import FEWEST_MEASURED, metre_of, sensor_spread
 from semgs.figures.number_texts import percent
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import project
@@ -117,7 +117,9 @@ def find_reference(
     """
     measured = views.depths if independent else None
     if measured is not None and ((measured > 0).double().mean((-2, -1)) >= FEWEST_MEASURED).all():
-        return Reference("the sensor's depth", measured, sensor_spread(measured))
+        return Reference(
+            "the sensor's depth", measured, sensor_spread(measured, metre_of(views, scene.unit == "metric"))
+        )
     points = _depths_of_points(scene, positions, views) if independent else None
     if points is not None and ((points > 0).sum((-2, -1)) >= FEWEST_POINTS).all():
         return Reference("the scene's sparse points", points, torch.full_like(points, POINT_SPREAD))

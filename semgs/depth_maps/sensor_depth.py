@@ -18,7 +18,7 @@ from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.frames import Frame
 from semgs.data.maps import DepthMap, DepthThroughLens
 from semgs.data.scene import Scene
-from semgs.data.views import Views
+from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.depth_maps.depth_fit import DepthFit
 from semgs.depth_maps.registration import Registration, registration
 from semgs.figures.number_texts import percent
@@ -37,6 +37,9 @@ wide baselines; with more, noise is visible at short ones."""
 
 SMALLEST = 1e-3
 """The noise of smaller depths is that of this depth [m]."""
+
+POSITIVE = 1e-30
+"""Stands for unknown depths, which have no weight, where logarithms are taken."""
 
 
 @final
@@ -97,7 +100,9 @@ class Placement:
         return tuple(found)
 
 
-def place_gaussians(encoding: Encoding, views: Views, source: Literal["sensor", "both"]) -> tuple[Encoding, Placement]:
+def place_gaussians(
+    encoding: Encoding, views: Views, source: Literal["sensor", "both"], *, metric: bool = True
+) -> tuple[Encoding, Placement]:
     """Place Gaussians at the depth of a sensor. Returns them, and how they were placed.
 
     With "sensor", measured pixels take the measured depth, an opacity of `OPACITY` and a confidence of 1. With "both", the logarithm of depth
@@ -108,6 +113,7 @@ def place_gaussians(encoding: Encoding, views: Views, source: Literal["sensor", 
         encoding: of the views.
         views: of one scene, with depths.
         source: of the depth.
+        metric: whether lengths are metres, in which the noise of sensors is known.
 
     Raises:
         ValueError: the views have no depths, or nothing was measured in one of them.
@@ -119,12 +125,12 @@ def place_gaussians(encoding: Encoding, views: Views, source: Literal["sensor", 
     fitted = torch.stack([fit(depths) for fit, depths in zip(fits, network, strict=True)])
     residuals = torch.tensor([fit.residual for fit in fits]).to(fitted)[:, None, None]
     variance = encoding.depth_spread.square() + residuals.square()
-    noise = sensor_spread(sensor).square()
+    noise = sensor_spread(sensor, metre_of(views, metric)).square()
     weights = (sensor > 0).to(fitted)
     if source == "both":
         weights = weights * variance / (variance + noise)
     shares = 1 - weights
-    logs = weights * sensor.clamp(min=SMALLEST).log() + shares * fitted.log()
+    logs = weights * sensor.clamp(min=POSITIVE).log() + shares * fitted.log()
     moved = encoding.with_depths(
         logs.exp(),
         views.cameras,
@@ -135,13 +141,20 @@ def place_gaussians(encoding: Encoding, views: Views, source: Literal["sensor", 
     return moved.hide(views.hidden), Placement(source, fits, registration(views.images.to(sensor), sensor))
 
 
-def sensor_spread(depths: Float[Tensor, "*n"]) -> Float[Tensor, "*n"]:
-    """Standard deviation of log depth that a depth camera measures at depths [m].
+def metre_of(views: Views, metric: bool) -> float:
+    """The length of a metre in the unit of views. If that is unknown, they are taken for a room: the middle of near and far is 2.2 m."""
+    if metric:
+        return 1.0
+    return float(views.depth_range.log().mean().exp()) / (INDOOR_DEPTH_RANGE[0] * INDOOR_DEPTH_RANGE[1]) ** 0.5
+
+
+def sensor_spread(depths: Float[Tensor, "*n"], metre: float = 1.0) -> Float[Tensor, "*n"]:
+    """Standard deviation of log depth that a depth camera measures at depths, of which a metre has this length.
 
     This is the axial noise of a Kinect that faces a surface (Nguyen, Izadi and Lovell, "Modeling Kinect sensor noise for improved 3D
     reconstruction and tracking", 3DIMPVT 2012): 0.0012 + 0.0019 (z - 0.4)^2 [m].
     """
-    z = depths.clamp(min=SMALLEST)
+    z = (depths / metre).clamp(min=SMALLEST)
     return (0.0012 + 0.0019 * (z - 0.4).square()) / z
 
 

@@ -132,7 +132,7 @@ class ViewEncoder:
         count = f"{len(encoding.gaussians):,} Gaussians"
         if isinstance(depth, str):
             with self._stages("place", f"Placing {count} at the measured depth"):
-                return place_gaussians(encoding, views, depth)
+                return place_gaussians(encoding, views, depth, metric=self._scene.unit == "metric")
         with self._stages("depth", f"Depth of {len(views)} photos from {depth.title}{self._depth_cost}"):
             maps = read_maps(depth, self._scene, positions, views.size)
         with self._stages("place", f"Placing {count} with the help of depth maps"):

@@ -18,6 +18,7 @@ from semgs.depth_maps.registration import Registration
 from semgs.depth_maps.sensor_depth import OPACITY, place_gaussians, sensor_spread
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_uint16, write_png
+from semgs.geometry.cameras import Cameras
 from semgs.reconstruction.output.files import summary
 from semgs.reconstruction.output.report import Provenance, report_numbers
 from semgs.reconstruction.output.report_page import report_page
@@ -95,6 +96,36 @@ def test_both_weighs_log_depths_by_their_inverse_variances(views: Views):
     assert after.depth_spread[0, 7, 9].item() == pytest.approx((noise * variance / (noise + variance)) ** 0.5, rel=1e-3)
     assert after.opacity_maps()[0, 7, 9].item() == pytest.approx(weight * OPACITY + (1 - weight) * 0.9, rel=1e-4)
     assert after.confidences[0, 7, 9].item() == pytest.approx(weight + (1 - weight) * 0.5, rel=1e-4)
+
+
+@pytest.mark.parametrize("unit", [1000.0, 1e-4])
+def test_a_sensor_counts_as_much_in_a_unit_that_nobody_knows(views: Views, unit: float):
+    """The same scene with 1,000 or 0.0001 units a metre, near and far of rooms: noise that grows with the square of 2,000 would be 3.8 instead of
+    0.0037 at 2.4 m, and the sensor would not count."""
+    depths = views.depths.clone()
+    depths[0, 7, 9] = 2.4
+    views = replace(views, depths=depths)
+    expected = place_gaussians(Mistaken()(views), views, "both")[0]
+    poses = views.cameras.world_from_camera.clone()
+    poses[:, :3, 3] *= unit
+    scaled = replace(
+        views,
+        cameras=Cameras(poses, views.cameras.intrinsics, views.size),
+        depth_range=unit * views.depth_range,
+        depths=unit * depths,
+    )
+    before = Mistaken()(views)
+    shapes = {
+        name: replace(shape, scales=unit * shape.scales)
+        for name, shape in (("colour", before.gaussians.colour), ("semantic", before.gaussians.semantic))
+        if shape is not None
+    }
+    gaussians = replace(before.gaussians, means=unit * before.gaussians.means, **shapes)
+    given = replace(before, gaussians=gaussians, depths=unit * before.depths, depth_range=scaled.depth_range)
+    found = place_gaussians(given, scaled, "both", metric=False)[0]
+    torch.testing.assert_close(found.depths / unit, expected.depths, rtol=1e-4, atol=0)
+    torch.testing.assert_close(found.depth_spread, expected.depth_spread, rtol=1e-3, atol=1e-6)
+    assert found.depths[0, 7, 9].item() / unit == pytest.approx(2.4, rel=1e-3)
 
 
 def test_the_summary_the_report_and_the_scene_file_tell_of_it(wall_scene: Callable[..., Scene], tmp_path: Path):
