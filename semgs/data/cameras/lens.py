@@ -259,7 +259,7 @@ def _folded(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def rays_seen_at(
     seen: np.ndarray, image: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 ) -> np.ndarray:
-    """The rays (x, y, 1) [n 3] that a lens images at places [n 2] of the image at focal length 1; NaN where it images none.
+    """The rays (x, y, 1) [n 3] that a lens images at places [n 2] of the image at focal length 1; NaN where it images none before its model folds over.
 
     Newton's method, from the ray that an ideal pinhole would see.
 
@@ -268,24 +268,32 @@ def rays_seen_at(
         image: from x and y of rays to their places.
     """
     x, y = seen[:, 0].copy(), seen[:, 1].copy()
+
+    def slopes() -> tuple[np.ndarray, ...]:
+        return tuple(
+            (high - low) / (2 * _STEP)
+            for plus, minus in (
+                (image(x + _STEP, y), image(x - _STEP, y)),
+                (image(x, y + _STEP), image(x, y - _STEP)),
+            )
+            for high, low in zip(plus, minus, strict=True)
+        )
+
     with np.errstate(all="ignore"):
         for _ in range(_STEPS):
             u, v = image(x, y)
             error_u, error_v = u - seen[:, 0], v - seen[:, 1]
             if np.hypot(error_u, error_v).max(initial=0.0) < _CLOSE:
                 break
-            (ux, vx), (uy, vy) = (
-                [(high - low) / (2 * _STEP) for high, low in zip(plus, minus, strict=True)]
-                for plus, minus in (
-                    (image(x + _STEP, y), image(x - _STEP, y)),
-                    (image(x, y + _STEP), image(x, y - _STEP)),
-                )
-            )
+            ux, vx, uy, vy = slopes()
             determinant = ux * vy - uy * vx
             x = x - (vy * error_u - uy * error_v) / determinant
             y = y - (ux * error_v - vx * error_u) / determinant
         u, v = image(x, y)
+        ux, vx, uy, vy = slopes()
         found = np.hypot(u - seen[:, 0], v - seen[:, 1]) < _FOUND
+        # Beyond its fold a model mirrors, and further out it turns to the other side of the image.
+        found &= (ux * vy > uy * vx) & (x * seen[:, 0] + y * seen[:, 1] > -_FOUND)
     plane = np.where(found[:, None], np.stack((x, y), axis=1), np.nan)
     return np.concatenate((plane, np.ones((len(plane), 1))), axis=1)
 

@@ -87,11 +87,19 @@ def test_directions_are_exact_at_the_edges_of_wide_lenses(distortion):
 
 
 def test_where_a_lens_images_no_ray_there_is_none():
-    """r (1 - 0.25 r^2) is 0.7698 at most, at r^2 = 4 / 3: nothing is seen further out, and 0.6 of the focal length from the middle a ray is."""
+    """r (1 - 0.25 r^2) is 0.7698 at most, at r^2 = 4 / 3: nothing is seen further out in the image, all around, although r = -2.31 would give 0.775."""
     lens = Lens((108, 192), (90.0, 90.0), (96.0, 54.0), (-0.25, 0.0, 0.0, 0.0, 0.0))
-    seen, beyond = lens.directions(np.array([[96 + 54.0, 54.0], [96 + 90 * 0.78, 54.0]]))
-    assert seen[0] * (1 - 0.25 * seen[0] ** 2) == pytest.approx(0.6, abs=1e-9)
-    assert np.isnan(beyond[:2]).all()
+    angles = np.linspace(0, 2 * np.pi, 37)
+    around = np.stack((np.cos(angles), np.sin(angles)), axis=1)
+
+    for radius in (0.6, 0.76):
+        seen = lens.directions(90 * radius * around + lens.centre)
+        found = np.linalg.norm(seen[:, :2], axis=1)
+        np.testing.assert_allclose(found * (1 - 0.25 * found**2), radius, atol=1e-8)
+        np.testing.assert_allclose(seen[:, :2], found[:, None] * around, atol=1e-8)
+        assert found.max() < 1.1547
+    for radius in (0.775, 0.78, 0.9, 1.2):
+        assert np.isnan(lens.directions(90 * radius * around + lens.centre)[:, :2]).all()
 
 
 def test_pixels_beyond_the_fold_of_a_model_are_empty():
