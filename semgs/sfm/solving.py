@@ -375,9 +375,21 @@ def _solution(
     focal_given: bool,
     groups: Mapping[str, tuple] | None,
 ) -> Solution:
-    """The first of some models as ours, with notes."""
+    """The first of some models as ours, with notes.
+
+    Raises:
+        InputError: the distortion of a lens cannot be undone over the whole image.
+    """
     model = equal[0]
-    posed = posed_photos(model, [photo.name for photo in upright])
+    try:
+        posed = posed_photos(model, [photo.name for photo in upright])
+    except (
+        ValueError
+    ) as error:  # a lens as wide as those of action cameras, with a distortion that one number does not describe
+        raise InputError(
+            photos.path, "photos of a lens whose distortion is that of usual ones", f"solved, {error}",
+            advice="take them with a narrower or linear field of view, or undistort them first and give --focal",
+        ) from error  # fmt: skip
     missing = [photo.name for photo in upright if photo.name not in {one.name for one in posed}]
     points = list(model.points3D.values())
     notes = [*photos.notes, f"The cameras of {len(posed)} of {len(upright)} photos were estimated from the photos."]

@@ -17,7 +17,7 @@ from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import write_png
 from semgs.sfm import solving as module
-from semgs.sfm.photos import UprightPhoto
+from semgs.sfm.photos import PhotoSet, UprightPhoto
 from semgs.sfm.pycolmap_library import pycolmap
 from semgs.sfm.scale import KnownDistance, in_metres, named_photo, scaled
 from semgs.sfm.scene_folder import PhotoDetails, write_photo_scene
@@ -130,11 +130,11 @@ def test_two_photos_without_a_focal_length_get_a_guess_that_is_called_one(three:
     assert open_scene(tmp_path / "scene").unit == "unknown"
 
 
-def one_point_model():
+def one_point_model(size: tuple[int, int] = (80, 100), values: tuple[float, ...] = (120.0, 50.0, 40.0, 0.01)):
     """A camera at (1, 2, 3), turned by 90 degrees about y, that sees the world's point (4, 2.5, 3) at depth 3, 20 pixels below the middle."""
     library = pycolmap()
     model = library.Reconstruction()
-    camera = library.Camera(camera_id=1, model="SIMPLE_RADIAL", width=100, height=80, params=[120.0, 50.0, 40.0, 0.01])
+    camera = library.Camera(camera_id=1, model="SIMPLE_RADIAL", width=size[1], height=size[0], params=list(values))
     model.add_camera_with_trivial_rig(camera)
     turned = np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])  # camera from world: the world's x is forward
     image = library.Image(image_id=1, name="a.png", camera_id=1)
@@ -154,6 +154,17 @@ def test_colmaps_pixels_and_axes_are_ours_and_its_poses_are_inverted():
     x = photo.world_from_camera[:3, :3].T @ (np.array([4.0, 2.5, 3]) - [1, 2, 3])
     np.testing.assert_allclose(x, [0, 0.5, 3], atol=1e-12)  # below the axis, since y is down
     np.testing.assert_allclose(120 * x[:2] / x[2] + [50, 40], [50, 60], atol=1e-12)
+
+
+def test_a_solved_lens_that_folds_over_is_refused_with_what_to_do(tmp_path: Path):
+    """r (1 - 0.3 r^2) is 0.70 at most, 632 px from the middle of 1920x1080 at 900 px: the corners, 1,101 px away, would show nothing."""
+    model = one_point_model(size=(1080, 1920), values=(900.0, 960.0, 540.0, -0.3))
+    photos = PhotoSet(tmp_path, tmp_path, (UprightPhoto("a.png", (1080, 1920)),))
+    with pytest.raises(
+        InputError, match=r"distortion \(-0\.3, .* cannot be undone over the whole picture; take them with a narrower"
+    ) as caught:
+        module._solution([model], photos, photos.photos, False, False, None)
+    assert str(caught.value).startswith(f"{tmp_path}: expected photos of a lens")
 
 
 def test_scaling_moves_cameras_and_keeps_their_rotation():
