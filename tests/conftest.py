@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 import warnings
+import zlib
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -65,6 +66,12 @@ def pytest_collection_finish() -> None:
     """From here on, garbage is collected, but never searched for among what was imported: that would take a second each time."""
     gc.freeze()
     gc.enable()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """What a test or its fixtures draw without a seed depends on the test's name, and not on what ran before it in the same process."""
+    torch.default_generator.manual_seed(zlib.crc32(item.nodeid.encode()))
 
 
 @pytest.fixture(scope="session")

@@ -180,12 +180,17 @@ def _stopped_once(case: Case, inputs: Path, folder: Path, sent: int, share: floa
     ready.unlink(missing_ok=True)
 
     def work() -> int:
-        from semgs.cli.main import main
+        from semgs.cli import main as module
 
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        arguments = case.command(inputs, out / "out")
-        ready.touch()
-        return main(arguments)
+        begin = module._run
+
+        def begun(arguments: list[str]) -> int:
+            ready.touch()  # from here on the command takes care of signals
+            return begin(arguments)
+
+        module._run = begun
+        return module.main(case.command(inputs, out / "out"))
 
     child = start(work, log)
     while not ready.exists():

@@ -41,7 +41,11 @@ def test_memory_and_handles_stay_the_same_over_many_reconstructions(first: int, 
         gc.collect()
 
     reconstruct(first)
-    before, opened = resident(), handles()
-    reconstruct(more)
-    assert resident() < 1.02 * before
-    assert handles() == opened
+    for _ in range(3):  # a leak is there each time; what other threads and tests of the process do is not
+        before, opened = resident(), handles()
+        reconstruct(more)
+        grown, left = resident() / before, handles() - opened
+        if grown < 1.02 and left <= 0:
+            break
+    assert grown < 1.02
+    assert left <= 0, "open files or threads"

@@ -40,7 +40,7 @@ def test_workers_are_other_processes_that_end_with_the_block_though_its_error_is
     with pytest.raises(KeyError) as kept:
         interrupted()
     assert seen[0] != os.getpid()
-    for _ in range(100):  # until the fork server has heard of it
+    for _ in range(2000):  # until the fork server has heard of it
         try:
             os.kill(seen[0], 0)
         except ProcessLookupError:

@@ -42,7 +42,7 @@ def page_of(size: tuple[int, int], *, offline: bool = True, known: str = "$^") -
     )
     errors: list[str] = []
     with playwright.sync_playwright() as running:
-        browser = running.chromium.launch(executable_path=program, args=list(FLAGS))
+        browser = running.chromium.launch(executable_path=program, args=list(FLAGS), timeout=SECONDS * 1000)
         height, width = size
         page = browser.new_context(viewport={"width": width, "height": height}, offline=offline).new_page()
         page.set_default_timeout(SECONDS * 1000)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import re
@@ -62,6 +63,7 @@ def allocated(name: str, views: int, size: tuple[int, int], chunks: Chunks) -> d
     context = posed_views(views, size)
     with torch.inference_mode():
         model(context, chunks)
+        gc.collect()  # what earlier tests left would be freed meanwhile, and count as less
         with profile(profile_memory=True) as profiled:
             model(context, chunks, stage)
     events = profiled.kineto_results.events()
@@ -160,7 +162,8 @@ def test_no_warped_features_of_all_depths_are_ever_in_memory() -> None:
     assert allocated("small_plain", 2, (height, width), WHOLE)["cost_volume"] < 0.5 * warped
 
 
-def test_chunks_are_as_large_as_memory_allows() -> None:
+def test_chunks_are_as_large_as_memory_allows(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planning, "held_bytes", lambda: 4e8)  # which changes while tests run
     model, views = model_of("small_plain"), posed_views(8, (480, 640))
     needed = [model.memory_plan(views, available_bytes=float("inf"))]
     assert not needed[0].short

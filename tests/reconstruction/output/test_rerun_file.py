@@ -47,7 +47,7 @@ def test_the_plan_is_what_rerun_makes_of_the_same_plan_from_ros(tmp_path: Path) 
     write_message(tmp_path / "plan.mcap", "/plan", 3, lambda _: ros.occupancy_grid(plan, header))
     subprocess.run(
         [sys.executable, "-m", "rerun", "mcap", "convert", tmp_path / "plan.mcap", "-o", tmp_path / "theirs.rrd"],
-        check=True, capture_output=True, timeout=60,
+        check=True, capture_output=True, timeout=250,
     )  # fmt: skip
     ours = logged(tmp_path / "ours.rrd", _grid(rr, plan))
     for component in ("data", "format", "cell_size", "colormap"):
