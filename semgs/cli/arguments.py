@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from difflib import get_close_matches
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from pathlib import Path
 from typing import TypeVar
 
@@ -59,8 +59,9 @@ def parse(options: type[Options], program: str, arguments: Sequence[str]) -> Opt
     except SystemExit as leaving:
         if leaving.code != REFUSED:
             raise  # after --help, or because of a signal
-        message = _suggest_option(options, program, arguments, printed.getvalue()) or _message_in_box(
-            printed.getvalue()
+        box = printed.getvalue()
+        message = (
+            _suggest_option(options, program, arguments, box) or _name_missing(program, box) or _message_in_box(box)
         )
         raise UsageError(f"{message}; see {program} --help") from None
 
@@ -73,12 +74,16 @@ def did_you_mean(typed: str, known: Iterable[str]) -> str:
 
 def _parse(options: type[Options], program: str, arguments: Sequence[str]) -> Options:
     """The options as tyro parses them. If the arguments are wrong, tyro prints why to stderr and exits."""
+    description = None
     if {"-h", "--help"} & set(arguments):
-        from semgs.cli.help_text import join_lines
+        from semgs.cli.help_text import description_of, join_lines
 
         join_lines(options)
+        description = description_of(options)
     config = (tyro.conf.FlagCreatePairsOff,)
-    return tyro.cli(options, prog=program, args=list(arguments), config=config, registry=_TYPES)
+    return tyro.cli(
+        options, prog=program, args=list(arguments), description=description, config=config, registry=_TYPES
+    )
 
 
 def _suggest_option(options: type, program: str, arguments: Sequence[str], box: str) -> str:
@@ -94,6 +99,18 @@ def _suggest_option(options: type, program: str, arguments: Sequence[str], box: 
         if re.search(rf"(?<![\w-]){re.escape(typed)}(?![\w-])", unknown) and (advice := did_you_mean(typed, known)):
             return f"there is no option {typed}{advice}"
     return ""
+
+
+def _name_missing(program: str, box: str) -> str:
+    """Names the required arguments that are missing, without their help texts; "" if the box that tyro prints is about something else."""
+    lines = [line.strip("│").rstrip() for line in _without_colours(box).splitlines()]
+    at = next((at for at, line in enumerate(lines) if line.lstrip().startswith("Missing from ")), None)
+    if at is None:
+        return ""
+    named = takewhile(lambda line: set(line.strip()) - set("─-"), lines[at + 1 :])  # up to the rule before the advice
+    indent = len(lines[at]) - len(lines[at].lstrip()) + 4  # help texts are indented further
+    *others, last = (line.strip() for line in named if len(line) - len(line.lstrip()) == indent)
+    return f"{program} needs {', '.join(others)}{' and ' if others else ''}{last}"
 
 
 def _without_colours(text: str) -> str:

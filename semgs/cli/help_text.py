@@ -1,4 +1,4 @@
-"""Help texts of options as paragraphs. tyro keeps the line breaks that they have in the source, which then end lines early."""
+"""Help texts as paragraphs. tyro keeps line breaks that they have in the source, which then end lines early."""
 
 from __future__ import annotations
 
@@ -26,6 +26,11 @@ def join_lines(options: type) -> None:
         for field in dataclasses.fields(one):
             if text := help_of.get(field.name):
                 field.metadata = MappingProxyType({**field.metadata, "help": paragraphs(text)})
+
+
+def description_of(options: type) -> str:
+    """What a command does, from the docstring of its options, as paragraphs."""
+    return paragraphs(docstring_parser.parse(options.__doc__ or "").description or "")
 
 
 def paragraphs(text: str) -> str:

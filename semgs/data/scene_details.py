@@ -13,6 +13,17 @@ from semgs.files.errors import InputError
 Unit = Literal["metric", "unknown"]
 """Of the lengths of a scene: metres, or the scene's own."""
 
+USED_BY = {
+    "camera": "a ROS bag",
+    "world": "a ROS bag",
+    "body": "a ROS bag",
+    "intrinsics": "RGB-D frames, Replica, a phone's capture or a ROS bag",
+    "depth_unit": "RGB-D frames or a transforms.json",
+    "scenezoo": "a data set that scenezoo reads",
+    "images": "a COLMAP model",
+}
+"""The layouts that use a detail, in words for messages; `unit` is for all."""
+
 
 @dataclass(frozen=True)
 class SceneDetails:
@@ -65,7 +76,4 @@ class SceneDetails:
         """
         for one in fields(self):
             if getattr(self, one.name) is not None and one.name not in (*takes, "unit"):
-                raise InputError(
-                    path, f"a layout that leaves {one.name} open", f"layout {layout}, which does not", one.name,
-                    advice="leave it out",
-                )  # fmt: skip
+                raise InputError(path, USED_BY[one.name], f"layout {layout}", one.name, advice="leave it out")

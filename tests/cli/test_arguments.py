@@ -56,6 +56,20 @@ def test_what_was_mistyped_is_named_with_the_nearest_that_there_is(
     assert told in line
 
 
+@pytest.mark.parametrize(
+    ("typed", "needed"),
+    [
+        ("reconstruct", "SCENE and --out DIR"),
+        ("reconstruct scene", "--out DIR"),
+        ("query", "SCENE, --embedding FILE and --out OUT"),
+    ],
+)
+def test_missing_arguments_are_named_without_their_help(typed: str, needed: str, capsys: pytest.CaptureFixture[str]):
+    assert main(typed.split()) == 2
+    program = f"semgs {typed.split()[0]}"
+    assert capsys.readouterr().err == f"semgs: error: {program} needs {needed}; see {program} --help\n"
+
+
 def test_what_is_asked_of_a_scene_is_converted_once_and_refused_where_it_cannot_be():
     options = SceneOptions(camera="/left", intrinsics=(50.0, 51.0, 20.0, 10.0))
     options.check()

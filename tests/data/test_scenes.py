@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 import shutil
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from landmarks import looking
 from PIL import Image
 
 from semgs.data.resampling import reframed
+from semgs.data.scene_details import USED_BY, SceneDetails
 from semgs.data.scenes import LAYOUTS, open_scene, open_scenes
 from semgs.files.errors import InputError
 
@@ -232,3 +234,11 @@ def test_reading_twice_gives_the_same_bits(shared):
     first, second = (open_scene(path).read([3, 4], size=(320, 240)) for _ in range(2))
     assert torch.equal(first.images, second.images)
     assert torch.equal(first.depth_range, second.depth_range)
+
+
+def test_what_uses_a_detail_is_named_where_it_is_refused(folder):
+    assert set(USED_BY) == {one.name for one in fields(SceneDetails)} - {"unit"}
+    with pytest.raises(
+        InputError, match=r"images: expected a COLMAP model, found layout transforms\.json; leave it out"
+    ):
+        open_scene(folder, images=folder)

@@ -24,7 +24,7 @@ class ExecutionOptions:
     devices: Count = 1
     """GPUs to use on this machine, or CPU processes. They share the scenes of each step."""
     precision: PrecisionOrAuto = "float32"
-    """Precision of the layers: 32, bf16, or auto for bf16 on GPUs that support it. The paper does not state one. Cameras, depth, opacity,
+    """Precision of the layers: float32, bf16, or auto for bf16 on GPUs that support it. The paper does not state one. Cameras, depth, opacity,
     Gaussians and losses always use float32 or better."""
     accumulate: Count = 1
     """Split each process's share of a step into this many pieces, computed one after the other, to save memory."""

@@ -28,12 +28,15 @@ class SceneOptions:
     intrinsics: Annotated[
         tuple[float, float, float, float] | None, tyro.conf.arg(metavar="FX FY CX CY", help_behavior_hint="")
     ] = None
-    """fx fy cx cy of the full-size images, in pixels; the image centre is (W/2, H/2). Overrides any file."""
+    """RGB-D frames, Replica, phone captures and ROS bags: fx fy cx cy of the full-size images, in pixels; the image centre is (W/2, H/2).
+    Overrides the files."""
     depth_unit: Annotated[float | None, tyro.conf.arg(metavar="METRES", help_behavior_hint="")] = None
-    """Metres per unit of the depth maps, such as 0.001, if no file says so."""
+    """RGB-D frames and transforms.json: metres per unit of the depth maps, such as 0.001."""
     images: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = None
     """COLMAP models: the folder that the names of the images are relative to, if it is not beside the model."""
-    unit: Annotated[Literal["metric", "unknown"] | None, tyro.conf.arg(help_behavior_hint="")] = None
+    unit: Annotated[
+        Literal["metric", "unknown"] | None, tyro.conf.arg(metavar="{metric,unknown}", help_behavior_hint="")
+    ] = None
     """Whether lengths are metres, if the files do not say so or are wrong about it."""
     scenezoo: Annotated[str | None, tyro.conf.arg(metavar="DATASET:SCENE", help_behavior_hint="")] = None
     """A scene of arkitscenes, matterport3d, multiscan, 3rscan or structured3d: SCENE is then the folder of the data set. A third part is

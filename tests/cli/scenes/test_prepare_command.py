@@ -73,8 +73,9 @@ def test_what_cannot_be_is_refused_and_nothing_is_written(
         capsys, scenes, out, "--size", "auto"
     )
     assert "--workers: expected a whole number, 0 or more" in refused(capsys, scenes, out, "--workers", -1)
-    assert "intrinsics: expected a layout that leaves intrinsics open" in refused(
-        capsys, scenes, out, "--intrinsics", 60, 60, 32, 24
+    assert (
+        "intrinsics: expected RGB-D frames, Replica, a phone's capture or a ROS bag, found layout transforms.json; leave it"
+        in refused(capsys, scenes, out, "--intrinsics", 60, 60, 32, 24)
     )
     assert "expected fx, fy, cx, cy in pixels, fx and fy positive" in refused(
         capsys, scenes, out, "--intrinsics", 0, 1, 2, 3

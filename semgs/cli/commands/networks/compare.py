@@ -35,9 +35,10 @@ class Compare:
     layout: Literal["paper", "difference", "data", "card"] = "paper"
     """paper: the columns of the paper's tables. difference: each report minus the first, with paired 95 % bootstrap intervals. data:
     reports of different data, one below the other. card: as data, with intervals and a table of classes, for a model card."""
-    published: Annotated[Literal["scannet", "scannetpp", "ablation"] | None, tyro.conf.arg(help_behavior_hint="")] = (
-        None
-    )
+    published: Annotated[
+        Literal["scannet", "scannetpp", "ablation"] | None,
+        tyro.conf.arg(metavar="{scannet,scannetpp,ablation}", help_behavior_hint=""),
+    ] = None
     """With --layout paper: add the numbers that the paper published, with a note on what is unknown about them."""
     format: Literal["text", "markdown", "latex"] = "text"
     """For a terminal, a page or a paper (LaTeX with booktabs)."""

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 class Evaluate:
     """Score weights, or saved predictions, on a fixed list of frames, next to simple baselines.
 
-    --data is a scene, or a folder of scenes. The protocol sets the target views and their input views:
+    The protocol sets the target views and their input views:
     - neighbours: every inner frame is a target; its inputs are the nearest frames, alternately before and after
     - peers: the test frames and inputs of S-Ray; with --gsnerf-distance, the inputs that GSNeRF's code chooses
     - pinned FILE: the frames in frames.json or report.json of an earlier evaluation
@@ -80,7 +80,7 @@ class Evaluate:
     weights: Annotated[tyro.conf.Positional[Weights], tyro.conf.arg(metavar="[WEIGHTS]", help_behavior_hint="")] = ""
     """"small" for the included weights, a weights file, or hf://OWNER/NAME on the hub."""
     scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
-    """Only the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line; see docs/data.md."""
+    """Only the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line; see docs/reproduce.md."""
     predictions: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = None
     """Score another method's label maps instead of WEIGHTS: DIR/N2/SCENE/STEM.png, class number per pixel, 255 = no prediction."""
     protocol: Protocol = ("neighbours",)

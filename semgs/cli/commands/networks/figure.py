@@ -59,7 +59,7 @@ class PaperFigure:
     predictions: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=DIR ...", help_behavior_hint="")] = ()
     """Label maps of other methods, in the format of semgs evaluate; one column each."""
     scenes: Annotated[tuple[str, ...], tyro.conf.arg(metavar="LIST ...", help_behavior_hint="")] = ()
-    """For each DIR, only the scenes of a list; see docs/data.md."""
+    """For each DIR, only the scenes of a list; see docs/reproduce.md."""
     protocol: Protocol = ("neighbours",)
     """neighbours, peers, or pinned FILE."""
     views: Views = 2

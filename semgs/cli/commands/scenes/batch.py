@@ -97,7 +97,7 @@ class Batch:
     out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
     """Folder for the results: new, empty, or that of an earlier call."""
     scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
-    """Only the scenes of a list: an included one (scannet-val), or a text file with one name per line; see docs/data.md."""
+    """Only the scenes of a list: an included one (scannet-val), or a text file with one name per line; see docs/reproduce.md."""
     workers: Annotated[CountOrAuto, tyro.conf.arg(help_behavior_hint="")] = None
     """Scenes at a time, each with one thread. By default one per core, or fewer if memory is short."""
     retry_failed: bool = False

@@ -49,7 +49,7 @@ class Prepare:
     every: Count = 1
     """Keep each n-th frame."""
     scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
-    """Only the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line; see docs/data.md."""
+    """Only the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line; see docs/reproduce.md."""
     workers: Annotated[WorkersOrCores, tyro.conf.arg(help_behavior_hint="")] = None
     """Worker processes; by default one per core, 0 for none."""
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)

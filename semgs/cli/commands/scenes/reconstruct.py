@@ -29,7 +29,7 @@ from semgs.cli.progress import say_compiling, show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
-from semgs.model.networks import NetworkName
+from semgs.model.networks import NAMES, NetworkName
 from semgs.reconstruction.output.rerun_library import rerun_library
 from semgs.runtime.stopwatch import Stages
 from semgs.viewer.server import check_viewer_library
@@ -110,7 +110,7 @@ class Reconstruct:
     weights: Annotated[WeightsOrRandom, tyro.conf.arg(help_behavior_hint="(default: small)")] = None
     """"small" for the included weights, a weights file, hf://OWNER/NAME[@REVISION] to download from the Hugging Face hub, or "random".
     A file says which network it is for; MVSplat's checkpoints give colour and depth only."""
-    model: Annotated[NetworkName | None, tyro.conf.arg(help_behavior_hint="")] = None
+    model: Annotated[NetworkName | None, tyro.conf.arg(metavar=f"{{{','.join(NAMES)}}}", help_behavior_hint="")] = None
     """Network for --weights random, or base to fill it from MVSplat's checkpoint. Otherwise the weights decide. small runs on a laptop,
     base has the paper's sizes, mvsplat has colour and depth only."""
     exposure: Exposure = "auto"

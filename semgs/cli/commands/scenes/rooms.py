@@ -32,7 +32,7 @@ class Rooms:
     - scene_00000/room.json: the kind of room and how many pixels each class has
     - index.json: the same counts for all scenes; settings.json: the options
 
-    Scene k of a seed is always the same, on any machine and with any number of workers. To resume, repeat the command; a larger
+    On one machine and with one version of semgs, scene k of a seed is always the same. To resume, repeat the command; a larger
     --scenes adds scenes. Without --assets, the images are CC0. With them, ATTRIBUTION.md lists the works that appear in the images
     and their licences.
 

@@ -276,9 +276,7 @@ def test_intrinsics_that_cannot_be_are_refused_with_their_file(tmp_path: Path, n
 
 def test_what_a_layout_does_not_leave_open_cannot_be_asked(tmp_path: Path):
     folder = pose_files(tmp_path, miniature(frames=2))
-    with pytest.raises(
-        InputError, match=r"camera: expected a layout that leaves camera open, found layout RGB-D folders"
-    ):
+    with pytest.raises(InputError, match=r"camera: expected a ROS bag, found layout RGB-D folders; leave it out"):
         open_scene(folder, camera="/camera/color")
     with pytest.raises(ValueError, match=r"depth_unit is -1"):
         open_scene(folder, depth_unit=-1.0)
