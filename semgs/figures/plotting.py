@@ -66,4 +66,4 @@ def check_plotting() -> None:
         ImportError: it is not; says how to install it.
     """
     if not can_plot():
-        raise ImportError("plots need matplotlib: pip install '.[figures]' in SemGS's folder", name="matplotlib")
+        raise ImportError("plots need matplotlib: pip install -e '.[figures]' in SemGS's folder", name="matplotlib")

@@ -21,4 +21,4 @@ def needs_extra(extra: str, need: str, library: str) -> Iterator[None]:
     try:
         yield
     except ImportError as error:
-        raise ImportError(f"{need}: pip install '.[{extra}]' in SemGS's folder", name=library) from error
+        raise ImportError(f"{need}: pip install -e '.[{extra}]' in SemGS's folder", name=library) from error

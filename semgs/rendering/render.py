@@ -198,7 +198,7 @@ def _is_gsplat_installed() -> bool:
     if find_spec("gsplat") is not None:
         return True
     warnings.warn(
-        "Gaussians on a CUDA device are rendered on the CPU, because gsplat is not installed; pip install '.[cuda]' in SemGS's folder for speed",
+        "Gaussians on a CUDA device are rendered on the CPU, because gsplat is not installed; pip install -e '.[cuda]' in SemGS's folder for speed",
         stacklevel=4,
     )
     return False

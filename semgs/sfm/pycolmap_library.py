@@ -29,4 +29,4 @@ def _remedy() -> str:
             "pycolmap has no package for Linux on aarch64. Compute the cameras on another machine with semgs poses, "
             "or write a transforms.json with the cameras you know"
         )
-    return "this needs pycolmap: pip install '.[sfm]' in SemGS's folder"
+    return "this needs pycolmap: pip install -e '.[sfm]' in SemGS's folder"

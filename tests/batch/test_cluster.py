@@ -15,7 +15,7 @@ from semgs.batch.records import Record
 from semgs.batch.tasks import Task
 from semgs.cli.main import main
 
-ray = pytest.importorskip("ray", reason="Ray is not installed; pip install '.[cluster]' in SemGS's folder")
+ray = pytest.importorskip("ray", reason="Ray is not installed; pip install -e '.[cluster]' in SemGS's folder")
 
 pytestmark = [
     pytest.mark.long,

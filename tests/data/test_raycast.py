@@ -81,5 +81,5 @@ def test_without_embree_the_extra_is_named(monkeypatch):
         return genuine(name, *rest, **named)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(ImportError, match=r"pip install '\.\[raycast\]'"):
+    with pytest.raises(ImportError, match=r"pip install -e '\.\[raycast\]'"):
         Raycaster(*soup(1))

@@ -243,7 +243,7 @@ def run_semgs(words: Sequence[str]) -> None:
     if "--help" not in rest:
         parse_semgs(words)
     if name == "app":
-        pytest.importorskip("gradio", reason="gradio is not installed; pip install '.[app]' in SemGS's folder")
+        pytest.importorskip("gradio", reason="gradio is not installed; pip install -e '.[app]' in SemGS's folder")
         serve("app", *rest, "--port", "0", "--folder", "app")
         return
     if "--ray" in rest:  # it needs a cluster

@@ -228,8 +228,8 @@ def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monkey
 
 def test_without_the_library_or_with_an_old_one_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pxr", SimpleNamespace(UsdVol=object, UsdSemantics=UsdSemantics))
-    with pytest.raises(ImportError, match=r"usd-core 26\.3 or newer: pip install '\.\[usd\]'"):
+    with pytest.raises(ImportError, match=r"usd-core 26\.3 or newer: pip install -e '\.\[usd\]'"):
         check_usd_library()
     monkeypatch.setitem(sys.modules, "pxr", None)
-    with pytest.raises(ImportError, match=r"pip install '\.\[usd\]'"):
+    with pytest.raises(ImportError, match=r"pip install -e '\.\[usd\]'"):
         check_usd_library()

@@ -70,7 +70,7 @@ def test_if_the_images_end_in_an_error_nothing_is_left_and_an_older_video_stays(
 
 def test_without_the_library_the_error_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "av", None)
-    with pytest.raises(ImportError, match=r"pip install '\.\[video\]'"):
+    with pytest.raises(ImportError, match=r"pip install -e '\.\[video\]'"):
         write_video(tmp_path / "a.mp4", frames((32, 48), 1), fps=30)
     assert list(tmp_path.iterdir()) == []
 

@@ -20,7 +20,7 @@ def without_matplotlib(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_commands_that_plot_say_what_to_install(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     data = tmp_path / "scans"
     data.mkdir()
-    line = "semgs: error: plots need matplotlib: pip install '.[figures]' in SemGS's folder\n"
+    line = "semgs: error: plots need matplotlib: pip install -e '.[figures]' in SemGS's folder\n"
     for arguments in (
         ["figure", "qualitative", "--weights", "small", "--data", str(data), "--out", str(tmp_path / "out")],
         ["weights", "calibrate", "small", "--data", str(data), "--plot", str(tmp_path / "plot.png")],

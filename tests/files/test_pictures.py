@@ -309,7 +309,7 @@ def test_a_heic_without_pillow_heif_says_what_to_install(tmp_path, monkeypatch):
     path.write_bytes(b"\0\0\0\x1cftypheic" + bytes(100))
     monkeypatch.setitem(sys.modules, "pillow_heif", None)
     with pytest.raises(
-        ImportError, match=r"IMG_0001\.heic is a HEIC image, which needs pillow-heif: pip install '\.\[phone\]'"
+        ImportError, match=r"IMG_0001\.heic is a HEIC image, which needs pillow-heif: pip install -e '\.\[phone\]'"
     ):
         read_header(path)
 

@@ -244,7 +244,7 @@ def test_gaussians_on_cuda_are_drawn_there_if_gsplat_is_installed_and_they_are_n
 
 def test_what_is_missing_is_named(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "gsplat", None)
-    with pytest.raises(ImportError, match=r"needs gsplat: pip install '\.\[cuda\]' in SemGS's folder"):
+    with pytest.raises(ImportError, match=r"needs gsplat: pip install -e '\.\[cuda\]' in SemGS's folder"):
         gsplat_backend.rasterizer()
     package, backend = types.ModuleType("gsplat"), types.ModuleType("gsplat.cuda._backend")
     package.rasterization, backend._C = rasterization, None  # type: ignore[attr-defined]

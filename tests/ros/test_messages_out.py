@@ -129,5 +129,5 @@ def test_the_grid_is_that_of_the_plan_cell_for_cell_and_the_map_turned_upside_do
 def test_without_rosbags_the_extra_is_named(monkeypatch: pytest.MonkeyPatch):
     message_store.cache_clear()
     monkeypatch.setitem(__import__("sys").modules, "rosbags.typesys", None)
-    with pytest.raises(ImportError, match=r"need rosbags: pip install '\.\[ros\]'"):
+    with pytest.raises(ImportError, match=r"need rosbags: pip install -e '\.\[ros\]'"):
         ros.label_info(SCANNET20, HEADER)

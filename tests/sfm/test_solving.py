@@ -320,7 +320,7 @@ def test_a_texture_that_repeats_is_refused(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("machine", "said"), [("x86_64", r"pip install '\.\[sfm\]'"), ("aarch64", r"transforms\.json")]
+    ("machine", "said"), [("x86_64", r"pip install -e '\.\[sfm\]'"), ("aarch64", r"transforms\.json")]
 )
 def test_without_pycolmap_the_error_says_what_to_do(monkeypatch, three: Taken, tmp_path: Path, machine: str, said: str):
     monkeypatch.setitem(sys.modules, "pycolmap", None)

@@ -163,5 +163,5 @@ def test_without_zstandard_one_line_says_what_to_install(tmp_path: Path, monkeyp
         return found(name, *rest)  # type: ignore[arg-type]
 
     monkeypatch.setattr(builtins, "__import__", missing)
-    with pytest.raises(ImportError, match=r"SPZ files of version 4 need zstandard: pip install '.\[spz\]'"):
+    with pytest.raises(ImportError, match=r"SPZ files of version 4 need zstandard: pip install -e '.\[spz\]'"):
         read(tmp_path, data)

@@ -52,7 +52,7 @@ def test_without_the_extra_it_says_how_to_install_it(
     assert main(["export-network", "small", "--out", str(tmp_path / "new.onnx")]) == 2
     printed = capsys.readouterr().err
     assert (
-        "writing an ONNX file needs onnx, onnxscript and onnxruntime: pip install '.[onnx]' in SemGS's folder"
+        "writing an ONNX file needs onnx, onnxscript and onnxruntime: pip install -e '.[onnx]' in SemGS's folder"
         in printed
     )
     assert printed.count("\n") == 1

@@ -99,7 +99,7 @@ def test_without_the_library_of_usd_the_extra_is_named_and_nothing_is_written(
     monkeypatch.setitem(sys.modules, "pxr", None)
     capsys.readouterr()
     assert main(["export", str(done), "--out", str(tmp_path / "out"), "--as", "ply", "usd"]) == 2
-    assert "USD files need usd-core 26.3 or newer: pip install '.[usd]'" in capsys.readouterr().err
+    assert "USD files need usd-core 26.3 or newer: pip install -e '.[usd]'" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
@@ -205,7 +205,7 @@ def test_without_rosbags_the_extra_is_named_before_anything_is_written(
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "rosbags.rosbag2", None)
     assert main(["export", str(done), "--as", "mcap", "--out", str(tmp_path / "out")]) == 2
-    assert "needs rosbags: pip install '.[ros]'" in capsys.readouterr().err
+    assert "needs rosbags: pip install -e '.[ros]'" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 

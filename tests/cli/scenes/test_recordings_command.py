@@ -47,7 +47,7 @@ def test_without_rosbags_the_extra_is_named(
     (tmp_path / "run.mcap").write_bytes(b"\x89MCAP0\r\n")
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
     line = refused(capsys, tmp_path / "run.mcap", "--out", tmp_path / "out")
-    assert "reading it needs rosbags: pip install '.[ros]' in SemGS's folder" in line
+    assert "reading it needs rosbags: pip install -e '.[ros]' in SemGS's folder" in line
 
 
 @pytest.mark.long

@@ -138,7 +138,7 @@ def test_without_rerun_the_extra_is_named_before_work_starts(
 ) -> None:
     scene = write_scene(tmp_path / "scene")
     monkeypatch.setitem(sys.modules, "rerun", None)
-    assert "--rerun needs rerun-sdk: pip install '.[rerun]'" in refused(capsys, scene, tmp_path / "walk.rrd")
+    assert "--rerun needs rerun-sdk: pip install -e '.[rerun]'" in refused(capsys, scene, tmp_path / "walk.rrd")
 
 
 def test_files_that_cannot_be_written_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -139,7 +139,7 @@ def test_without_the_extra_its_name_is_the_answer(
     scene_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, library: str
 ) -> None:
     monkeypatch.setitem(sys.modules, library, None)
-    assert "pip install '.[objects]'" in refused(capsys, scene_file, tmp_path / "out", "--as", "objects")
+    assert "pip install -e '.[objects]'" in refused(capsys, scene_file, tmp_path / "out", "--as", "objects")
 
 
 def test_a_scene_without_things_gives_an_empty_list(tmp_path: Path) -> None:

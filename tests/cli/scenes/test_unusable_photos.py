@@ -80,7 +80,7 @@ def test_without_pycolmap_the_command_names_the_extra(
     monkeypatch.setattr("platform.machine", lambda: "x86_64")
     photos = take(tmp_path / "in", poses_of(2)).folder
     line = refusal(["reconstruct", str(photos), "--out", str(tmp_path / "out")], capsys)
-    assert "pip install '.[sfm]'" in line
+    assert "pip install -e '.[sfm]'" in line
     assert list(tmp_path.iterdir()) == [photos]
 
 

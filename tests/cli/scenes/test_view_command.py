@@ -58,7 +58,7 @@ def test_without_viser_one_line_says_what_to_install_before_any_work(
     monkeypatch.setitem(sys.modules, "viser", None)
     for command in (["view", str(folder)], ["reconstruct", str(room), "--out", str(folder / "new"), "--html"]):
         assert main(command) == 2
-        assert "viewing needs viser: pip install '.[viewer]'" in capsys.readouterr().err
+        assert "viewing needs viser: pip install -e '.[viewer]'" in capsys.readouterr().err
     assert not (folder / "new").exists()
 
 

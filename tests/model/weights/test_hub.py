@@ -127,4 +127,4 @@ def test_a_hash_that_is_given_stands_in_for_one_that_is_not_stated(hub: Callable
 def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
     monkeypatch.setitem(sys.modules, "huggingface_hub", None)
     assert main(["weights", ASKED]) == 2
-    assert "pip install '.[hub]' in SemGS's folder" in capsys.readouterr().err
+    assert "pip install -e '.[hub]' in SemGS's folder" in capsys.readouterr().err

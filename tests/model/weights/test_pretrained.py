@@ -202,7 +202,7 @@ def test_a_folder_without_weights_and_a_missing_library_are_named(tmp_path: Path
         SemGS.from_pretrained(tmp_path)
     monkeypatch.setitem(sys.modules, "huggingface_hub", None)
     for try_it in (lambda: SemGS.from_pretrained("owner/rooms"), lambda: load("small").push_to_hub("owner/rooms")):
-        with pytest.raises(ImportError, match=r"pip install '\.\[hub\]'"):
+        with pytest.raises(ImportError, match=r"pip install -e '\.\[hub\]'"):
             try_it()
 
 

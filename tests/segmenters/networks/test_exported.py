@@ -265,5 +265,5 @@ def test_a_missing_library_is_named_with_its_extra(tmp_path, monkeypatch, write,
     path = write(tmp_path)
     monkeypatch.setitem(sys.modules, library, None)
     monkeypatch.setitem(sys.modules, f"{library}.interpreter", None)
-    with pytest.raises(ImportError, match=rf"pip install '\.\[{extra}\]'"):
+    with pytest.raises(ImportError, match=rf"pip install -e '\.\[{extra}\]'"):
         open_network(path)

@@ -301,7 +301,7 @@ def test_words_that_the_model_cannot_take_are_refused(written):
 
 def test_a_missing_library_is_named_with_its_extra(copied, monkeypatch):
     monkeypatch.setitem(sys.modules, "transformers", None)
-    with pytest.raises(ImportError, match=r"pip install '\.\[segment\]'"):
+    with pytest.raises(ImportError, match=r"pip install -e '\.\[segment\]'"):
         open_network(copied)
 
 

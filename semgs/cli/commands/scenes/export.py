@@ -47,12 +47,12 @@ class Export:
     SCENE is an output folder of semgs reconstruct, its scene.safetensors, or a splat of another program (PLY, SPZ, glTF). OUT will contain
     - gaussians.ply (--as ply): 3D Gaussians for splat viewers such as SuperSplat; with --colour classes semantics.ply, coloured by class
     - points.ply (--as points): points with colour, class and confidence, for CloudCompare, Open3D and trimesh
-    - points.mcap (--as mcap): the same as a PointCloud2, for RViz and Foxglove; needs pip install '.[ros]'
+    - points.mcap (--as mcap): the same as a PointCloud2, for RViz and Foxglove; needs pip install -e '.[ros]'
     - gaussians.glb (--as gltf): 3D Gaussians with classes and confidence, for programs that know KHR_gaussian_splatting; others show points
-    - scene.usdc (--as usd): 3D Gaussians by class with semantic labels, for Isaac Sim and usdview; needs pip install '.[usd]'
+    - scene.usdc (--as usd): 3D Gaussians by class with semantic labels, for Isaac Sim and usdview; needs pip install -e '.[usd]'
     - colmap/ (--as colmap): sparse/0 and images, to train 3D Gaussians with gsplat, nerfstudio or the first 3DGS code
     - objects.json (--as objects): things with class, upright box and distance; the other files then have the number of the thing that each
-    Gaussian belongs to, and gltf and usd have the boxes; needs pip install '.[objects]'
+    Gaussian belongs to, and gltf and usd have the boxes; needs pip install -e '.[objects]'
     - map.pgm, map.yaml and voxels.npz (--as occupancy): free floor and obstacles for ROS's map_server, and voxels with classes
     - export.json: for each file, the matrix from its coordinates to those of the scene's poses; and the class table
 

@@ -63,7 +63,7 @@ class View:
     min_confidence: Probability = 0.0
     """Gaussians whose likeliest class is less likely than this are unknown."""
     objects: bool = False
-    """Show things: the boxes of pieces of furniture, and a colour for each. The scene must be in metres; needs pip install '.[objects]'."""
+    """Show things: the boxes of pieces of furniture, and a colour for each. The scene must be in metres; needs pip install -e '.[objects]'."""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
     """The direction that is up in the scene's coordinates."""
     cameras: Annotated[Path | None, tyro.conf.arg(metavar="SCENE", help_behavior_hint="")] = None

@@ -90,5 +90,5 @@ def _inflated(data: bytes, most: int) -> bytes:
 
 
 def can_inflate() -> bool:
-    """Whether lzfse is installed (`pip install '.[phone]'`)."""
+    """Whether lzfse is installed (`pip install -e '.[phone]'`)."""
     return find_spec("lzfse") is not None

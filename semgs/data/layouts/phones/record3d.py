@@ -133,7 +133,7 @@ def _depths(capture: Capture, fields: Fields, folder: str) -> tuple[dict[int, De
     if size is None:
         return {}, [f"{len(files)} depth maps are left out because {fields.path} does not say their size (dw, dh)."]
     if not can_inflate():
-        return {}, [f"{len(files)} depth maps are left out because lzfse is not installed (pip install '.[phone]')."]
+        return {}, [f"{len(files)} depth maps are left out because lzfse is not installed (pip install -e '.[phone]')."]
     sure = capture.numbered(folder, (".conf",))
     confidences = {number: LzfseFile(file, size, "u1") for number, file in sure.items()}
     return {

@@ -183,7 +183,7 @@ def _mesh(scan: Path) -> _Scanned:
         return _Scanned(None, (f"There is no scans/{MESH}, so there are no labels.",))
     if not all(find_spec(library) for library in ("embreex", "trimesh")):
         needed = "Labels and depth of the mesh need embreex and trimesh, which are not installed"
-        return _Scanned(None, (f"{needed}; pip install '.[raycast]' in SemGS's folder.",))
+        return _Scanned(None, (f"{needed}; pip install -e '.[raycast]' in SemGS's folder.",))
     bare = LabelledMesh(folder, scan.absolute().name, ())
     if bare.annotations is None:
         sentence = (

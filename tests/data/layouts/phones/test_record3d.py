@@ -126,7 +126,7 @@ def test_without_lzfse_depth_is_left_out_and_counted(tmp_path: Path, monkeypatch
     scene = open_scene(tmp_path)
     check_read(scene, room, depths=False)
     assert scene.frames[0].depth is None
-    assert scene.notes == ("8 depth maps are left out because lzfse is not installed (pip install '.[phone]').",)
+    assert scene.notes == ("8 depth maps are left out because lzfse is not installed (pip install -e '.[phone]').",)
 
 
 def test_noise_that_lzfse_cannot_compress_is_read(tmp_path: Path):

@@ -270,7 +270,7 @@ def test_without_embree_there_are_no_labels_and_the_extra_is_named(scan, monkeyp
     scene = open_scene(scan / "iphone")
     assert scene.classes is None
     assert scene.read([0], "native").depths is not None
-    assert any("pip install '.[raycast]'" in note for note in scene.notes)
+    assert any("pip install -e '.[raycast]'" in note for note in scene.notes)
 
 
 def test_a_table_of_another_version_leaves_the_depth(copied):

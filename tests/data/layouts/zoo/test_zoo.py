@@ -324,7 +324,7 @@ def test_a_data_set_that_cannot_be_read_is_refused_by_name(
 def test_without_scenezoo_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "scenezoo", None)
     monkeypatch.setitem(sys.modules, "open3d", None)
-    with pytest.raises(ImportError, match=r"pip install '\.\[scenezoo\]'"):
+    with pytest.raises(ImportError, match=r"pip install -e '\.\[scenezoo\]'"):
         open_scene(tmp_path, scenezoo="3rscan:scan")
 
 
