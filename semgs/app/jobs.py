@@ -2,6 +2,7 @@
 
 A worker is started before there is a job for it, because importing torch takes seconds. It reads a request as one line of JSON from stdin, and ends with the job, so
 nothing of a job stays in memory. On stderr it reports stages as JSON ({"stage": title, "done": 2, "of": 8}), and an error as a line "semgs: error: ...".
+With the first stage it has begun. One that ends earlier is replaced by another, a few times for each job.
 
 Each job has a folder: `files` with the uploads, which is deleted when the job ends, and `room` with the result, which appears once it is complete.
 """
@@ -18,6 +19,7 @@ import subprocess
 import sys
 import threading
 import time
+import traceback
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
@@ -27,7 +29,7 @@ from typing import Any, Literal
 
 from semgs.app.limits import Limits
 from semgs.app.requests import Request, RoomOptions
-from semgs.app.uploads import UnusableUploadError, Upload, check_uploads
+from semgs.app.uploads import GONE, UnusableUploadError, Upload, check_uploads
 from semgs.files.errors import ERROR_LINE
 from semgs.files.strict_json import parse_json
 from semgs.files.text import printable
@@ -46,11 +48,14 @@ UPLOAD_SECONDS = 3600.0
 STOP_SECONDS = 8.0
 """A worker has this long to end when it is asked to; then it is killed."""
 
+TRIES = 3
+"""A job fails if so many workers in a row end before they have begun it."""
+
 IDENTIFIER = re.compile(r"[a-z0-9]{20}")
 
 BUG = "SemGS failed on these files, and this is a bug. The details are in the terminal where semgs app runs."
 KILLED = "The work was stopped by the system, probably because memory ran out. Try fewer or smaller files."
-NO_WORKER = "The work could not be started, because the system refused it. Try again in some minutes."
+NO_WORKER = f"The work could not be started in {TRIES} tries. Try again in some minutes. The reason is in the terminal where semgs app runs."
 
 
 PLAIN = (
@@ -86,6 +91,7 @@ class Job:
         request: what the worker gets.
         title: what it is made from, in words.
         sources: the files as uploaded.
+        page: which wants it; empty if it is not known.
         state: where it is.
         stages: in order; all but the last are finished.
         sentence: why it failed.
@@ -98,6 +104,7 @@ class Job:
     request: Request
     title: str
     sources: tuple[Path, ...] = ()
+    page: str = ""
     state: State = "waiting"
     stages: list[Stage] = field(default_factory=list)
     sentence: str = ""
@@ -142,8 +149,10 @@ class Jobs:
         self._jobs: dict[str, Job] = {}
         self._queue: deque[Job] = deque()
         self._lock = threading.Condition()
+        self._entry = threading.Lock()
         self._spare: subprocess.Popen[str] | None = None
-        self._running: tuple[Job, subprocess.Popen[str]] | None = None
+        self._running: Job | None = None
+        self._process: subprocess.Popen[str] | None = None
         self._closed = False
         folder.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(self.uploads, ignore_errors=True)
@@ -159,9 +168,9 @@ class Jobs:
         """Stop the worker, and everything that waits."""
         with self._lock:
             self._closed = True
-            running, spare = self._running, self._spare
+            spare = self._spare
             self._lock.notify_all()
-        for process in (running and running[1], spare):
+        for process in (self._process, spare):
             if process is not None:
                 _stop(process)
         for thread in self._threads:
@@ -169,26 +178,44 @@ class Jobs:
         if spare is not None:
             _close(spare)
 
-    def submit(self, uploads: Sequence[Upload], options: RoomOptions | None = None, example: bool = False) -> Job:
+    def submit(
+        self, uploads: Sequence[Upload], options: RoomOptions | None = None, example: bool = False, page: str = ""
+    ) -> Job:
         """Put a job into the queue. The files stay until a room is made of them, so that another try is possible.
 
+        Args:
+            uploads: the files.
+            options: of the room.
+            example: make the included room, without files.
+            page: which wants it; with a second click it gets its job again, unless that is over.
+
         Raises:
-            UnusableUploadError: the files or the options cannot be used, or too many jobs wait.
+            UnusableUploadError: the files or the options cannot be used, too many jobs wait, or the disk is full.
         """
-        options = options or RoomOptions()
+        with self._entry:  # one after another, so that the second click finds the job of the first
+            with self._lock:
+                asked = [job for job in self._jobs.values() if page and job.page == page and not job.over]
+            return asked[0] if asked else self._enter(uploads, options or RoomOptions(), example, page)
+
+    def _enter(self, uploads: Sequence[Upload], options: RoomOptions, example: bool, page: str) -> Job:
+        """As `submit`, for a page without a job."""
         options.check(self.segmenters, self.depths)
-        kind: Any = "example" if example else check_uploads(uploads, self.limits)
         with self._lock:
             if len(self._queue) >= self.limits.waiting:
                 raise UnusableUploadError(f"{len(self._queue)} rooms are waiting already. Try again in some minutes.")
         identifier = secrets.token_hex(10)
         folder = self.folder / identifier
-        (folder / FILES).mkdir(parents=True)
-        files = []
-        for number, one in enumerate(uploads):
-            target = folder / FILES / f"{number:03d}{one.ending}"
-            _link(one.path, target)
-            files.append([str(target), one.name])
+        try:
+            kind: Any = "example" if example else check_uploads(uploads, self.limits)
+            files = _linked(uploads, folder / FILES)
+        except FileNotFoundError as error:  # deleted just now
+            shutil.rmtree(folder, ignore_errors=True)
+            raise UnusableUploadError(GONE) from error
+        except OSError as error:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise UnusableUploadError(
+                f"The files cannot be kept: {error.strerror}. Try again in some minutes."
+            ) from error
         titles = {
             "photos": f"{len(files)} photos",
             "clip": "a clip",
@@ -196,7 +223,7 @@ class Jobs:
             "example": "the included room",
         }
         request = Request(kind, files, str(folder), asdict(options), asdict(self.limits))
-        job = Job(identifier, folder, request, titles[kind], sources=tuple(one.path for one in uploads))
+        job = Job(identifier, folder, request, titles[kind], sources=tuple(one.path for one in uploads), page=page)
         with self._lock:
             self._jobs[identifier] = job
             self._queue.append(job)
@@ -221,12 +248,13 @@ class Jobs:
                 return
             job.state = "cancelled"
             job.ended = time.time()
-            if job in self._queue:
+            waited = job in self._queue
+            if waited:
                 self._queue.remove(job)
-            process = self._running[1] if self._running and self._running[0] is job else None
+            process = self._process if self._running is job else None
         if process is not None:
             _stop(process)
-        else:
+        if waited:  # else `_work` cleans it
             _clean(job)
 
     def start_spare(self) -> None:
@@ -250,86 +278,84 @@ class Jobs:
     def _work(self) -> None:
         """Take jobs from the queue, until the app closes."""
         while True:
+            with suppress(OSError):  # the next job tries again, and says why it is not possible
+                self.start_spare()
+            with self._lock:
+                self._lock.wait_for(lambda: self._queue or self._closed)
+                if self._closed:
+                    return
+                job = self._running = self._queue.popleft()
+                job.state, job.started = "working", time.time()
+            try:
+                self._do(job)
+            except Exception:  # a fault of ours must not stop the queue
+                self._fail(job, BUG)
+                _tell(traceback.format_exc())
+            finally:
+                with self._lock:
+                    self._running = self._process = None
+                _clean(job)
+
+    def _do(self, job: Job) -> None:
+        """Let a worker do a job; or another, if it ends before it has begun."""
+        why = ""
+        for _ in range(TRIES):
             try:
                 self.start_spare()
             except OSError as error:
-                print(f"semgs: a worker cannot be started: {error}", file=sys.stderr)
-                self._refuse_first()
-            with self._lock:
-                while not self._queue and not self._closed:
-                    self._lock.wait()
-                if self._closed:
-                    return
-                spare = self._spare
-                if spare is None or spare.poll() is not None:
-                    spare = None
-                else:
-                    job, self._spare = self._queue.popleft(), None
-                    job.state, job.started = "working", time.time()
-                    self._running = job, spare
-            if spare is None:
-                time.sleep(0.2)  # a worker that cannot start must not take all of a core
+                why = str(error)
                 continue
-            try:
-                self._run(job, spare)
-            finally:
-                with self._lock:
-                    self._running = None
-                _clean(job)
-
-    def _refuse_first(self) -> None:
-        """Let the first job that waits fail, because there is no worker for it."""
-        with self._lock:
-            if not self._queue:
+            with self._lock:
+                if job.over or self._spare is None:  # cancelled, or the app closes
+                    return
+                process, self._spare = self._spare, None
+                self._process = process
+            code, log = self._run(job, process)
+            if job.over or job.stages:
                 return
-            job = self._queue.popleft()
-            job.state, job.sentence, job.ended = "failed", NO_WORKER, time.time()
-        _clean(job)
+            why = _how_it_ended(code, log)
+        _tell(f"semgs: no worker could be started in {TRIES} tries: {why}")
+        self._fail(job, NO_WORKER)
 
-    def _run(self, job: Job, process: subprocess.Popen[str]) -> None:
-        """Let a worker do a job."""
+    def _run(self, job: Job, process: subprocess.Popen[str]) -> tuple[int, Sequence[str]]:
+        """Let a worker do a job. Returns its exit code, and what it said beside stages."""
         assert process.stdin is not None
-        assert process.stderr is not None
-        expired = threading.Event()
-
-        def stop_late_worker() -> None:
-            expired.set()
-            _stop(process)
-
-        timer = threading.Timer(self.limits.seconds, stop_late_worker)
-        timer.start()
         log: deque[str] = deque(maxlen=LOG_LINES)
-        sentence = ""
+        reader = threading.Thread(target=_listen, args=(job, process, log), daemon=True)
+        late = False
         try:
+            reader.start()
             with suppress(BrokenPipeError):
                 process.stdin.write(json.dumps(job.request.data()) + "\n")
                 process.stdin.close()
-            for line in process.stderr:
-                if not _note_stage(job, line):
-                    log.append(line)
-                if line.startswith(ERROR_LINE):
-                    sentence = line.removeprefix(ERROR_LINE).strip()
-            code = process.wait()
+            process.wait(self.limits.seconds)
+        except subprocess.TimeoutExpired:
+            late = True
         finally:
-            timer.cancel()
-            _stop(process)
-            _close(process)
+            _stop(process)  # with what it started, which would keep its pipe open
+        reader.join()
+        _close(process)
+        code = process.returncode
         with self._lock:
             _end_stage(job)
-            job.ended = time.time()
-            if job.state == "cancelled":
-                return
-            if code == 0 and (job.room / "room.json").exists():
-                job.state = "done"
-                return
-            job.state = "failed"
-            if expired.is_set():
-                job.sentence = f"This took more than {self.limits.seconds / 60:.0f} minutes, so it was stopped. Use fewer photos, or a shorter clip."
-            elif sentence:
-                job.sentence = plain(sentence, job)
-            else:
-                job.sentence = KILLED if code == -signal.SIGKILL else BUG
-                print(f"semgs: a worker ended with code {code}:", *log, sep="\n", file=sys.stderr)
+            if not job.over and code == 0 and (job.room / "room.json").exists():
+                job.state, job.ended = "done", time.time()
+        sentence = next((line for line in reversed(log) if line.startswith(ERROR_LINE)), "").removeprefix(ERROR_LINE)
+        if late:
+            limit = f"This took more than {self.limits.seconds / 60:.0f} minutes, so it was stopped."
+            self._fail(job, f"{limit} Use fewer photos, or a shorter clip.")
+        elif job.stages and sentence:
+            self._fail(job, plain(sentence, job))
+        elif job.stages and not job.over:
+            self._fail(job, KILLED if code == -signal.SIGKILL else BUG)
+            _tell(f"semgs: a worker ended with code {code}:", *log)
+        return code, log
+
+    def _fail(self, job: Job, sentence: str) -> None:
+        """Let a job end with a sentence, unless it is over."""
+        with self._lock:
+            if not job.over:
+                job.state, job.sentence, job.ended = "failed", sentence, time.time()
 
     def _sweep(self) -> None:
         """Delete results that are too old."""
@@ -351,7 +377,10 @@ class Jobs:
         for path in self.uploads.glob("*"):
             with suppress(OSError):  # gradio and jobs delete uploads at the same time
                 if now - path.stat().st_mtime > UPLOAD_SECONDS:
-                    shutil.rmtree(path, ignore_errors=True)
+                    if path.is_dir():
+                        shutil.rmtree(path)
+                    else:  # an upload that a browser has broken off
+                        path.unlink()
 
     def _read_earlier(self) -> None:
         """Take over results of an earlier run of the app; what it did not complete is deleted."""
@@ -400,6 +429,28 @@ def _of_photo(number: int) -> re.Pattern[str]:
     return re.compile(rf"(?<![\w/])(?:[\w./-]*/)?{number:03d}\.jpg\b")
 
 
+def _listen(job: Job, process: subprocess.Popen[str], log: deque[str]) -> None:
+    """Take over the stages that a worker reports, and keep what else it says, until it has ended."""
+    assert process.stderr is not None
+    for line in process.stderr:
+        if not _note_stage(job, line):
+            log.append(line.rstrip())
+
+
+def _how_it_ended(code: int, log: Sequence[str]) -> str:
+    """How a worker ended that has not begun, on one line."""
+    if code == -signal.SIGKILL:
+        return "the last one was killed, probably because memory ran out"
+    said = next((line for line in reversed(log) if line.strip()), "it said nothing").removeprefix(ERROR_LINE)
+    return f"the last one ended with code {code}: {printable(said)}"
+
+
+def _tell(*lines: str) -> None:
+    """Tell whoever runs the app, if there is still a terminal."""
+    with suppress(OSError, ValueError):
+        print(*lines, sep="\n", file=sys.stderr, flush=True)
+
+
 def _note_stage(job: Job, line: str) -> bool:
     """Take over a stage that a worker reports. Returns whether the line is one."""
     if not line.startswith("{"):
@@ -431,28 +482,32 @@ def _clean(job: Job) -> None:
         shutil.rmtree(job.folder, ignore_errors=True)
         return
     for path in job.sources:
-        path.unlink(missing_ok=True)
         with suppress(OSError):
+            path.unlink(missing_ok=True)
             path.parent.rmdir()  # gradio makes a folder for each file
 
 
-def _link(source: Path, target: Path) -> None:
-    """Make a file available under another name, without a copy if both are on one disk."""
-    try:
-        os.link(source, target)
-    except OSError:
-        shutil.copyfile(source, target)
+def _linked(uploads: Sequence[Upload], folder: Path) -> list[list[str]]:
+    """Make uploads available in a new folder, without a copy if both are on one disk. Returns the path and the name of each."""
+    folder.mkdir(parents=True)
+    files = []
+    for number, one in enumerate(uploads):
+        target = folder / f"{number:03d}{one.ending}"
+        try:
+            os.link(one.path, target)
+        except OSError:
+            shutil.copyfile(one.path, target)
+        files.append([str(target), one.name])
+    return files
 
 
 def _stop(process: subprocess.Popen[str]) -> None:
-    """End a worker and what it started, first with a request, then by force."""
-    for number, seconds in ((signal.SIGTERM, STOP_SECONDS), (signal.SIGKILL, STOP_SECONDS)):
-        if process.poll() is not None:
-            break
+    """End a worker and what it started, also if it has ended itself: first with a request, then by force."""
+    for number in (signal.SIGTERM, signal.SIGKILL):
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, number)
         with suppress(subprocess.TimeoutExpired):
-            process.wait(seconds)
+            process.wait(STOP_SECONDS)
 
 
 def _close(process: subprocess.Popen[str]) -> None:

@@ -180,18 +180,19 @@ def _build(jobs: Jobs, local: bool) -> Any:
                     return
                 time.sleep(POLL_SECONDS)
 
-        def start(paths: Sequence[str] | None, *values: Any) -> Iterator[list[Any]]:
+        def start(request: gr.Request, paths: Sequence[str] | None, *values: Any) -> Iterator[list[Any]]:
             uploads = [Upload(Path(path), Path(path).name) for path in paths or ()]
             try:
-                job = jobs.submit(uploads, _chosen(values))
+                job = jobs.submit(uploads, _chosen(values), page=str(request.session_hash or ""))
             except UnusableUploadError as error:
                 yield view(None, str(error))
                 return
             yield from follow(job)
 
-        def start_example(*values: Any) -> Iterator[list[Any]]:
+        def start_example(request: gr.Request, *values: Any) -> Iterator[list[Any]]:
             try:
-                job = jobs.submit((), _chosen(values, example=True), example=True)
+                options = _chosen(values, example=True)
+                job = jobs.submit((), options, example=True, page=str(request.session_hash or ""))
             except UnusableUploadError as error:
                 yield view(None, str(error))
                 return
@@ -214,7 +215,8 @@ def _build(jobs: Jobs, local: bool) -> Any:
                 return
             yield from follow(job)
 
-        resume.__annotations__["request"] = gr.Request  # gradio reads it, and gr is no global name
+        for one in (start, start_example, resume):  # gradio reads them, and gr is no global name
+            one.__annotations__["request"] = gr.Request
         hidden: Any = {"show_progress": "hidden", "api_visibility": "private"}
         many: Any = {**hidden, "concurrency_limit": 40}
         make.click(start, [dropped, *options], shown, **many)

@@ -28,7 +28,7 @@ DOWNLOADS = {
     "points.ply": "Points with colour, class and confidence, for CloudCompare or MeshLab",
     "gaussians.glb": "glTF with Gaussians; other programs show points",
     "objects.json": "Things with class, box and position in metres",
-    "report.html": "The full report with all numbers, one page",
+    "report.html": "The full report with all numbers, which opens in a new tab",
     ZIP: "Everything, this page included: unpack it and open index.html",
 }
 """Files to download, and what they are."""

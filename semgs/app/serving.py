@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Callable
+from html import escape
 from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qs
+from urllib.parse import parse_qs, quote
 
 from semgs.app.jobs import Jobs
 from semgs.app.page import check_page_library, mount_page
@@ -30,7 +32,7 @@ def application(jobs: Jobs, *, local: bool = True, token: str | None = None) -> 
     """
     check_page_library()
     from fastapi import FastAPI
-    from fastapi.responses import FileResponse, PlainTextResponse
+    from fastapi.responses import FileResponse, HTMLResponse, PlainTextResponse
 
     app = FastAPI(title="SemGS", docs_url=None, redoc_url=None, openapi_url=None)
 
@@ -39,18 +41,34 @@ def application(jobs: Jobs, *, local: bool = True, token: str | None = None) -> 
         job = jobs.find(identifier)
         if job is None or job.state != "done":
             return PlainTextResponse("This room is no longer here.", 404)
-        root = job.room.resolve()
-        path = (root / name).resolve()
-        if (
-            not path.is_relative_to(root)
-            or not path.is_file()
-            or any(part.startswith(".") for part in path.relative_to(root).parts)
-        ):
+        path = served_path(job.room, name)
+        if path is None:
             return PlainTextResponse("There is no such file.", 404)
+        if path.is_dir():
+            return HTMLResponse(folder_page(path), headers=HEADERS)
         return FileResponse(path, headers=HEADERS)
 
     mounted = mount_page(app, jobs, local)
     return Door(mounted, token, LOCAL_HOSTS if local else None)
+
+
+def served_path(room: Path, name: str) -> Path | None:
+    """A file of a room, or a folder in it whose name ends with a slash; None if there is none, or it is hidden."""
+    root = room.resolve()
+    path = (root / name).resolve()
+    if not path.is_relative_to(root) or any(part.startswith(".") for part in path.relative_to(root).parts):
+        return None
+    there = path.is_dir() and path != root if name.endswith("/") else path.is_file()
+    return path if there else None
+
+
+def folder_page(folder: Path) -> str:
+    """A page with links to the files of a folder, to which the report links."""
+    names = sorted(path.name for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
+    links = "".join(f'<li><a href="{quote(name)}">{escape(name)}</a></li>' for name in names)
+    title = escape(folder.name)
+    head = '<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
+    return f'{head}<title>{title}</title><body style="font: 16px/1.6 system-ui, sans-serif"><h1>{title}</h1><ul>{links}</ul></body></html>'
 
 
 class Door:

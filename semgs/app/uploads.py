@@ -33,6 +33,9 @@ QUALITY = 95
 Kind = Literal["photos", "clip", "archive"]
 
 
+GONE = "The files are no longer on the server. Drop them again."
+
+
 class UnusableUploadError(Exception):
     """What was dropped cannot be used; its text is the sentence that the page shows."""
 
@@ -70,7 +73,7 @@ def check_uploads(uploads: Sequence[Upload], limits: Limits) -> Kind:
     if not uploads:
         raise UnusableUploadError("Nothing was dropped. Add two or more photos, a clip, or a zip of a scene.")
     if not all(one.path.is_file() for one in uploads):
-        raise UnusableUploadError("The files are no longer on the server. Drop them again.")
+        raise UnusableUploadError(GONE)
     for one in uploads:
         size = one.path.stat().st_size
         if one.ending not in ACCEPTED:

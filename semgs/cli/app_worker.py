@@ -8,7 +8,6 @@ from __future__ import annotations
 import io
 import json
 import os
-import shutil
 import sys
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
@@ -69,21 +68,22 @@ def work(line: str) -> int:
     from semgs.app.requests import Request, RoomOptions
     from semgs.app.room import write_room
     from semgs.app.uploads import UnusableUploadError, Upload, prepare
-    from semgs.cli.commands.scenes.photo_scene import CAMERAS
 
+    report_stage("Getting ready")  # the queue takes this as the beginning
     request = Request(**json.loads(line))
     options = RoomOptions(**request.options)
     folder = Path(request.folder)
     work_folder = folder / "work"
     work_folder.mkdir()
-    # Relative paths, so that reports and messages name no folder of this machine.
+    # Relative paths, so that reports and messages name what a user gave, and no folder of this machine.
     os.chdir(work_folder)
     out, extra = Path("out"), Path("files")
     notes: list[str] = []
     if request.kind == "example":
         from semgs.rooms.sets.demo_room import demo_scene
 
-        scene = demo_scene()
+        scene = Path("included_room")
+        scene.symlink_to(demo_scene())
     else:
         uploads = [Upload(Path(path), name) for path, name in request.files]
         try:
@@ -91,7 +91,8 @@ def work(line: str) -> int:
         except UnusableUploadError as error:
             raise UsageError(str(error)) from error
     photos = scene.name == "photos" and request.kind != "example"
-    code = main(["reconstruct", str(scene), "--out", str(out), *options.arguments(photos)])
+    # A room has copies of the views that it shows, and no other photo.
+    code = main(["reconstruct", str(scene), "--out", str(out), "--drop-photos", *options.arguments(photos)])
     if code:
         return code
     metric = json.loads((out / "report.json").read_text())["scene"]["unit"] == "metric"
@@ -103,9 +104,6 @@ def work(line: str) -> int:
     for path in extra.iterdir():
         if path.name != "export.json" and not path.name.startswith("."):
             path.rename(out / path.name)
-    # A room has copies of the views that it shows, and no other photo.
-    if (out / CAMERAS).exists():
-        shutil.rmtree(out / CAMERAS)
     report_stage("Making the page of your room")
     titles = {"photos": "Your room", "clip": "Your room", "archive": "Your scene", "example": "The included room"}
     write_room(out, title=titles[request.kind], notes=notes)

@@ -102,9 +102,12 @@ def finished(
     try:
         while left or busy:
             while left and len(busy) < workers:
-                worker = idle.pop() if idle else _Worker(begin, work)
-                if worker.give(items[left[0][0]]):
+                new = not idle
+                worker = _Worker(begin, work) if new else idle.pop()
+                if worker.give(items[left[0][0]]) or new:  # a new one that is dead already costs its item a try
                     busy[worker.connection] = worker, *left.popleft()
+                else:
+                    worker.end()
             for connection in wait(list(busy)):
                 worker, place, tries = busy.pop(connection)  # type: ignore[call-overload]
                 try:
@@ -148,11 +151,10 @@ class _Worker(Generic[Item, Result]):
         theirs.close()
 
     def give(self, item: Item) -> bool:
-        """Give it an item; False if it was killed while it had none."""
+        """Give it an item; False if it has been killed."""
         try:
             self.connection.send(item)
         except OSError:
-            self.end()
             return False
         return True
 

@@ -54,6 +54,10 @@ def test_the_page_opens_and_says_what_is_wrong_with_one_photo(tmp_path: Path):
         drop(page, [picture(tmp_path / "a.jpg").path])
         make_room(page)
         assert sentence_on(page).startswith("One photo is not enough")
+        page.get_by_role("button", name="Options").click()
+        chosen = page.get_by_label("Classes from")
+        chosen.wait_for()
+        assert chosen.evaluate("input => input.scrollWidth <= input.clientWidth")  # all of the chosen name can be read
         assert page.evaluate("document.documentElement.scrollWidth") == 390
 
 

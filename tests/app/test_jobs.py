@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import shutil
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
-from semgs.app.jobs import BUG, NO_WORKER, UPLOAD_SECONDS, Job, Jobs, plain
+from semgs.app.jobs import BUG, KILLED, NO_WORKER, UPLOAD_SECONDS, Job, Jobs, plain
 from semgs.app.limits import Limits
 from semgs.app.requests import Request, RoomOptions
 from semgs.app.uploads import UnusableUploadError, Upload
@@ -28,7 +30,12 @@ def stage(title, **counts): print(json.dumps({"stage": title, **counts}), file=s
 folder = pathlib.Path(request["folder"])
 (folder / "work").mkdir()
 what = request["options"]["words"]
+if what == "mute":
+    time.sleep(600)
 stage("Starting")
+if what == "orphan":
+    if os.fork(): os.kill(os.getpid(), 9)
+    time.sleep(3600)
 if what == "sleep":
     time.sleep(60)
 if what == "fail":
@@ -44,11 +51,11 @@ stage("Counting", done=1, of=2)
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Callable[..., Jobs]]:
-    """Starts a queue with the pretended worker; it is closed at the end."""
+    """Starts a queue with the pretended worker, which may do something before that; it is closed at the end."""
     opened: list[Jobs] = []
 
-    def begin(**limits: float) -> Jobs:
-        worker = [sys.executable, "-S", "-c", WORKER]
+    def begin(before: str = "", **limits: float) -> Jobs:
+        worker = [sys.executable, "-S", "-c", before + WORKER]
         opened.append(Jobs(tmp_path / "rooms", worker, Limits(**limits), segmenters=("words",)))  # type: ignore[arg-type]
         return opened[-1]
 
@@ -72,11 +79,16 @@ def photos(folder: Path, count: int = 2) -> list[Upload]:
     return listed
 
 
-def wait(condition: Callable[[], bool], seconds: float = 30.0) -> None:
+def wait(condition: Callable[[], bool], seconds: float = 300.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.02)
+
+
+def assert_done(job: Job) -> None:
+    wait(lambda: job.over)
+    assert (job.state, job.sentence) == ("done", "")
 
 
 def test_a_job_passes_its_stages_and_leaves_only_its_room(start: Callable[..., Jobs], tmp_path: Path):
@@ -129,7 +141,7 @@ def test_a_bug_shows_no_traceback_to_the_user_but_to_who_runs_the_app(
     assert "RuntimeError: secret" in capsys.readouterr().err
 
 
-def test_a_worker_that_the_system_refuses_costs_one_job_and_the_next_one_runs(
+def test_workers_that_the_system_refuses_cost_one_job_and_the_next_one_runs(
     start: Callable[..., Jobs], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     def refuse(*_: object, **__: object) -> None:
@@ -141,13 +153,94 @@ def test_a_worker_that_the_system_refuses_costs_one_job_and_the_next_one_runs(
         job = jobs.submit((), example=True)
         wait(lambda: job.over)
     assert (job.state, job.sentence) == ("failed", NO_WORKER)
-    assert (
-        f"a worker cannot be started: [Errno {errno.EAGAIN}] Resource temporarily unavailable"
-        in capsys.readouterr().err
+    assert capsys.readouterr().err == (
+        f"semgs: no worker could be started in 3 tries: [Errno {errno.EAGAIN}] Resource temporarily unavailable\n"
     )
-    again = jobs.submit((), example=True)
-    wait(lambda: again.over)
-    assert again.state == "done"
+    assert_done(jobs.submit((), example=True))
+
+
+@pytest.mark.parametrize(
+    ("death", "why"),
+    [
+        ("os.kill(os.getpid(), 9)", "the last one was killed, probably because memory ran out"),
+        ("sys.exit('semgs: error: no weights')", "the last one ended with code 1: no weights"),
+        ("raise ImportError('torch')", "the last one ended with code 1: ImportError: torch"),
+        ("sys.exit()", "the last one ended with code 0: it said nothing"),
+    ],
+)
+def test_workers_that_die_at_once_cost_one_job_and_the_next_one_runs(
+    start: Callable[..., Jobs], tmp_path: Path, capsys: pytest.CaptureFixture[str], death: str, why: str
+):
+    deadly = tmp_path / "deadly"
+    deadly.touch()
+    jobs = start(f"import os, sys\nif os.path.exists({str(deadly)!r}): {death}\n")
+    job = jobs.submit((), example=True)
+    wait(lambda: job.over)
+    assert (job.state, job.sentence) == ("failed", NO_WORKER)
+    assert capsys.readouterr().err == f"semgs: no worker could be started in 3 tries: {why}\n"
+    wait(lambda: not job.folder.exists())
+    deadly.unlink()
+    assert_done(jobs.submit((), example=True))
+
+
+def test_a_worker_that_dies_before_it_has_begun_costs_no_job(
+    start: Callable[..., Jobs], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    once = tmp_path / "once"
+    jobs = start(f"import os\ntry: os.mkdir({str(once)!r}); os.kill(os.getpid(), 9)\nexcept FileExistsError: pass\n")
+    assert_done(jobs.submit((), example=True))
+    assert capsys.readouterr().err == ""
+
+
+def test_a_job_that_has_not_begun_can_be_cancelled_and_is_not_tried_again(start: Callable[..., Jobs]):
+    jobs = start()
+    job = jobs.submit((), asked("mute"), True)
+    wait(lambda: job.state == "working")
+    jobs.cancel(job)
+    assert_done(jobs.submit((), example=True))
+    assert (job.state, job.folder.exists()) == ("cancelled", False)
+
+
+def test_a_worker_that_is_killed_ends_its_job_though_what_it_started_lives_on(start: Callable[..., Jobs]):
+    job = start().submit((), asked("orphan"), True)
+    wait(lambda: job.over)
+    assert job.sentence == KILLED
+
+
+def test_jobs_go_on_after_the_terminal_is_gone(start: Callable[..., Jobs], monkeypatch: pytest.MonkeyPatch):
+    class Gone(io.StringIO):
+        def write(self, text: str) -> int:
+            raise OSError(errno.EIO, "Input/output error")
+
+    jobs = start()
+    with monkeypatch.context() as patched:
+        patched.setattr(sys, "stderr", Gone())
+        job = jobs.submit((), asked("bug"), True)
+        wait(lambda: job.over)
+        assert job.sentence == BUG
+        assert_done(jobs.submit((), example=True))
+
+
+@pytest.mark.parametrize(
+    ("number", "sentence"),
+    [
+        (errno.ENOSPC, "The files cannot be kept: No space left on device. Try again in some minutes."),
+        (errno.ENOENT, "The files are no longer on the server. Drop them again."),
+    ],
+)
+def test_a_full_disk_and_uploads_that_vanish_are_told_and_nothing_is_left(
+    start: Callable[..., Jobs], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, sentence: str
+):
+    def refuse(*_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    jobs, uploads = start(), photos(tmp_path / "up")
+    monkeypatch.setattr(os, "link", refuse)
+    monkeypatch.setattr(shutil, "copyfile", refuse)
+    with pytest.raises(UnusableUploadError) as raised:
+        jobs.submit(uploads)
+    assert str(raised.value) == sentence
+    assert [path.name for path in jobs.folder.iterdir()] == ["uploads"]
 
 
 def test_a_job_that_takes_too_long_is_stopped(start: Callable[..., Jobs]):
@@ -163,6 +256,16 @@ def test_a_full_queue_refuses_more(start: Callable[..., Jobs]):
     jobs.submit((), example=True)
     with pytest.raises(UnusableUploadError, match="waiting already"):
         jobs.submit((), example=True)
+
+
+def test_a_second_click_on_a_page_makes_no_second_room(start: Callable[..., Jobs]):
+    jobs = start()
+    with ThreadPoolExecutor(8) as clicks:
+        found = list(clicks.map(lambda page: jobs.submit((), asked("sleep"), True, page), ["a", "a", "a", "b"]))
+    assert found[0] is found[1] is found[2] is not found[3]
+    jobs.cancel(found[0])
+    assert jobs.submit((), asked("sleep"), True, "a") is not found[0]
+    assert jobs.submit((), asked("sleep"), True) is not jobs.submit((), asked("sleep"), True)
 
 
 def test_rooms_expire_and_others_survive_a_restart(start: Callable[..., Jobs]):
@@ -185,12 +288,14 @@ def test_rooms_expire_and_others_survive_a_restart(start: Callable[..., Jobs]):
 def test_old_uploads_are_deleted_although_others_disappear_meanwhile(start: Callable[..., Jobs]):
     jobs = start()
     (jobs.uploads / "gone").symlink_to("nowhere")  # listed, and not there
-    old, new = jobs.uploads / "old", jobs.uploads / "new"
+    old, new, broken_off = (jobs.uploads / name for name in ("old", "new", "tmp_broken_off"))
     for folder in (old, new):
         folder.mkdir()
-    os.utime(old, (0.0, time.time() - UPLOAD_SECONDS - 1))
+    broken_off.touch()
+    for path in (old, broken_off):
+        os.utime(path, (0.0, time.time() - UPLOAD_SECONDS - 1))
     jobs.expire()
-    assert (old.exists(), new.exists()) == (False, True)
+    assert [path.exists() for path in (old, broken_off, new)] == [False, False, True]
     shutil.rmtree(jobs.uploads)  # the user's cache may be emptied at any time
     jobs.expire()
 

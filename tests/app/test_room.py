@@ -45,12 +45,19 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_page_offers_what_there_is_and_the_zip_has_all_of_it(room: Path):
     page = (room / "index.html").read_text()
     assert "My &lt;room&gt;" in page
-    assert 'href="gaussians.ply"' in page
+    assert '<a href="gaussians.ply" download>' in page
     assert "points.ply" not in page
     with zipfile.ZipFile(room / "room.zip") as archive:
         names = set(archive.namelist())
     assert {"room/index.html", "room/scene.html", "room/gaussians.ply", "room/renders/context_000_image.png"} <= names
     assert "room/room.zip" not in names
+
+
+def test_the_report_opens_where_the_files_are_that_it_links_to(tmp_path: Path):
+    folder = write_reconstruction(tmp_path / "out")
+    (folder / "report.html").write_text("report")
+    write_room(folder)
+    assert '<a href="report.html" target="_blank">' in (folder / "index.html").read_text()
 
 
 def test_notes_are_in_plain_words_without_options_and_escaped(room: Path):

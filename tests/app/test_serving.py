@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from semgs.app.serving import COOKIE, LOCAL_HOSTS, Door
+from semgs.app.serving import COOKIE, LOCAL_HOSTS, Door, folder_page, served_path
 from semgs.cli.main import main
 
 TOKEN = "a-token"
@@ -58,6 +58,34 @@ def test_without_the_token_no_websocket_opens():
 )
 def test_on_this_machine_only_its_own_names_open_the_app(host: str, status: int):
     assert answer(Door(behind, None, LOCAL_HOSTS), host=host)["status"] == status
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Path:
+    """A room with files that are served, and others that are not."""
+    folder = tmp_path / "room"
+    (folder / "renders").mkdir(parents=True)
+    (folder / "renders" / "a #1 <b>.png").touch()
+    (folder / ".semgs").touch()
+    (folder / "report.html").touch()
+    (tmp_path / "secret").touch()
+    return folder
+
+
+@pytest.mark.parametrize("name", ["report.html", "renders/", "renders/a #1 <b>.png"])
+def test_what_a_report_links_to_is_served(room: Path, name: str):
+    assert served_path(room, name) == room / name
+
+
+@pytest.mark.parametrize(
+    "name", ["", "/", "renders", ".semgs", "../secret", "../", "renders/../../secret", "absent/", "absent"]
+)
+def test_nothing_else_is_served(room: Path, name: str):
+    assert served_path(room, name) is None
+
+
+def test_a_folder_of_a_room_is_a_page_of_links(room: Path):
+    assert '<li><a href="a%20%231%20%3Cb%3E.png">a #1 &lt;b&gt;.png</a></li>' in folder_page(room / "renders")
 
 
 @pytest.mark.parametrize("option", ["--segmenter", "--depth"])

@@ -26,7 +26,10 @@ def pretend(arguments: Sequence[str]) -> int:
     if arguments[0] == "export":
         out.mkdir()
         return 0
-    images = write_reconstruction(out) / "cameras" / "images"
+    write_reconstruction(out)
+    if "--drop-photos" in arguments:
+        return 0
+    images = out / "cameras" / "images"
     images.mkdir(parents=True)
     for number in range(3):
         picture(images / f"{number:03d}.jpg")
@@ -52,6 +55,23 @@ def test_a_room_and_its_zip_have_the_views_that_they_show_and_no_other_photo(
     assert app_worker.work(json.dumps(request.data())) == 0
     room = tmp_path / "room"
     assert folders_of(path.relative_to(room) for path in room.rglob("*")) == {Path("renders")}
-    assert not (room / "cameras").exists()
     with zipfile.ZipFile(room / "room.zip") as archive:
         assert folders_of(map(Path, archive.namelist())) == {Path("room/renders")}
+
+
+def test_the_included_room_has_a_name_that_is_no_folder_of_this_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenes: list[Path] = []
+
+    def noted(arguments: Sequence[str]) -> int:
+        if arguments[0] == "reconstruct":
+            scenes.append(Path(arguments[1]))
+            assert (scenes[0] / "transforms.json").exists()
+        return pretend(arguments)
+
+    request = Request("example", [], str(tmp_path), asdict(RoomOptions()), asdict(Limits()))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(app_worker, "main", noted)
+    assert app_worker.work(json.dumps(request.data())) == 0
+    assert scenes == [Path("included_room")]

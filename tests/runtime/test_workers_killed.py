@@ -15,6 +15,10 @@ def no_set_up() -> None:
     pass
 
 
+def die() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
 def kill_itself(folder: Path, item: tuple[str, int]) -> str:
     """The name of an item, after this process has killed itself as often as it says."""
     name, times = item
@@ -34,6 +38,13 @@ def test_a_killed_worker_costs_its_item_a_try_and_no_other(tmp_path: Path):
     assert "killed 2 times (SIGKILL), probably for lack of memory: use fewer --workers" in str(found[2])
     assert (tmp_path / "always").read_text() == "xx"
     assert str(pickle.loads(pickle.dumps(found[2]))) == str(found[2])
+
+
+def test_workers_that_die_before_they_take_an_item_cost_it_its_tries():
+    larger_than_a_pipe = bytes(1 << 22)  # so it cannot be sent to a dead worker
+    ((place, outcome),) = finished(len, [larger_than_a_pipe], 1, die)
+    assert place == 0
+    assert isinstance(outcome, WorkerKilledError)
 
 
 def test_outcomes_come_in_order_though_the_first_is_tried_again(tmp_path: Path):

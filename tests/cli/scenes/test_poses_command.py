@@ -27,6 +27,20 @@ def test_two_photos_become_a_scene_and_a_reconstruction(tmp_path: Path, capsys: 
     assert sorted(path.name for path in tmp_path.iterdir()) == ["kitchen", "out"]
 
 
+def test_photos_that_are_not_kept_are_named_nowhere_as_if_they_were(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    photos, out = tmp_path / "kitchen", tmp_path / "out"
+    take(photos, poses_of(2))
+    arguments = ["reconstruct", str(photos), "--out", str(out), "--weights", "random", "--size", "48x64"]
+    assert main([*arguments, "--focal", "250", "--drop-photos"]) == 0
+    told = capsys.readouterr().out
+    assert not (out / "cameras").exists()
+    assert json.loads((out / "report.json").read_text())["scene"]["path"] == str(photos)
+    assert not [text for text in (told, (out / "report.html").read_text()) if str(out / "cameras") in text]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["kitchen", "out"]
+
+
 def test_a_scene_is_not_photos(room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["poses", str(room), str(tmp_path / "out")]) == 2
     assert (

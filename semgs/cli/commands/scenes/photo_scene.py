@@ -32,18 +32,20 @@ class PhotoScene:
         photos: what the user named.
         folder: with the images and cameras, for now.
         out: where the output folder will be.
+        kept: whether images and cameras will stay there.
         notes: about the photos and their cameras.
     """
 
     photos: Path
     folder: Path
     out: Path
+    kept: bool
     notes: tuple[str, ...]
 
     @property
     def scene_path(self) -> Path:
-        """Where the images and cameras will stay."""
-        return self.out / CAMERAS
+        """Where the images and cameras will stay; else the photos that the user named."""
+        return self.out / CAMERAS if self.kept else self.photos
 
     def scene(self, as_peers: Collection[str], asked: SceneDetails) -> Scene:
         """The photos as a scene with the name of their folder, at the path where it will stay."""
@@ -58,13 +60,14 @@ class PhotoScene:
 
 
 @contextmanager
-def photo_scene(path: Path, out: Path, posing: PosingOptions) -> Iterator[PhotoScene | None]:
+def photo_scene(path: Path, out: Path, posing: PosingOptions, kept: bool = True) -> Iterator[PhotoScene | None]:
     """Estimate the cameras of a folder of photos or a clip; None if the path is something else.
 
     Args:
         path: what the user named as scene.
         out: the output folder of the command.
         posing: options for it.
+        kept: whether images and cameras will stay in the output folder.
 
     Raises:
         InputError: the photos cannot be used, or their cameras cannot be estimated.
@@ -85,6 +88,6 @@ def photo_scene(path: Path, out: Path, posing: PosingOptions) -> Iterator[PhotoS
     try:
         with what_the_user_gave():
             notes = write_photo_scene(path, folder, known, announce).notes
-        yield PhotoScene(path, folder, out, notes)
+        yield PhotoScene(path, folder, out, kept, notes)
     finally:
         shutil.rmtree(folder, ignore_errors=True)

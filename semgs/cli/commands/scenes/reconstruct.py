@@ -135,6 +135,8 @@ class Reconstruct:
     rerun: Annotated[Path | None, tyro.conf.arg(metavar="FILE.rrd", help_behavior_hint="")] = None
     """Also write a recording for Rerun: photos, cameras, class maps, Gaussians, boxes of things and free floor, on a timeline of frames. Needs
     rerun-sdk."""
+    drop_photos: bool = False
+    """Do not keep photos without poses, with their estimated cameras, in DIR/cameras."""
     overwrite: bool = False
     """Replace a DIR from an earlier run, once the new result is complete, and the FILE of --rerun."""
     placing: Annotated[DepthOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=DepthOptions)
@@ -156,7 +158,7 @@ class Reconstruct:
             from semgs.cli.commands.scenes.photo_scene import photo_scene
 
         device = chosen_device(self.device)
-        with photo_scene(self.scene, self.out, self.posing) as photos:
+        with photo_scene(self.scene, self.out, self.posing, not self.drop_photos) as photos:
             self._reconstruct(device, photos)
 
     def _reconstruct(self, device: str, photos: PhotoScene | None) -> None:
@@ -194,13 +196,13 @@ class Reconstruct:
                     notes=[*notes, *self._notes()],
                 )
             write_results(folder, result, origin, stages, self.html)
-            if photos is not None:
+            if photos is not None and photos.kept:
                 photos.move_to(folder)
         lacking = [] if self.rerun is None else self._write_rerun_file(self.rerun, result, stages)
         print(summary(result, stages.seconds, self.out, self.html, lacking))
         if self.rerun is not None:
             print(f"For Rerun: rerun {self.rerun}")
-        if photos is not None:
+        if photos is not None and photos.kept:
             print(f"The photos with their estimated cameras are a scene in {photos.scene_path}.")
 
     def _passes(self) -> int:
