@@ -10,7 +10,7 @@ One mesh of one primitive of points; every attribute is a float32 array of its o
     KHR_gaussian_splatting:SH_DEGREE_d_COEF_n      harmonics (red, green, blue), in our basis; n counts the orders from -d, every degree complete
     COLOR_0                                        the constant colour and opacity in bytes, for viewers without the extension: they show points
 
-Ours are _CLASS, the position of the likeliest class in the table, and _CONFIDENCE. glTF aligns attributes to four bytes, so a float takes no more
+Ours are _CLASS, the position of the likeliest class in the table or 255 for none, and _CONFIDENCE. glTF aligns attributes to four bytes, so a float takes no more
 space than a smaller integer. The `extras` of the mesh contain the unit and the classes with their names and colours. If things were searched, _INSTANCE is the number
 of the thing, 0 for none, and each thing is a node of its own with the edges of its box as lines, and `extras`.
 """
@@ -32,6 +32,7 @@ from semgs._version import __version__
 from semgs.export.scene_objects import PlacedThing
 from semgs.files.atomic import write_bytes
 from semgs.geometry.harmonics import DEGREE_0
+from semgs.rendering.rendering import class_numbers
 from semgs.robotics.boxes import EDGES, SIGNS
 from semgs.scene.confidence import class_confidences
 from semgs.scene.scene_file import SavedScene
@@ -168,7 +169,7 @@ def _attributes(scene: SavedScene) -> dict[str, np.ndarray]:
         degree = int(index**0.5)
         found[f"{EXTENSION}:SH_DEGREE_{degree}_COEF_{index - degree**2}"] = harmonics[:, index]
     if gaussians.semantic is not None:
-        found["_CLASS"] = gaussians.semantic.features.argmax(-1)[:, None]
+        found["_CLASS"] = class_numbers(gaussians.semantic.features)[:, None]
     found["_CONFIDENCE"] = class_confidences(scene)[:, None]
     return {
         name: tensor.detach().cpu().numpy().astype("u1" if name == "COLOR_0" else "<f4")

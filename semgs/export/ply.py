@@ -22,10 +22,12 @@ import numpy as np
 import torch
 
 from semgs.data.tables.classes import ClassTable
+from semgs.figures.class_images import UNKNOWN_GREY
 from semgs.files.atomic import write_bytes
 from semgs.files.paths import typed_path
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.harmonics import DEGREE_0
+from semgs.rendering.rendering import class_numbers
 from semgs.runtime.argument_types import check_type
 
 _FULL = 15  # harmonics above degree 0, per channel, at degree 3
@@ -59,7 +61,7 @@ def save_ply(
 
 
 def save_semantic_ply(path: str | Path, gaussians: Gaussians, classes: ClassTable) -> None:
-    """Write the semantic Gaussians as a plain 3DGS PLY: with their own shapes, in the colour of their likeliest class.
+    """Write the semantic Gaussians as a plain 3DGS PLY: with their own shapes, in the colour of their likeliest class; light grey without one.
 
     The order is that of `save_ply`. Colours do not depend on the viewing direction.
 
@@ -81,8 +83,8 @@ def save_semantic_ply(path: str | Path, gaussians: Gaussians, classes: ClassTabl
             f"the Gaussians have {gaussians.semantic.features.shape[-1]} classes; "
             f"expected the {len(classes)} of table {classes.name}"
         )
-    colours = torch.tensor(classes.colours, dtype=torch.float32) / 255
-    labels = gaussians.semantic.features.detach().argmax(-1).cpu()
+    colours = torch.tensor([*classes.colours, UNKNOWN_GREY], dtype=torch.float32) / 255
+    labels = class_numbers(gaussians.semantic.features).cpu().clamp(max=len(classes))
     harmonics = ((colours[labels] - 0.5) / DEGREE_0)[..., None, :]
     _write(path, gaussians, Appearance(gaussians.semantic.quaternions, gaussians.semantic.scales, harmonics))
 

@@ -19,6 +19,7 @@ from torch import Tensor
 
 from semgs.files.atomic import write_bytes
 from semgs.files.bags import write_message
+from semgs.rendering.rendering import class_numbers
 from semgs.scene.confidence import class_confidences
 from semgs.scene.own_views import own_colours
 from semgs.scene.scene_file import SavedScene
@@ -37,7 +38,7 @@ class Points:
     Attributes:
         means: positions.
         colours: red, green, blue, as the input view of each point sees it.
-        labels: position in the class table; None without classes.
+        labels: position in the class table, 255 for none; None without classes.
         confidences: 0..1, of the class, or of the depth without classes.
         instances: the number of the thing that each belongs to, 0 for none; None if things were not searched.
     """
@@ -68,7 +69,7 @@ def make_points(scene: SavedScene, instances: Int64[np.ndarray, " g"] | None = N
     return Points(
         means=gaussians.means,
         colours=(255 * own_colours(scene)).round().to(torch.uint8),
-        labels=None if gaussians.semantic is None else gaussians.semantic.features.argmax(-1),
+        labels=None if gaussians.semantic is None else class_numbers(gaussians.semantic.features),
         confidences=class_confidences(scene),
         instances=None if instances is None else torch.from_numpy(instances),
     )

@@ -23,6 +23,7 @@ from torch import Tensor
 
 from semgs.files.atomic import write_json
 from semgs.geometry.rotations import quaternion_from_matrix
+from semgs.rendering.rendering import class_numbers
 from semgs.robotics.boxes import SIGNS
 from semgs.robotics.floor import NoFloorError, floor_height
 from semgs.robotics.objects import Objects, Thing, objects
@@ -122,7 +123,7 @@ def floor_of(scene: SavedScene, up: UpDirection) -> float | None:
     gaussians = scene.gaussians
     on_floor = None
     if gaussians.semantic is not None and scene.classes is not None and FLOOR in scene.classes.names:
-        on_floor = (gaussians.semantic.features.argmax(-1) == scene.classes.index(FLOOR)).numpy()
+        on_floor = (class_numbers(gaussians.semantic.features) == scene.classes.index(FLOOR)).numpy()
     heights = (gaussians.means.double() @ up.direction).numpy()
     eyes = (scene.cameras.centres @ up.direction).numpy()
     try:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Float32, UInt8
+from jaxtyping import Bool, Float, Float32, Int64, UInt8
 from torch import Tensor
 
 from semgs.files.images.colours import NamedColours
@@ -18,7 +18,10 @@ SEEN_ALPHA = 0.5
 """If alpha is less than this, class maps say "unseen"."""
 
 UNSEEN, UNKNOWN = 255, 254
-"""The values for pixels that no input view saw, and for pixels whose class is not sure enough."""
+"""The values for pixels that no input view saw or whose class none of them says, and for pixels whose class is not sure enough."""
+
+EVEN = 1 + 1e-4
+"""A likeliest class that is no more than this much likelier than all classes on average is no class."""
 
 WITHOUT_CLASSES = "the rendering has no classes; expected Gaussians with a semantic branch"
 
@@ -56,6 +59,22 @@ class Rendering:
         return html(repr(self), [*rows, depth_row("depths", array_of(self.depths))])
 
 
+def without_class(highest: Float[Tensor, "*any"], classes: int) -> Bool[Tensor, "*any"]:
+    """Where all classes are equally likely, as in Gaussians that no photo shows; nowhere if there is only one class.
+
+    Args:
+        highest: the probability of the likeliest class.
+        classes: how many there are.
+    """
+    return (highest * classes <= EVEN) & (classes > 1)
+
+
+def class_numbers(distributions: Float[Tensor, "*any class"]) -> Int64[Tensor, "*any"]:
+    """The likeliest class of each distribution; `UNSEEN` where all are equally likely."""
+    highest, labels = distributions.detach().max(-1)
+    return torch.where(without_class(highest, distributions.shape[-1]), UNSEEN, labels)
+
+
 def likeliest(semantics: Float[Tensor, "*any class h w"]) -> UInt8[Tensor, "*any h w"]:
     """The most likely class of every pixel; the first of several."""
     return semantics.detach().max(-3).indices.to(torch.uint8)  # three times as fast as `argmax`
@@ -86,7 +105,7 @@ def check_may_be_unknown(classes: int) -> None:
 
 
 def label_maps(rendering: Rendering, min_confidence: float = 0.0) -> UInt8[np.ndarray, "*batch v h w"]:
-    """The most likely class of every pixel; 255 for unseen pixels, where the colour pass has alpha < 0.5.
+    """The most likely class of every pixel; 255 for unseen pixels, where the colour pass has alpha < 0.5 or all classes are equally likely.
 
     Args:
         rendering: with classes.
@@ -106,5 +125,8 @@ def label_maps(rendering: Rendering, min_confidence: float = 0.0) -> UInt8[np.nd
 
 
 def _unseen(rendering: Rendering) -> Bool[np.ndarray, "*batch v h w"]:
-    """The pixels that no input view saw."""
-    return rendering.alphas.detach().cpu().numpy() < SEEN_ALPHA
+    """The pixels that no input view saw, or whose class none of them says."""
+    unseen = rendering.alphas.detach() < SEEN_ALPHA
+    if rendering.semantics is not None:
+        unseen |= without_class(rendering.semantics.detach().amax(-3), rendering.semantics.shape[-3])
+    return unseen.cpu().numpy()

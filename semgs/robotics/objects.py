@@ -15,6 +15,7 @@ from jaxtyping import Float64, Int64
 
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.geometry.gaussians import Gaussians
+from semgs.rendering.rendering import UNSEEN, class_numbers
 from semgs.rendering.temperatures import highest_probability
 from semgs.robotics.boxes import Box, box_of
 from semgs.robotics.level import level_from_world
@@ -131,10 +132,11 @@ def objects(
     points = gaussians.means.detach().cpu().double().numpy() @ level.T
     weights = gaussians.opacities.detach().cpu().double().numpy()
     chances = highest_probability(features, temperature).double().numpy()
-    labels = torch.where(torch.from_numpy(weights >= min_opacity), features.argmax(-1), -1).numpy()
+    solid = torch.from_numpy((weights >= min_opacity) & (weights > 0))
+    labels = torch.where(solid, class_numbers(features), UNSEEN).numpy()
     eye = level @ np.asarray(seen_from, np.float64)
     found: list[tuple[int, Int64[np.ndarray, " n"]]] = []
-    for label in np.unique(labels[labels >= 0]).tolist():
+    for label in np.unique(labels[labels != UNSEEN]).tolist():
         if classes.names[label] not in stuff:
             members = np.flatnonzero(labels == label)
             groups = _groups(cluster, points[members], weights[members], gap)

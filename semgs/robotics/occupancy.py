@@ -21,8 +21,9 @@ from torch import Tensor
 from semgs.data.tables.classes import IGNORE, SCANNET20, ClassTable
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Gaussians
+from semgs.rendering.rendering import class_numbers
 from semgs.robotics.carving import passes
-from semgs.robotics.floor import floor_height
+from semgs.robotics.floor import NoFloorError, floor_height
 from semgs.robotics.level import level_from_world
 from semgs.robotics.rays import free_parts, rays_of
 
@@ -115,6 +116,8 @@ def occupancy(
         None if classes is None or FLOOR not in classes.names or labels is None else labels == classes.index(FLOOR)
     )
     rays = rays_of(gaussians, cameras, level, depths, depth_spread)
+    if not len(rays.origins):
+        raise NoFloorError("no floor was found: the depth of every pixel of the input views is unknown")
     floor = floor_height(points[:, 2], weights, rays.origins[:, 2], on_floor)
     near = _near(points, cameras, level, reach) & (weights >= min_opacity)
     points, weights = points[near], weights[near]
@@ -180,13 +183,13 @@ def closed(blocked: Bool[np.ndarray, "x y"], width: float) -> Bool[np.ndarray, "
 
 
 def _labels(gaussians: Gaussians, classes: ClassTable | None) -> Int64[np.ndarray, " g"] | None:
-    """The likeliest class of each Gaussian."""
+    """The likeliest class of each Gaussian, 255 for none."""
     if gaussians.semantic is None or classes is None:
         return None
     found = gaussians.semantic.features.shape[-1]
     if found != len(classes):
         raise ValueError(f"the Gaussians have {found} classes; expected the {len(classes)} of table {classes.name}")
-    return gaussians.semantic.features.detach().cpu().argmax(-1).numpy()
+    return class_numbers(gaussians.semantic.features).cpu().numpy()
 
 
 def _near(
@@ -219,7 +222,8 @@ def _named(
 ) -> UInt8[np.ndarray, "x y z"]:
     """The class with the largest sum of opacities in each occupied voxel."""
     flat = np.full(occupied.size, IGNORE, np.uint8)
-    if labels is not None and len(hits):
+    if labels is not None and (labels != IGNORE).any():
+        hits, labels, weights = (one[labels != IGNORE] for one in (hits, labels, weights))
         pairs, owners = np.unique(np.stack((hits, labels)), axis=1, return_inverse=True)
         order = np.argsort(np.bincount(owners.reshape(-1), weights), kind="stable")
         flat[pairs[0][order]] = pairs[1][order]  # the last, with the largest sum, stays

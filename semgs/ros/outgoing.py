@@ -23,7 +23,7 @@ from semgs.scene.scene_file import SavedScene
 
 
 def point_cloud(scene: SavedScene, header: Any, found: Objects | None = None) -> Any:
-    """A sensor_msgs/PointCloud2 with a point for each Gaussian: float32 x, y, z, rgb (packed as PCL does), label (position of the class) and confidence.
+    """A sensor_msgs/PointCloud2 with a point for each Gaussian: float32 x, y, z, rgb (packed as PCL does), label (position of the class, 255 for none) and confidence.
 
     Args:
         scene: such as `scene.saved` of a stream. Positions are relative to its `origin`, which is 0 in a stream.

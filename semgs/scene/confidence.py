@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from semgs.rendering.rendering import UNSEEN
+from semgs.rendering.rendering import UNSEEN, class_numbers
 from semgs.rendering.temperatures import highest_probability
 from semgs.scene.scene_file import SavedScene
 
@@ -19,10 +19,6 @@ def class_confidences(scene: SavedScene) -> Float[Tensor, " g"]:
     return highest_probability(semantic.features, None if scene.temperatures is None else scene.temperatures.gaussians)
 
 
-EVEN = 1 + 1e-4
-"""A likeliest class that is no more than this much likelier than all classes on average is no class."""
-
-
 def class_labels(scene: SavedScene) -> UInt8[Tensor, " g"]:
     """The number of each Gaussian's likeliest class; `UNSEEN` where all classes are equally likely, as in Gaussians that no photo shows.
 
@@ -32,5 +28,4 @@ def class_labels(scene: SavedScene) -> UInt8[Tensor, " g"]:
     semantic = scene.gaussians.semantic
     if semantic is None or semantic.features.shape[-1] > UNSEEN:
         raise ValueError(f"expected a scene with 1 to {UNSEEN} classes")
-    best, labels = semantic.features.max(-1)
-    return torch.where(best * semantic.features.shape[-1] <= EVEN, UNSEEN, labels).to(torch.uint8)
+    return class_numbers(semantic.features).to(torch.uint8)

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from semgs.geometry.cameras import back_project, shrink_cameras
 from semgs.geometry.harmonics import colours_from_harmonics
+from semgs.rendering.rendering import class_numbers
 from semgs.scene.scene_file import SavedScene
 
 SHORTEST_PX = 8.0
@@ -42,9 +43,9 @@ def own_points(scene: SavedScene) -> Float64[Tensor, "v rows columns 3"]:
 
 
 def own_labels(scene: SavedScene) -> Int64[Tensor, "v rows columns"]:
-    """The likeliest class at each place of the input views of a scene with classes; -1 for places without a Gaussian."""
+    """The likeliest class at each place of the input views of a scene with classes; -1 for places without a Gaussian, `UNSEEN` for those whose Gaussian has no class."""
     assert scene.gaussians.semantic is not None
-    labels, grid = scene.gaussians.semantic.features.argmax(-1), scene.grid
+    labels, grid = class_numbers(scene.gaussians.semantic.features), scene.grid
     if scene.places is not None:
         every = torch.full((prod(grid),), -1)
         every[scene.places] = labels

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
+from semgs.rendering.rendering import class_numbers
 from semgs.scene.confidence import class_confidences
 from semgs.scene.scene_file import SavedScene
 
@@ -37,7 +38,7 @@ def selected(
         if name not in scene.classes.names:
             raise ValueError(f"there is no class {name!r}; expected some of {', '.join(scene.classes.names)}")
     numbers = torch.tensor([scene.classes.names.index(name) for name in classes])
-    return keep & torch.isin(gaussians.semantic.features.argmax(-1), numbers)
+    return keep & torch.isin(class_numbers(gaussians.semantic.features), numbers)
 
 
 def part_of(scene: SavedScene, keep: Bool[Tensor, " g"]) -> SavedScene:

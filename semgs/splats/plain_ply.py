@@ -3,6 +3,10 @@
 The element `vertex` has, in any order and of any type of numbers: x y z, f_dc_0..2 (the constant harmonics of red, green and blue), opacity (logit),
 scale_0..2 (natural logarithm), rot_0..3 (w, x, y, z), and 0, 9, 24 or 45 properties f_rest: all higher harmonics of red, then green, then blue.
 Source: https://github.com/graphdeco-inria/gaussian-splatting (scene/gaussian_model.py, save_ply). nx ny nz are left out if they are zero, as 3DGS writes them.
+
+Mip-Splatting, and what follows it (Gaussian Opacity Fields, RaDe-GS), write Gaussians without their 3D smoothing filter, and its standard deviation as filter_3D. It is
+applied here, as they do before they render: with squares s of the standard deviations and f of the filter, these become s + f, and opacities are multiplied by
+sqrt(prod(s) / prod(s + f)), so that the Gaussian keeps its integral. Source: https://github.com/autonomousvision/mip-splatting (scene/gaussian_model.py, save_fused_ply).
 """
 
 from __future__ import annotations
@@ -22,9 +26,13 @@ SCALES = ("scale_0", "scale_1", "scale_2")
 ROTATION = ("rot_0", "rot_1", "rot_2", "rot_3")
 NORMAL = ("nx", "ny", "nz")
 NEEDED = (*POSITION, *CONSTANT, "opacity", *SCALES, *ROTATION)
+FILTER = "filter_3D"
 VERTEX = "vertex"
 
 Columns = Mapping[str, np.ndarray]
+
+FILTERED = (f"its smoothing filter ({FILTER}, Mip-Splatting) is applied",)
+"""What is said of a file that has one."""
 
 
 def read_plain_ply(path: Path, ply: PlyTables) -> Splat:
@@ -52,6 +60,8 @@ def read_plain_ply(path: Path, ply: PlyTables) -> Splat:
     check_all(path, "scale", logs, ~np.isnan(logs), "a number")
     with np.errstate(over="ignore"):
         scales, opacities = np.exp(logs), 1 / (1 + np.exp(-logits))
+    if FILTER in columns:
+        scales, opacities = _filtered(path, scales, opacities, together(columns, (FILTER,)))
     gaussians = make_gaussians(
         path,
         means=together(columns, POSITION),
@@ -60,14 +70,30 @@ def read_plain_ply(path: Path, ply: PlyTables) -> Splat:
         quaternions=together(columns, ROTATION),
         harmonics=by_coefficient(columns, rest, CONSTANT),
     )
-    known = {*NEEDED, *rest, *(NORMAL if not any(columns[name].any() for name in NORMAL if name in columns) else ())}
+    known = {
+        *NEEDED,
+        FILTER,
+        *rest,
+        *(NORMAL if not any(columns[name].any() for name in NORMAL if name in columns) else ()),
+    }
     return Splat(
         gaussians,
         "PLY",
         "-y",
         extra={name: np.array(values) for name, values in columns.items() if name not in known},
-        comments=(*ply.comments, *_not_read(ply, (VERTEX,))),
+        comments=(*ply.comments, *(FILTERED if FILTER in columns else ()), *_not_read(ply, (VERTEX,))),
     )
+
+
+def _filtered(
+    path: Path, scales: np.ndarray, opacities: np.ndarray, deviations: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Standard deviations [g 3] and opacities [g] after the smoothing filter, whose standard deviations are [g 1]."""
+    check_all(path, FILTER, deviations, np.isfinite(deviations) & (deviations >= 0), "a finite number, 0 or more")
+    with np.errstate(over="ignore", invalid="ignore"):
+        wider = np.hypot(scales, deviations)
+        shares = np.where(wider > 0, scales / wider, 1)  # the filter of a flat Gaussian may be 0
+    return wider, opacities * shares.prod(-1)
 
 
 def together(columns: Columns, names: tuple[str, ...]) -> np.ndarray:

@@ -13,7 +13,7 @@ from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance
 from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.reference import alphas_and_light, depth_order, project
-from semgs.rendering.rendering import SEEN_ALPHA, UNKNOWN, Rendering, confidence_maps, label_maps
+from semgs.rendering.rendering import SEEN_ALPHA, UNKNOWN, UNSEEN, Rendering, class_numbers, confidence_maps, label_maps
 from semgs.rendering.splats import Splats
 from semgs.scene.scene_file import SavedScene
 from semgs.viewer.splat_groups import UNKNOWN_NAME
@@ -25,7 +25,7 @@ class Hit:
 
     Attributes:
         position: where the opacity along the ray passes 0.5, in the coordinates of the source's poses [unit of the scene].
-        name: of the likeliest class of the pixel; "unknown" if it is not sure enough; None for a scene without classes.
+        name: of the likeliest class of the pixel; "unknown" if it has none or is not sure enough; None for a scene without classes.
         probability: of the likeliest class, calibrated if the scene has temperatures; None for a scene without classes.
         thing: the number of the thing that most of this class belongs to there; 0 for none.
     """
@@ -97,11 +97,11 @@ def pick(
     )
     label = int(label_maps(rendering, min_confidence)[0, 0, 0])
     probability = float(confidence_maps(rendering)[0, 0, 0])
-    if label == UNKNOWN:
+    if label in (UNKNOWN, UNSEEN):
         return Hit((x, y, z), UNKNOWN_NAME, probability)
     thing = 0
     if instances is not None:
-        of_class = torch.where(features.argmax(-1) == label, weights, 0)
+        of_class = torch.where(class_numbers(features) == label, weights, 0)
         thing = int(np.bincount(instances[drawn.numpy()], of_class.numpy(), 1).argmax())
     return Hit((x, y, z), scene.classes.names[label], probability, thing)
 

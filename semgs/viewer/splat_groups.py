@@ -14,6 +14,7 @@ from semgs.figures.class_images import UNKNOWN_GREY
 from semgs.files.images.colours import Colour, depth_limits, depth_picture, heat_picture
 from semgs.geometry.gaussians import Appearance
 from semgs.geometry.rotations import covariance
+from semgs.rendering.rendering import UNSEEN, class_numbers
 from semgs.scene.confidence import class_confidences
 from semgs.scene.own_views import own_colours
 from semgs.scene.scene_file import SavedScene
@@ -38,7 +39,7 @@ ALL = "scene"
 """The group of a scene without classes."""
 
 UNKNOWN_NAME = "unknown"
-"""The group of the Gaussians whose class is not sure enough."""
+"""The group of the Gaussians without a class, or whose class is not sure enough."""
 
 
 @dataclass(frozen=True)
@@ -118,9 +119,9 @@ class SceneSplats:
         known = depths[depths > 0]
         labels, names, colours = np.zeros(count, np.int64), [ALL], [UNKNOWN_GREY]
         if scene.classes is not None and scene.gaussians.semantic is not None:
-            labels = scene.gaussians.semantic.features.argmax(-1).numpy()
+            labels = class_numbers(scene.gaussians.semantic.features).numpy()
             names, colours = [*scene.classes.names, UNKNOWN_NAME], [*scene.classes.colours, UNKNOWN_GREY]
-            labels = np.where(confidences < min_confidence, len(scene.classes), labels)
+            labels = np.where((confidences < min_confidence) | (labels == UNSEEN), len(scene.classes), labels)
         return cls(
             scene=scene,
             scale=TYPICAL_DEPTH / float(np.median(known)) if known.size else 1.0,

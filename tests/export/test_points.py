@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,14 @@ import pytest
 import torch
 from known import CHAIR, SIZE, WALL, plane_scene
 
+from semgs.data.tables.classes import SCANNET20
+from semgs.export.gltf import save_gltf
+from semgs.export.ply import save_semantic_ply
 from semgs.export.points import FRAME, TOPIC, make_points, save_bag, save_points
 from semgs.geometry.harmonics import basis
+from semgs.scene.own_views import own_labels
+from semgs.scene.selection import selected
+from semgs.splats.load import load_splat
 
 
 def test_a_point_has_the_colour_that_its_own_camera_sees_and_its_likeliest_class() -> None:
@@ -91,3 +98,26 @@ def test_equal_scenes_give_equal_files(tmp_path: Path) -> None:
         save_bag(tmp_path / name / "points.mcap", points)
     for name in ("points.ply", "points.mcap"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_gaussians_without_a_class_have_none_in_any_file_and_belong_to_no_class(tmp_path: Path) -> None:
+    """Of 28 columns the first 10 are wall, in 20 rows of two views: 400. The first view loses its classes: 200 walls stay, and 560 Gaussians have no class."""
+    scene = plane_scene()
+    assert scene.gaussians.semantic is not None
+    shares = scene.gaussians.semantic.features.clone()
+    assert int((shares.argmax(-1) == WALL).sum()) == 400
+    shares[:560] = 1 / 20
+    semantic = replace(scene.gaussians.semantic, features=shares)
+    scene = replace(scene, gaussians=replace(scene.gaussians, semantic=semantic))
+    labels = make_points(scene).labels
+    assert labels is not None
+    assert (int((labels == 255).sum()), int((labels == WALL).sum())) == (560, 200)
+    assert int(selected(scene, classes=("wall",)).sum()) == 200
+    save_gltf(tmp_path / "a.glb", scene)
+    numbers = load_splat(tmp_path / "a.glb").extra["_CLASS"]
+    assert ((numbers == 255).sum(), (numbers == WALL).sum()) == (560, 200)
+    save_semantic_ply(tmp_path / "a.ply", scene.gaussians, SCANNET20)
+    colours = 0.5 + 0.28209479177387814 * load_splat(tmp_path / "a.ply").gaussians.colour.features[:, 0]
+    grey = (colours * 255 - torch.tensor([212.0, 212.0, 214.0])).abs().amax(-1) < 0.01
+    assert grey.tolist() == [True] * 560 + [False] * 560
+    assert (own_labels(scene)[0] == 255).all()

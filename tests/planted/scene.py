@@ -68,8 +68,8 @@ SCENE = (
         (f"{OF_VOTES}pixels_of_zeros_say_nothing",),
     ),
     Mutant(
-        "a Gaussian that no photo shows has the first class", "semgs/scene/confidence.py",
-        "torch.where(best * semantic.features.shape[-1] <= EVEN, UNSEEN, labels)", "labels",
+        "a Gaussian that no photo shows has the first class", "semgs/rendering/rendering.py",
+        "torch.where(without_class(highest, distributions.shape[-1]), UNSEEN, labels)", "labels",
         ("tests/scene/test_confidence.py::test_a_gaussian_whose_classes_are_equally_likely_has_none",),
     ),
 )  # fmt: skip

@@ -9,7 +9,7 @@ import torch
 from blocks import room_of_blocks
 
 import semgs
-from semgs.data.tables.classes import SCANNET20
+from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.robotics.objects import objects
 
@@ -115,3 +115,23 @@ def test_what_has_no_classes_and_bad_arguments_are_refused() -> None:
 def test_no_gaussians_are_no_things() -> None:
     empty = gaussians_at(np.zeros((0, 3)), np.zeros(0, np.int64))
     assert objects(empty).things == ()
+
+
+def test_gaussians_whose_classes_are_equally_likely_are_no_thing() -> None:
+    """Two classes at one half each: the first of the table would be the likeliest."""
+    two = ClassTable("two", ("chair", "table"), ((1, 2, 3), (4, 5, 6)), (0, 1))
+    points = np.concatenate((plank(0.0, (2.0, 0.0, 0.5)), plank(0.0, (4.0, 0.0, 0.5))))
+    given = gaussians_at(points, np.zeros(len(points), np.int64))
+    assert given.semantic is not None
+    shares = torch.tensor([[0.5, 0.5], [0.1, 0.9]]).repeat_interleave(1155, 0)
+    found = objects(replace(given, semantic=replace(given.semantic, features=shares)), two)
+    assert [(one.name, one.count) for one in found.things] == [("table", 1155)]
+    assert found.instances.tolist() == [0] * 1155 + [1] * 1155
+
+
+def test_gaussians_without_any_opacity_are_no_thing() -> None:
+    given = gaussians_at(
+        np.concatenate((plank(0.0, (2.0, 0.0, 0.5)), plank(0.0, (4.0, 0.0, 0.5)))), np.full(2310, CHAIR)
+    )
+    given.opacities[:1155] = 0
+    assert [one.count for one in objects(given, min_opacity=0.0).things] == [1155]

@@ -171,3 +171,25 @@ def test_arguments_out_of_range_are_refused() -> None:
     two = replace(SCANNET20, name="two", names=("a", "floor"), colours=((0, 0, 0),) * 2, raw_ids=(1, 2))
     with pytest.raises(ValueError, match="expected the 2 of table two"):
         occupancy(scene.gaussians, scene.cameras, classes=two)
+
+
+def test_gaussians_without_a_class_are_no_floor_and_voxels_of_them_have_no_label(found: Occupancy) -> None:
+    """In this table the floor is the first class, which the arg max of equal probabilities is."""
+    scene = room_of_blocks()
+    gaussians, floor_first = scene.gaussians, ("floor", *(name for name in SCANNET20.names if name != "floor"))
+    table = replace(SCANNET20, name="floor first", names=floor_first)
+    shares = gaussians.semantic.features[:, [SCANNET20.index(name) for name in floor_first]]
+    shares[gaussians.semantic.features.argmax(-1) == SCANNET20.index("chair")] = 1 / 20
+    given = replace(gaussians, semantic=replace(gaussians.semantic, features=shares))
+    plan = occupancy(given, scene.cameras, classes=table)
+    np.testing.assert_array_equal(plan.cells, found.cells)
+    assert at(plan, 2.03, 0.5) == OCCUPIED  # the front of the first chair
+    assert plan.labels[voxel(plan, 2.03, 0.5, 0.4)] == IGNORE
+    assert plan.labels[voxel(plan, 4.03, -0.1, 0.5)] == floor_first.index("wall")
+
+
+def test_views_that_know_no_depth_show_no_floor() -> None:
+    scene = room_of_blocks()
+    some = scene.gaussians.map(lambda tensor: tensor[:77])  # not one for each pixel, so depth decides
+    with pytest.raises(NoFloorError, match="the depth of every pixel of the input views is unknown"):
+        occupancy(some, scene.cameras, depths=torch.zeros(len(scene.cameras.world_from_camera), *scene.cameras.size))

@@ -84,3 +84,25 @@ def test_a_gaussian_whose_classes_are_equally_likely_has_none() -> None:
     assert class_labels(scene(None)).dtype == torch.uint8
     with pytest.raises(ValueError, match="expected a scene with 1 to 255 classes"):
         class_labels(scene(None, classes=False))
+
+
+def test_the_only_class_of_a_table_is_the_class_of_every_gaussian() -> None:
+    known = scene(None)
+    one = ClassTable("one", ("mug",), ((4, 5, 6),), (0,))
+    assert known.gaussians.semantic is not None
+    shape = replace(known.gaussians.semantic, features=torch.ones(6, 1))
+    alone = replace(known, gaussians=replace(known.gaussians, semantic=shape), classes=one)
+    assert class_labels(alone).tolist() == [0] * 6
+    assert (label_maps(alone.render(alone.cameras)) == 0).all()
+
+
+def test_a_pixel_of_gaussians_without_a_class_has_none() -> None:
+    known = scene(None)
+    assert known.gaussians.semantic is not None
+    shape = replace(known.gaussians.semantic, features=torch.full((6, 2), 0.5))
+    without = replace(known, gaussians=replace(known.gaussians, semantic=shape))
+    rendering = without.render(without.cameras)
+    assert (rendering.alphas > 0.99).all()
+    assert (label_maps(rendering) == 255).all()
+    assert (label_maps(rendering, 0.9) == 255).all()
+    assert (confidence_maps(rendering) == 0).all()

@@ -80,6 +80,26 @@ def test_infinite_logits_are_the_opacities_0_and_1_and_flat_scales_are_0(tmp_pat
     assert gaussians.colour.scales[1].tolist()[1] == 0
 
 
+def test_the_smoothing_filter_of_mip_splatting_widens_and_thins(tmp_path: Path):
+    """Standard deviations of 3 cm with a filter of 4 cm become 5 cm."""
+    sides = dict(zip(("scale_0", "scale_1", "scale_2"), map(np.log, (0.03, 0.03, 0.03)), strict=True))
+    rows = [
+        known_row(**sides, filter_3D=0.04), known_row(filter_3D=0.0), known_row(scale_0=-np.inf, filter_3D=0.5),
+        known_row(scale_0=-np.inf, filter_3D=0.0),
+    ]  # fmt: skip
+    splat = load_splat(save(tmp_path / "a.ply", ply({"vertex": columns_3dgs(rows)})))
+    scales, opacities = splat.gaussians.colour.scales, splat.gaussians.opacities
+    assert scales[0].tolist() == pytest.approx([0.05] * 3)
+    assert float(opacities[0]) == pytest.approx(0.5 * 0.6**3)  # 3 / 5 along each side
+    assert_same(splat.gaussians.map(lambda tensor: tensor[1:2]), known_gaussian())
+    assert (float(scales[2, 0]), float(opacities[2])) == (0.5, 0)
+    assert (float(scales[3, 0]), float(opacities[3])) == (0, 0.5)
+    assert dict(splat.extra) == {}
+    assert splat.comments == ("its smoothing filter (filter_3D, Mip-Splatting) is applied",)
+    with pytest.raises(InputError, match="filter_3D of Gaussian 0"):
+        load_splat(save(tmp_path / "b.ply", ply({"vertex": columns_3dgs([known_row(filter_3D=-1.0)])})))
+
+
 def test_other_elements_are_named_and_not_read(tmp_path: Path):
     data = ply({"vertex": columns_3dgs([known_row()]), "camera": {"focal": ("float", [500.0])}})
     splat = load_splat(save(tmp_path / "a.ply", data))

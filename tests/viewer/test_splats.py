@@ -7,6 +7,7 @@ from wall_and_chair import CHAIR, GREEN, RED, WALL, wall_and_chair
 
 from semgs.data.tables.classes import SCANNET20
 from semgs.figures.class_images import UNKNOWN_GREY
+from semgs.viewer.pick import pick
 from semgs.viewer.splat_groups import SceneSplats
 
 
@@ -112,3 +113,14 @@ def test_a_scene_without_classes_is_one_group():
     assert [(group.name, len(group.members)) for group in splats.groups] == [("scene", 4000)]
     assert splats.modes == ("colour", "confidence", "depth")
     assert splats.confidences[0] == pytest.approx(0.4), "of its depth"
+
+
+def test_gaussians_without_a_class_are_in_the_group_unknown():
+    """The first view, of 40 rows and 50 columns, has no classes; of the second one, 30 columns are wall."""
+    scene = wall_and_chair()
+    scene.gaussians.semantic.features[:2000] = 1 / 20
+    groups = {group.name: len(group.members) for group in SceneSplats.of(scene).groups}
+    assert groups == {"unknown": 2000, "wall": 1200, "chair": 800}
+    hit = pick(scene, scene.cameras[0], (10.5, 20.5), visible=np.arange(4000) < 2000)
+    assert hit is not None
+    assert (hit.name, hit.probability) == ("unknown", 0)

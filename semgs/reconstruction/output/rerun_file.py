@@ -27,7 +27,7 @@ from semgs.files.atomic import partial_name
 from semgs.geometry.rotations import quaternion_from_matrix
 from semgs.reconstruction.output.rerun_library import rerun_library
 from semgs.reconstruction.result import Reconstruction, RenderedViews
-from semgs.rendering.rendering import UNKNOWN, UNSEEN
+from semgs.rendering.rendering import UNKNOWN, UNSEEN, class_numbers
 from semgs.robotics.objects import Objects
 from semgs.robotics.occupancy import Occupancy
 from semgs.scene.own_views import own_colours
@@ -119,7 +119,7 @@ def _write_splats(rr: Any, recording: Any, positions: tuple[int, ...], scene: Sa
         )  # fmt: skip
         recording.log(f"world/splats/{position}", splats)
         if gaussians.semantic is not None:
-            labels = gaussians.semantic.features[own].argmax(-1).to(torch.uint8).numpy()
+            labels = class_numbers(gaussians.semantic.features[own]).to(torch.uint8).numpy()
             recording.log(f"world/labels/{position}", rr.Points3D(means, class_ids=labels))
 
 
