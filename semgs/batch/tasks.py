@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,11 +46,12 @@ def fingerprint(options: Sequence[str], inputs: Sequence[Path]) -> str:
     """A hash of everything that decides the result of a task.
 
     Args:
-        options: the command and its options, without the places of input and output. Files and folders among them count with
+        options: the command and its options, without the places of input and output. Files and folders among them, also as --option=PATH, count with
             what they contain.
         inputs: files and folders of the scene.
     """
-    named = [Path(word) for word in options if not word.startswith("-") and Path(word).exists()]
+    values = [word.partition("=")[2] if word.startswith("-") else word for word in options]
+    named = [Path(value) for value in values if value and os.path.exists(value)]  # noqa: PTH110 - False for a word that is too long to be a path
     contents = [_changes(path) for path in (*inputs, *named)]
     text = json.dumps([__version__, list(options), contents])
     return hashlib.sha256(text.encode()).hexdigest()

@@ -10,25 +10,32 @@ from semgs.geometry.fusion import LEAST
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.rotations import covariance, quaternion_from_matrix
 
-LARGEST_CELL = 2**20
-"""Voxels are numbered within this many of the origin along each axis, so that a key fits into 63 bits."""
+MOST_CELLS = 2**21
+"""Voxels along each axis, so that a key fits into 63 bits."""
 
 MOST_OPAQUE = 0.99
 """Opacity of joined Gaussians, at most."""
 
 
 def voxel_keys(means: Float[Tensor, "g 3"], size: float) -> Int64[Tensor, " g"]:
-    """One number for each voxel; equal for points of the same voxel only.
+    """One number for each voxel, counted from the lowest one; equal for points of the same voxel only.
 
     Raises:
-        ValueError: the size is not positive, or a point is more than `LARGEST_CELL` voxels from the origin.
+        ValueError: the size is not positive, or less than two steps of the numbers that the points have, or they extend over more than `MOST_CELLS` voxels.
     """
     if not size > 0:
         raise ValueError(f"the size of voxels is {size}; expected a positive length")
     cells = (means.double() / size).floor().long()
-    if len(cells) and int(cells.abs().max()) >= LARGEST_CELL:
-        raise ValueError(f"voxels of {size} are too small for a scene of {float(means.abs().max()):.4g}")
-    x, y, z = (cells + LARGEST_CELL).unbind(-1)
+    if len(cells):
+        away = float(means.abs().max())
+        if (step := torch.finfo(means.dtype).eps * away) > size / 2:
+            raise ValueError(
+                f"positions {away:.4g} from the origin have steps of {step:.2g}, too coarse for voxels of {size}; give poses relative to a point near the scene"
+            )
+        cells -= cells.amin(0)
+        if (most := int(cells.max())) >= MOST_CELLS:
+            raise ValueError(f"voxels of {size} are too small for a scene that extends over {most * size:.4g}")
+    x, y, z = cells.unbind(-1)
     return (x << 42) + (y << 21) + z
 
 
@@ -67,8 +74,10 @@ def join_in_voxels(
         summed = values.new_zeros((len(heaviest), *values.shape[1:])).index_add_(0, voxel, weighed)
         return summed / total.reshape(-1, *[1] * (values.ndim - 1))
 
-    means = mean(parts.means)
-    offsets = parts.means - means[voxel]
+    base = parts.means[heaviest]  # relative to it, float32 is exact far from the origin too
+    offsets = parts.means - base[voxel]
+    middle = mean(offsets)
+    means, offsets = base + middle, offsets - middle[voxel]
 
     def joint(shape: Appearance, features: Tensor) -> Appearance:
         """One branch, with the covariance of the mixture."""

@@ -48,8 +48,11 @@ def test_a_fingerprint_changes_with_options_with_files_and_with_what_options_nam
     os.utime(photo, ns=(changed, changed))
     larger = print_of(*options)
     assert larger != first
+    joined = print_of(f"--weights={weights}")
     weights.write_bytes(b"12")
     assert print_of(*options) != larger
+    assert print_of(f"--weights={weights}") != joined
+    assert print_of("--words", 300 * "x") != print_of("--words", 301 * "x")  # longer than the name of a file can be
 
 
 def test_the_photos_beside_a_transforms_json_count(tmp_path: Path):

@@ -65,5 +65,22 @@ def test_keys_are_equal_for_points_of_one_cell_only():
 def test_an_empty_voxel_size_and_a_scene_that_is_too_large_are_refused():
     with pytest.raises(ValueError, match="expected a positive length"):
         voxel_keys(torch.zeros(1, 3), 0.0)
-    with pytest.raises(ValueError, match="too small for a scene of 3000"):
-        voxel_keys(torch.full((1, 3), 3000.0), 0.001)
+    with pytest.raises(ValueError, match="too small for a scene that extends over 3000"):
+        voxel_keys(torch.tensor([[0.0, 0, 0], [3000.0, 0, 0]]), 0.001)
+    with pytest.raises(
+        ValueError, match=r"positions 5e\+06 from the origin have steps of 0.6, too coarse for voxels of 0.003"
+    ):
+        voxel_keys(torch.tensor([[5e6, 0, 0]]), 0.003)
+
+
+def test_a_walk_far_from_the_origin_is_joined_as_one_near_it():
+    """4,096 m out, where float32 has steps of 0.49 mm, the sides of voxels of 3 mm are at 4095.999, 4096.002 and 4096.005 m."""
+    along = torch.tensor([4096.0, 4096.001, 4096.004])
+    keys = voxel_keys(torch.stack((along, torch.full((3,), 0.05), torch.full((3,), -0.05)), 1), 0.003)
+    assert keys[0] == keys[1] != keys[2]
+    given = gaussians_at(along[:, None] * torch.tensor([1.0, 0, 0]), torch.tensor([0.2, 0.6, 0.4]), (0.01, 0.004, 0.02))
+    found, places = join_in_voxels(given, torch.tensor([7, 8, 30]), 0.003)
+    assert places.tolist() == [30, 8]
+    # Weights of 1 to 3, two steps of float32 apart: the variance along x grows by 3/16 of (0.98 mm)^2.
+    sides = torch.diag(covariance(found.colour.quaternions[1], found.colour.scales[1]))
+    assert float(sides[0]) == pytest.approx(1e-4 + 3 / 16 * (2 / 2**11) ** 2, rel=1e-5)

@@ -66,20 +66,24 @@ class StandIn:
 
     Attributes:
         published: the messages by topic, as bytes.
+        runs: until ROS is shut down.
+        heard_as: the quality of service of each subscription.
     """
 
     def __init__(self, count: int = 4, size: tuple[int, int] = (120, 160)) -> None:
         self.views = resized(open_scene(demo_scene()).read(range(count), "native"), size)
         self.published: dict[str, list[bytes]] = defaultdict(list)
+        self.runs, self.heard_as = True, list[str]()
 
     def modules(self) -> dict[str, ModuleType]:
         """The packages of ROS, by name."""
         kinds = {name: type(name, (), {}) for name in ("Image", "CameraInfo", "PointCloud2", "Detection3DArray")}
         inside = {
-            "rclpy": {"init": lambda: None, "create_node": lambda _: self},
+            "rclpy": {"init": lambda: None, "create_node": lambda _: self, "ok": lambda: self.runs},
             "rclpy.duration": {"Duration": lambda seconds: seconds},
             "rclpy.time": {"Time": SimpleNamespace(from_msg=lambda stamp: stamp)},
-            "message_filters": {"Subscriber": lambda *_: None, "TimeSynchronizer": lambda *_: self},
+            "rclpy.qos": {"qos_profile_sensor_data": "best effort"},
+            "message_filters": {"Subscriber": lambda *_, qos_profile: self.heard_as.append(qos_profile), "TimeSynchronizer": lambda *_: self},
             "sensor_msgs.msg": kinds, "vision_msgs.msg": kinds,
             "tf2_ros": {"Buffer": lambda: self, "TransformListener": lambda *_, spin_thread: None},
         }  # fmt: skip
@@ -103,9 +107,9 @@ class StandIn:
         self.publish_image()
 
     def publish_image(self) -> None:
-        """Give the next image to the node; after the last one, end it."""
+        """Give the next image to the node; after the last one, shut ROS down, as its handler of SIGTERM does."""
         if self.next == len(self.views):
-            self.callback.__globals__["pairs"].put(None)
+            self.runs = False
             return
         height, width = self.views.size
         k = self.views.cameras.intrinsics[self.next].numpy() - 0.5 * np.array([[0, 0, 1], [0, 0, 1], [0, 0, 0]])
@@ -150,6 +154,7 @@ def test_on_a_stand_in_for_ros_the_node_publishes_the_room_with_the_stamp_of_its
     clouds = [read(data, "sensor_msgs/msg/PointCloud2") for data in robot.published["points"]]
     things = [read(data, "vision_msgs/msg/Detection3DArray") for data in robot.published["things"]]
     assert clouds
+    assert robot.heard_as == ["best effort", "best effort"]
     for messages in (clouds, things):
         assert {message.header.frame_id for message in messages} == {"map"}
         assert {message.header.stamp.sec for message in messages} <= {3, 4}  # the first window has frames 1 and 3

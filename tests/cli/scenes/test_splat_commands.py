@@ -144,7 +144,7 @@ def test_a_page_shows_a_splat(stick: Path, tmp_path: Path, capsys: pytest.Captur
     [
         (["query", "{splat}", "--embedding", "a.npy"], "a scene with features, found a splat of another program"),
         (["export", "{splat}", "--as", "colmap"], "give the scene that has them with --cameras"),
-        (["export", "{splat}", "--as", "occupancy"], "a scene in metres for --as objects and occupancy"),
+        (["export", "{splat}", "--as", "occupancy"], "--as occupancy needs metres, which a splat has not"),
         (["export", "{splat}", "--colour", "classes"], "a scene with classes for --colour classes"),
         (["render", "{splat}", "--show", "classes"], "a scene with classes for --show classes"),
         (["render", "{splat}", "--cameras", "nowhere"], "nowhere: expected a folder with a scene"),
@@ -166,3 +166,40 @@ def test_what_cannot_work_is_refused_in_one_line(
     assert message in told.err
     assert "Traceback" not in told.err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--as", "colmap"], "--as colmap is for training on photos; give the scene that has them with --cameras"),
+        (["--as", "occupancy"], "--as occupancy needs metres, which a splat has not; give a scene in metres with --cameras"),
+        (["--as", "ply", "objects"], "a scene with classes for --as objects"),
+        (["--classes", "chair"], "a scene with classes for --classes"),
+        (["--labels"], "a scene with classes for --labels"),
+        (["--colour", "classes"], "a scene with classes for --colour classes"),
+    ],
+)  # fmt: skip
+def test_what_no_splat_can_give_is_refused_before_it_is_read(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    options: list[str],
+    message: str,
+):
+    opened: list[Path] = []
+    monkeypatch.setattr("semgs.cli.commands.scenes.export.open_given", lambda scene, *_: opened.append(scene))
+    splat = save(tmp_path / "a.ply", ply({"vertex": columns_3dgs([known_row()])}))
+    assert main(["export", str(splat), *options, "--out", str(tmp_path / "out")]) == 2
+    assert message in capsys.readouterr().err
+    assert opened == []
+
+
+def test_things_of_a_splat_are_refused_before_it_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    opened: list[Path] = []
+    monkeypatch.setattr("semgs.cli.commands.scenes.view.open_given", lambda scene, *_: opened.append(scene))
+    splat = save(tmp_path / "a.ply", ply({"vertex": columns_3dgs([known_row()])}))
+    assert main(["view", str(splat), "--objects", "--html", str(tmp_path / "a.html")]) == 2
+    assert "expected a scene with classes for --objects, found a splat of another program" in capsys.readouterr().err
+    assert opened == []

@@ -16,6 +16,7 @@ from semgs.cli.terminal import aligned
 from semgs.cli.usage_errors import UsageError
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
+from semgs.splats.endings import is_splat
 
 if TYPE_CHECKING:
     from jaxtyping import Bool
@@ -123,6 +124,8 @@ class Export:
             raise UsageError(
                 f"--step-height is {self.step_height:g} and --robot-height {self.robot_height:g}; expected a smaller step"
             )
+        if is_splat(self.scene):
+            self._check_splat()
         check_folder(self.out, self.overwrite)
         with show_stage("Reading the scene"):
             from semgs.export.export_record import write_record
@@ -142,8 +145,6 @@ class Export:
             opened = open_given(self.scene, self.cameras, self.up)
             scene = opened.scene
             keep = self._selected(scene)
-            if "colmap" in self.formats and opened.pivot is not None:
-                raise UsageError("--as colmap is for training on photos; give the scene that has them with --cameras")
             for_robots = bool({"objects", "occupancy"} & set(self.formats))
             found_up = up_of(scene, opened.up) if self.frame == "upright" or for_robots else None
             if for_robots:
@@ -161,6 +162,25 @@ class Export:
                 files += self._write(folder, name, export, opened, notes)
             write_record(folder, files, export.up)
         self._print(files, notes)
+
+    def _check_splat(self) -> None:
+        """Check what a splat of another program can never give, before it is read and up is searched."""
+        for_classes = {
+            "--as objects": "objects" in self.formats,
+            "--classes": self.classes,
+            "--labels": self.labels,
+            "--colour classes": "classes" in self.colour,
+        }
+        if missing := [option for option, wanted in for_classes.items() if wanted]:
+            raise InputError(
+                self.scene, f"a scene with classes for {missing[0]}", "a splat of another program", advice="semgs label-splat gives it classes"
+            )  # fmt: skip
+        if self.cameras is None and "colmap" in self.formats:
+            raise UsageError("--as colmap is for training on photos; give the scene that has them with --cameras")
+        if self.cameras is None and "occupancy" in self.formats:
+            raise UsageError(
+                "--as occupancy needs metres, which a splat has not; give a scene in metres with --cameras"
+            )
 
     def _write(
         self, folder: Path, name: Format, export: SceneExport, opened: OpenedScene, notes: list[str]

@@ -90,6 +90,10 @@ class View:
         existing_folder(self.scene)
         if self.cameras is not None and not is_splat(self.scene):
             raise UsageError(f"--cameras is for splats of other programs; {self.scene} is not one")
+        if self.objects and is_splat(self.scene):
+            raise InputError(
+                self.scene, "a scene with classes for --objects", "a splat of another program", advice="semgs label-splat gives it classes"
+            )  # fmt: skip
         if self.port > LAST_PORT:
             raise UsageError(f"--port is {self.port}; expected 1 to {LAST_PORT}")
         if self.html is not None:
