@@ -178,7 +178,7 @@ def _moved(path: Path, gaussians: Gaussians, part: Part) -> Gaussians:
     moved = move_gaussians(rigid, gaussians, scale=float(scale))
     return make_gaussians(
         path,
-        means=moved.means.numpy(),
+        means=float(scale) * gaussians.means.double().numpy() @ rigid[:3, :3].numpy().T + rigid[:3, 3].numpy(),
         opacities=moved.opacities.numpy(),
         scales=moved.colour.scales.numpy(),
         quaternions=moved.colour.quaternions.numpy(),

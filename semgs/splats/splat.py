@@ -22,6 +22,9 @@ MOST_GAUSSIANS = 50_000_000
 DEGREES = {0: 0, 9: 1, 24: 2, 45: 3}
 """The degree of the harmonics, by how many numbers they have above the constant one, in all three channels."""
 
+SAMPLED = 100_000
+"""Gaussians that say how large they usually are."""
+
 SHORTEST = 1e-12
 """A shorter quaternion has no direction that can be trusted."""
 
@@ -89,7 +92,8 @@ def make_gaussians(
         harmonics: in the basis of 3DGS.
 
     Raises:
-        InputError: a number is not finite as a float32, an opacity is not 0..1, a scale is negative or a quaternion is zero.
+        InputError: a number is not finite as a float32, an opacity is not 0..1, a scale is negative or a quaternion is zero; or positions are so far from
+            the origin that float32 would move them by more than the Gaussians are large.
     """
     largest = np.finfo(np.float32).max
     for name, values, least, most, expected in (
@@ -101,6 +105,7 @@ def make_gaussians(
         low, high = values.min(initial=0), values.max(initial=0)
         if not (low >= least and high <= most):  # NaN too
             check_all(path, name, values, (values >= least) & (values <= most), expected)
+    _check_steps(path, means, scales)
     turns = quaternions.astype(np.float64)
     with np.errstate(all="ignore"):
         lengths = np.linalg.norm(turns, axis=-1)
@@ -111,6 +116,22 @@ def make_gaussians(
         opacities=_tensor(opacities),
         colour=Appearance(_tensor(turns), _tensor(scales), _tensor(harmonics[:, : _used(harmonics)])),
     )
+
+
+def _check_steps(path: Path, means: Float[np.ndarray, "g 3"], scales: Float[np.ndarray, "g 3"]) -> None:
+    """Check that positions, as in UTM, lose nothing that is seen as float32."""
+    typical = float(np.median(scales[:: 1 + len(scales) // SAMPLED].max(axis=1)))
+    farthest = float(np.abs(means).max())
+    if farthest * np.finfo(np.float32).eps <= typical:
+        return
+    lost = float(np.abs(means - means.astype(np.float32)).max())
+    if lost > typical:
+        found = (
+            f"positions {farthest:.3g} from it, which 32 bits round by {lost:.2g}; Gaussians are {typical:.2g} large"
+        )
+        raise InputError(
+            path, "a splat near its origin", found, advice="subtract a point near the splat from its positions"
+        )
 
 
 def with_largest(others: Float[np.ndarray, "g 3"], largest: Int64[np.ndarray, " g"]) -> Float[np.ndarray, "g 4"]:

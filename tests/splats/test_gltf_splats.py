@@ -82,6 +82,12 @@ def test_nodes_turn_scale_and_move(tmp_path: Path):
     assert abs(float((gaussians.colour.quaternions * expected.quaternions).sum())) == pytest.approx(1, abs=1e-6)
 
 
+def test_nodes_that_move_further_than_32_bits_can_say_are_refused(tmp_path: Path):
+    """Numbers of 32 bits have steps of 8 at 100 million: 1 + 100,000,002 becomes 100,000,000. The Gaussian is 2 large."""
+    with pytest.raises(InputError, match=r"positions 1e\+08 from it, which 32 bits round by 3; Gaussians are 2 large"):
+        read(tmp_path, glb(*gltf(gltf_arrays(), {"translation": [100_000_002, 0, 0]})))
+
+
 def test_nodes_below_nodes_and_matrices_column_by_column(tmp_path: Path):
     content, body = gltf(gltf_arrays())
     moved = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, 6, 7, 1]

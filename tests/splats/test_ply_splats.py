@@ -251,3 +251,15 @@ def test_compressed_files_that_contradict_themselves_are_refused(tmp_path: Path,
     data, message = BAD_COMPRESSED[what]
     with pytest.raises(InputError, match=message):
         load_splat(save(tmp_path / "a.ply", data))
+
+
+def test_positions_that_32_bits_would_move_by_more_than_the_gaussians_are_large_are_refused(tmp_path: Path):
+    """Numbers of 32 bits have steps of half a metre at 5,000 km: 5,000,000.25 m becomes 5,000,000 m. The Gaussian is 5 cm large."""
+    sides = dict(zip(("scale_0", "scale_1", "scale_2"), map(np.log, (0.05, 0.04, 0.03)), strict=True))
+    columns = columns_3dgs([known_row(y=5_000_000.25, **sides)], "double")
+    with pytest.raises(
+        InputError, match=r"positions 5e\+06 from it, which 32 bits round by 0.25; Gaussians are 0.05 large"
+    ):
+        load_splat(save(tmp_path / "a.ply", ply({"vertex": columns})))
+    rounded = load_splat(save(tmp_path / "b.ply", ply({"vertex": columns_3dgs([known_row(y=5_000_000.25, **sides)])})))
+    assert rounded.gaussians.means.tolist() == [[1, 5_000_000, 3]]  # the file has no more
