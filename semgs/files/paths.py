@@ -42,8 +42,12 @@ def without_dots(path: Path) -> Path:
     return Path(*path.parts[: len(path.parts) - after]).resolve().joinpath(*rest)
 
 
-def existing_folder(path: str | Path) -> Path:
+def existing_folder(path: str | Path, expected: str = "a folder with a scene") -> Path:
     """The folder of a scene, given the folder or a file in it.
+
+    Args:
+        path: the folder or file.
+        expected: what it is, for the error.
 
     Raises:
         InputError: it does not exist (the error names the nearest folder that does), or a folder on the way cannot be entered.
@@ -55,7 +59,7 @@ def existing_folder(path: str | Path) -> Path:
         if path.is_file():
             return path.parent
         nearest = next(parent for parent in path.absolute().parents if parent.is_dir())
-    raise InputError(path, "a folder with a scene", "nothing there", advice=f"the path exists up to {nearest}")
+    raise InputError(path, expected, "nothing there", advice=f"the path exists up to {nearest}")
 
 
 def found_at(path: str | Path) -> Literal["a file", "a folder", "nothing there"]:

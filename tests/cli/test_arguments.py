@@ -70,6 +70,22 @@ def test_missing_arguments_are_named_without_their_help(typed: str, needed: str,
     assert capsys.readouterr().err == f"semgs: error: {program} needs {needed}; see {program} --help\n"
 
 
+@pytest.mark.parametrize(
+    ("typed", "expected"),
+    [
+        ("doctor nowhere", "a folder with a scene"),
+        ("poses nowhere out", "a folder of photos, or a video"),
+        ("label-splat nowhere --cameras . --out out", "a splat"),
+        ("doctor . --images nowhere", "a folder of images"),
+    ],
+)
+def test_a_path_with_nothing_there_is_refused_with_what_it_should_be(
+    typed: str, expected: str, capsys: pytest.CaptureFixture[str]
+):
+    assert main(typed.split()) == 2
+    assert capsys.readouterr().err.startswith(f"semgs: error: nowhere: expected {expected}, found nothing there; ")
+
+
 def test_what_is_asked_of_a_scene_is_converted_once_and_refused_where_it_cannot_be():
     options = SceneOptions(camera="/left", intrinsics=(50.0, 51.0, 20.0, 10.0))
     options.check()

@@ -40,7 +40,7 @@ class SceneOptions:
     """Whether lengths are metres, if the files do not say so or are wrong about it."""
     scenezoo: Annotated[str | None, tyro.conf.arg(metavar="DATASET:SCENE", help_behavior_hint="")] = None
     """A scene of arkitscenes, matterport3d, multiscan, 3rscan or structured3d: SCENE is then the folder of the data set. A third part is
-    the room or the camera: structured3d:scene_00000:485142, arkitscenes:41069021:vga_wide. Needs the extra [scenezoo]; see docs/data.md."""
+    the room or the camera: structured3d:scene_00000:485142, arkitscenes:41069021:vga_wide. Needs the extra scenezoo; see docs/data.md."""
     as_peers: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
     """Read files the way another paper's code does: rows-972 and gsnerf-labels (ScanNet), toolbox-undistortion (ScanNet++),
     row-229.5 (Replica); see docs/data.md."""
@@ -63,7 +63,7 @@ class SceneOptions:
             UsageError: a number is invalid.
         """
         with what_the_user_gave():
-            images = None if self.images is None else existing_folder(self.images)
+            images = None if self.images is None else existing_folder(self.images, "a folder of images")
             return SceneDetails(
                 self.camera, self.world, self.body, self.intrinsics, self.depth_unit, self.scenezoo, images, self.unit
             )

@@ -105,7 +105,7 @@ class Batch:
     shard: Annotated[Shard, tyro.conf.arg(help_behavior_hint="")] = None
     """Only part I of N, counted from 1: for job arrays of a cluster. All parts write to the same OUT."""
     ray: Annotated[str, tyro.conf.arg(metavar="auto|ADDRESS", help_behavior_hint="")] = ""
-    """Run on a Ray cluster instead of this machine alone: the one that it belongs to (auto), or the one at HOST:PORT. Needs the extra [cluster]."""
+    """Run on a Ray cluster instead of this machine alone: the one that it belongs to (auto), or the one at HOST:PORT. Needs the extra cluster."""
 
     @classmethod
     def split(cls, arguments: Sequence[str]) -> tuple[list[str], list[str]]:

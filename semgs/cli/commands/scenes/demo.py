@@ -27,7 +27,7 @@ class Demo:
     device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
     html: bool = False
-    """Also write scene.html, which shows the scene in 3D. Needs viser."""
+    """Also write scene.html, which shows the scene in 3D. Needs the extra viewer."""
     overwrite: bool = False
     """Replace DIR even if it contains another scene from semgs."""
 

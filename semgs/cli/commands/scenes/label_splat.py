@@ -79,7 +79,7 @@ class LabelSplat:
     precision: PrecisionOrAuto = "auto"
     """Precision of the network's layers, as for semgs reconstruct."""
     html: bool = False
-    """Also write scene.html, which shows the scene in 3D. Needs viser."""
+    """Also write scene.html, which shows the scene in 3D. Needs the extra viewer."""
     overwrite: bool = False
     """Replace OUT from an earlier run, once the new result is complete."""
     segmenting: Annotated[SegmenterOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SegmenterOptions)
@@ -133,7 +133,7 @@ class LabelSplat:
 
     def _check(self) -> None:
         """Check what can be checked without importing torch."""
-        existing_folder(self.splat)
+        existing_folder(self.splat, "a splat")
         existing_folder(self.cameras)
         check_folder(self.out, self.overwrite)
         self.reading.check()

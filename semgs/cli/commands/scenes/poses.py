@@ -53,7 +53,7 @@ class Poses:
             InputError: the photos or the output folder cannot be used, or the cameras cannot be estimated.
             UsageError: an option is invalid, or needs COLMAP.
         """
-        existing_folder(self.photos)
+        existing_folder(self.photos, "a folder of photos, or a video")
         check_folder(self.out, self.overwrite)
         solution = self._estimated() if self.predictions is None else self._predicted(self.predictions)
         for note in solution.notes:

@@ -131,10 +131,10 @@ class Reconstruct:
     """Precision of the network's layers. auto is bf16 on processors that compute in it (avx512_bf16 or amx_bf16), and float32 elsewhere. See
     docs/benchmarks.md."""
     html: bool = False
-    """Also write scene.html, which shows the scene in 3D; semgs view --html has options for it. Needs viser."""
+    """Also write scene.html, which shows the scene in 3D; semgs view --html has options for it. Needs the extra viewer."""
     rerun: Annotated[Path | None, tyro.conf.arg(metavar="FILE.rrd", help_behavior_hint="")] = None
     """Also write a recording for Rerun: photos, cameras, class maps, Gaussians, boxes of things and free floor, on a timeline of frames. Needs
-    rerun-sdk."""
+    the extra rerun."""
     drop_photos: bool = False
     """Do not keep photos without poses, with their estimated cameras, in DIR/cameras."""
     overwrite: bool = False
