@@ -40,6 +40,12 @@ def _paths(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Path] | None:
     )
 
 
+_OR_NONE = re.compile(
+    r"(?<=: )no type matching .*?does not match choices \('None',\) - (?:typing\.Annotated\[.*?\)\]|<class '[\w.]+'>): "
+)
+"""What tyro says before the reason if an option has None as its default."""
+
+
 def parse(options: type[Options], program: str, arguments: Sequence[str]) -> Options:
     """Parse the arguments of a command; `--help` prints its help and exits with 0.
 
@@ -136,4 +142,5 @@ def _message_in_box(box: str) -> str:
         f"; {' '.join(part)}" for part in parts[first + 1 :] if part and part[0].startswith("Available subcommands")
     ]
     message = " ".join(parts[first]).rstrip(".").removeprefix("Error parsing ")
+    message = _OR_NONE.sub("", message)
     return "".join([message, *presets]) or "the arguments cannot be understood"

@@ -107,3 +107,16 @@ def test_paths_are_expanded_and_empty_ones_refused_as_they_are_typed(monkeypatch
         line = capsys.readouterr().err
         assert told in line
         assert line.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "why"),
+    [("--frames", "0", "expected a whole number, 1 or more, found '0'"), ("--degrees", "x", "could not convert string to float: 'x'"),
+     ("--size", "1x1", "expected sides from 32 to 4096 pixels, found 1x1")],
+)  # fmt: skip
+def test_a_wrong_value_of_an_option_that_may_be_left_out_is_said_without_types(option: str, value: str, why: str):
+    from semgs.cli.commands.scenes.render import Render
+
+    with pytest.raises(UsageError) as caught:
+        parse(Render, "semgs render", ["a.ply", "--out", "a.mp4", option, value])
+    assert str(caught.value) == f"{option}: {why}; see semgs render --help"
