@@ -48,6 +48,7 @@ def running_app(folder: Path, *options: str) -> Iterator[App]:
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert process.stdout is not None
     lines: list[str] = []
+    rest = threading.Thread(target=lambda: lines.extend(process.stdout or ()), daemon=True)
     try:
         for line in process.stdout:
             lines.append(line)
@@ -55,13 +56,13 @@ def running_app(folder: Path, *options: str) -> Iterator[App]:
                 break
         else:
             raise AssertionError("".join(lines))
-        rest = threading.Thread(target=lambda: lines.extend(process.stdout or ()), daemon=True)
         rest.start()
         yield App(found[1], process, folder)
     finally:
         process.send_signal(signal.SIGINT)
-        process.wait(30)
-        rest.join(5)
+        process.wait(120)
+        if rest.ident is not None:
+            rest.join(120)
         process.stdout.close()
     assert not [line for line in lines if "Traceback" in line], "".join(lines)
 

@@ -53,5 +53,5 @@ def test_it_starts_and_serves_the_page():
         assert "processed on this server" in page
     finally:
         process.send_signal(signal.SIGINT)
-        process.wait(30)
+        process.wait(120)
         process.stdout.close()
