@@ -73,11 +73,11 @@ def lock_folder(record: Path, expected: str, found: str) -> Iterator[None]:
     with record.open("ab") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
+        except (BlockingIOError, PermissionError) as error:  # the latter on SMB
             raise InputError(
                 record.parent, expected, found, advice="stop that process first, or name another folder"
             ) from error
-        except OSError:  # file systems without locks
+        except OSError:  # a file system without locks
             pass
         yield
 

@@ -2,6 +2,7 @@
 
     RUN/settings.json          the settings of the training
     RUN/network.json           the settings of the network
+    RUN/init.json              the SHA-256 of the initial weights, if they are a file; backbone.json: likewise
     RUN/data.json              the scenes, their class counts and terms
     RUN/log.jsonl              losses, speed and validations, one JSON object per line
     RUN/tensorboard/*          the same for TensorBoard
@@ -13,7 +14,7 @@
 The same call starts and resumes a run. With more `steps` the run becomes longer, and from then on its learning rate is that of the
 longer run. Step k sees batch k, which depends on the seed and k alone: on a CPU a resumed run gives exactly the same result as an
 uninterrupted one. On CUDA gradients are summed in no fixed order. Several processes share the scenes of each step; only the first one
-reads and writes checkpoints, the log and weights.
+writes checkpoints, the log and weights.
 """
 
 from __future__ import annotations
@@ -42,20 +43,21 @@ from semgs.training.data.data_settings import DataSettings
 from semgs.training.data.teacher import Teacher
 from semgs.training.engine import launch
 from semgs.training.presets import preset_changes
-from semgs.training.run.checkpoints import best_checkpoint, newest_checkpoint, save_checkpoint
+from semgs.training.run.checkpoints import Checkpoint, newest_checkpoint, save_checkpoint
 from semgs.training.run.execution import Execution
 from semgs.training.run.faults import TOLERATED_IN_A_ROW, BadScenes, save_broken_batch
 from semgs.training.run.log import RunLog, print_lines
 from semgs.training.run.run_folder import (
-    BEST,
     SETTINGS,
     WEIGHTS,
     claim_folder,
+    empty_network,
     export_weights,
     extend_run,
     lock_run,
     record_assets,
-    run_network,
+    record_weights,
+    start_network,
 )
 from semgs.training.run.session import Session, Stopped, time_waiting
 from semgs.training.schedule import Schedule
@@ -131,6 +133,7 @@ def train(
         verify(folder)
     claim_folder(out, settings)
     record_assets(out, settings.assets)
+    record_weights(out, settings)
     fabric = launch(execution)
     leads = fabric.is_global_zero
     console = console if leads else None
@@ -150,9 +153,7 @@ def train(
         )  # fmt: skip
         has_checkpoint = outcome.step > 0
         if leads and has_checkpoint:
-            export_weights(out, out / WEIGHTS)
-            if best_checkpoint(out / "checkpoints") is not None:
-                export_weights(out, out / BEST, best=True)
+            export_weights(out)
         weights = f"; weights: {out / WEIGHTS}" if has_checkpoint else ""
         summary = f"step {outcome.step} of {settings.steps}, {outcome.skipped} skipped{weights}"
         print_lines(console, [summary, *([] if outcome.finished else ["repeat the command to resume"])])
@@ -165,7 +166,8 @@ def _prepare(
     """The network with its optimiser, resumed from the newest checkpoint, and the batches from there on."""
     sampling, schedule = settings.part(DataSettings), settings.part(Schedule)
     learning = settings.part(SupervisionSettings)
-    network = run_network(out, settings)
+    checkpoint = newest_checkpoint(out / "checkpoints")
+    network = start_network(out, settings) if checkpoint is None else empty_network(out, settings)
     data = check_data(sampling, learning, settings.init, out)
     device = execution.device if fabric.world_size == 1 else f"{execution.device}, {fabric.world_size} processes"
     print_lines(console, [*data.notes, f"{settings.model}: {network.origin}", f"on {device}"])
@@ -179,7 +181,7 @@ def _prepare(
         rates=relative_rates(network, settings.part(Rates)),
     )
     print_lines(console, [what_learns(network)])
-    resume(state, out, console)
+    resume(state, out, checkpoint, console)
     batches = training_batches(
         sampling, data, schedule.steps, state.step, pool=out / "rooms", workers=execution.workers,
         cache=round(execution.cache_gib * 2**30), share=execution.share(fabric.global_rank),
@@ -189,18 +191,17 @@ def _prepare(
     return state, Feed(batches, validation, data.scenes, data.bad)
 
 
-def resume(state: TrainingState, out: Path, console: Console | None = None) -> None:
-    """Restore the state from the run's newest intact checkpoint, if there is one.
+def resume(state: TrainingState, out: Path, checkpoint: Checkpoint | None, console: Console | None = None) -> None:
+    """Restore the state from the run's newest intact checkpoint as the first process has read it, if there is one.
 
     Raises:
         InputError: the checkpoint is of another network.
     """
-    folder = out / "checkpoints"
-    checkpoint = state.fabric.broadcast(newest_checkpoint(folder) if state.fabric.is_global_zero else None)
+    checkpoint = state.fabric.broadcast(checkpoint if state.fabric.is_global_zero else None)
     if checkpoint is None:
         return
     advice = "another version of semgs wrote it; resume with that version, or name a new folder"
-    with input_error(folder, "checkpoints of this network", advice=advice):
+    with input_error(out / "checkpoints", "checkpoints of this network", advice=advice):
         state.restore(checkpoint.tensors, checkpoint.numbers)
     damaged = [f"{record}: damaged, skipped" for record in checkpoint.damaged]
     print_lines(console, [*damaged, f"resuming from step {state.step}"])

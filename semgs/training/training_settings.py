@@ -20,6 +20,9 @@ SemanticBranch = Literal["kept", "drawn"]
 PLACES = ("data", "scenes", "validation", "init", "backbone", "teacher", "assets")
 """Settings that are paths. They may differ between machines: two runs are the same if the last parts of their paths are."""
 
+WEIGHTS, BEST = "weights.safetensors", "best.safetensors"
+"""What every run folder calls the averaged weights of its newest checkpoint and of its best validation."""
+
 PARTS = (DataSettings, Schedule, SupervisionSettings, Rates)
 """The parts of a training that have settings of their own."""
 
@@ -118,14 +121,12 @@ class TrainingSettings(Rates, SupervisionSettings, Schedule, DataSettings):
         return asdict(self)
 
     def published(self) -> dict[str, Any]:
-        """The settings as JSON for publishing: of each path in `PLACES` only the last part; hub ids stay."""
-
-        def last_part(value: Any) -> Any:
-            if isinstance(value, tuple):
-                return tuple(map(last_part, value))
-            return value if "://" in value else PurePath(value).name
-
-        return self.as_json() | {place: last_part(getattr(self, place)) for place in PLACES}
+        """The settings as JSON for publishing: of each path in `PLACES` only what `name_place` keeps."""
+        places = {place: getattr(self, place) for place in PLACES}
+        return self.as_json() | {
+            place: tuple(map(name_place, value)) if isinstance(value, tuple) else name_place(value)
+            for place, value in places.items()
+        }
 
     @classmethod
     def from_json(cls, saved: object) -> TrainingSettings:
@@ -135,3 +136,10 @@ class TrainingSettings(Rates, SupervisionSettings, Schedule, DataSettings):
             ValueError: this version does not know a setting, or a value cannot be used; it is named.
         """
         return make_record(cls, saved)
+
+
+def name_place(place: str) -> str:
+    """What a path is called on any machine: its last part, with the name of the run before it for weights of a run; hub ids stay."""
+    path = PurePath(place)
+    run = path.parent.name if path.name in (WEIGHTS, BEST) else ""
+    return place if "://" in place else f"{run}/{path.name}" if run else path.name

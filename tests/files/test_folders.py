@@ -245,3 +245,18 @@ def test_one_process_at_a_time_has_a_folder(tmp_path: Path) -> None:
         other.kill()
     with lock_folder(record, "a quiet folder", "a busy one"):
         assert record.read_text() == "{}"
+
+
+@pytest.mark.parametrize("number", [errno.EAGAIN, errno.EACCES])
+def test_a_folder_in_use_is_told_by_either_number_of_the_system(tmp_path: Path, monkeypatch, number: int) -> None:
+    """flock on SMB gives EACCES."""
+
+    def refused(*given: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("fcntl.flock", refused)
+    with (
+        pytest.raises(InputError, match="expected a quiet folder, found a busy one"),
+        lock_folder(tmp_path / "lock", "a quiet folder", "a busy one"),
+    ):
+        raise AssertionError("both have it")

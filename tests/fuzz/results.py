@@ -136,7 +136,7 @@ def read_training_run(path: Path, out: Path, changed: Sequence[str]) -> None:
     from semgs.training.data.data_check.scene_record import data_terms_of, scenes_of
     from semgs.training.run.checkpoints import best_checkpoint, newest_checkpoint
     from semgs.training.run.log import RunLog
-    from semgs.training.run.run_folder import is_finished, read_settings, run_network
+    from semgs.training.run.run_folder import empty_network, is_finished, read_settings
     from semgs.training.state import TrainingState
     from semgs.training.supervision.supervision import make_supervision
 
@@ -148,13 +148,13 @@ def read_training_run(path: Path, out: Path, changed: Sequence[str]) -> None:
         with RunLog(out, 6, 12, None) as log:
             log.say("on")
     newest = newest_checkpoint(path / "checkpoints")
-    best_checkpoint(path / "checkpoints")
     is_finished(path)
     if newest is not None:
+        best_checkpoint(path / "checkpoints", newest)
         state = TrainingState.begin(nn.Linear(3, 2), make_supervision(settings), 1e-3, 0.9)  # type: ignore[arg-type]
         state.restore(newest.tensors, newest.numbers)
     if "run/network.json" in changed:
-        run_network(path, settings)
+        empty_network(path, settings)
 
 
 def run_record() -> str:

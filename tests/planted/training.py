@@ -42,8 +42,8 @@ TRAINING = (
         "self.devices * self.nodes, self.accumulate", "self.devices, self.accumulate", ("tests/training/run/test_execution.py",),
     ),
     Mutant(
-        "two processes train into one run folder", "semgs/training/run/run_folder.py",
-        "return FileLock(out / LOCK).acquire(timeout=0)", "return nullcontext()",
+        "the lock of a run is on a file that is replaced", "semgs/training/run/run_folder.py",
+        "lock_folder(out / LOCK,", "lock_folder(out / SETTINGS,",
         ("tests/training/run/test_run_folder.py::test_a_run_becomes_longer_once_somebody_trains_it_and_then_not_shorter",),
     ),
     Mutant(

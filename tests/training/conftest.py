@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 import torch
@@ -145,6 +146,21 @@ def _tiny_renderer(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPat
 @pytest.fixture
 def real_rendering() -> None:
     """Keeps splatting as it is."""
+
+
+@pytest.fixture
+def checkpoint_reads(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The steps of the checkpoints that are read from now on, once for each time."""
+    steps: list[int] = []
+    read = Path.read_bytes
+
+    def counted(path: Path) -> bytes:
+        if path.parent.name == "checkpoints" and path.suffix == ".safetensors":
+            steps.append(int(path.stem))
+        return read(path)
+
+    monkeypatch.setattr(Path, "read_bytes", counted)
+    return steps
 
 
 @pytest.fixture

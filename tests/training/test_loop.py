@@ -52,7 +52,7 @@ def session(network, batch, settings, tmp_path):
         state = TrainingState.begin(
             network(), make_supervision(settings), settings.learning_rate, settings.average_decay
         )
-        resume(state, out)
+        resume(state, out, newest_checkpoint(out / "checkpoints"))
 
         def batches() -> Iterator[Portion]:
             for step in range(state.step, settings.steps):
@@ -151,7 +151,7 @@ def test_a_finished_run_that_is_made_longer_has_the_learning_rate_of_the_longer_
     ended = session(tmp_path / "run")
     assert ended.optimizer.param_groups[0]["lr"] == pytest.approx(4e-8)
     state = TrainingState.begin(network(), make_supervision(settings), settings.learning_rate, settings.average_decay)
-    resume(state, tmp_path / "run")
+    resume(state, tmp_path / "run", newest_checkpoint(tmp_path / "run" / "checkpoints"))
     assert same(state, ended)
     outcome = fit(state, replace(settings, steps=20), tmp_path / "run", Feed([Portion((batch(12),))]), Session())
     assert (outcome.step, outcome.finished) == (13, False)
@@ -193,8 +193,9 @@ def test_the_checkpoint_of_the_best_validation_stays_until_a_better_one(session,
     session(tmp_path / "run", save_minutes=0.0, every=3)
     folder = tmp_path / "run" / "checkpoints"
     assert sorted(path.stem for path in folder.glob("*.json")) == ["00000006", "00000010", "00000011", "00000012"]
-    assert newest_checkpoint(folder).numbers["best_score"] == 0.5
-    assert best_checkpoint(folder).numbers["step"] == 6
+    newest = newest_checkpoint(folder)
+    assert newest.numbers["best_score"] == 0.5
+    assert best_checkpoint(folder, newest).numbers["step"] == 6
 
 
 def test_a_run_that_goes_on_knows_the_best_score_of_before(session, tmp_path, monkeypatch):
@@ -207,7 +208,8 @@ def test_a_run_that_goes_on_knows_the_best_score_of_before(session, tmp_path, mo
         session(tmp_path / "run", cut=7, save_minutes=0.0, every=3)
     state = session(tmp_path / "run", save_minutes=0.0, every=3)
     assert (state.step, state.best_step, state.best_score) == (12, 6, 0.5)
-    assert best_checkpoint(tmp_path / "run" / "checkpoints").numbers["step"] == 6
+    folder = tmp_path / "run" / "checkpoints"
+    assert best_checkpoint(folder, newest_checkpoint(folder)).numbers["step"] == 6
 
 
 def test_a_checkpoint_that_cannot_be_written_leaves_the_last_good_one(network, settings, tmp_path, monkeypatch):
@@ -232,6 +234,7 @@ def test_the_state_of_another_network_is_refused_by_name(session, settings, tmp_
         resume(
             TrainingState.begin(other, make_supervision(settings), settings.learning_rate, settings.average_decay),
             tmp_path,
+            newest_checkpoint(tmp_path / "checkpoints"),
         )
 
 

@@ -64,9 +64,9 @@ def test_base_trains_with_the_papers_numbers(network):
 
 def test_settings_in_a_file_that_travels_name_no_place_of_the_machine():
     settings = replace(
-        small(), data=("rooms=2", "/home/ann/scans/office=1"), init="hf://ann/small", teacher="", assets=("/data/assets",)
+        small(), data=("rooms=2", "/home/ann/scans/office=1"), init="hf://ann/small", teacher="", backbone="/home/ann/runs/3/best.safetensors", assets=("/data/assets",)
     )  # fmt: skip
     told = settings.published()
     assert (told["data"], told["init"], told["assets"]) == (("rooms=2", "office=1"), "hf://ann/small", ("assets",))
-    assert told["teacher"] == ""
-    assert {name for name, value in told.items() if value != settings.as_json()[name]} == {"data", "assets"}
+    assert (told["teacher"], told["backbone"]) == ("", "3/best.safetensors")
+    assert {name for name, value in told.items() if value != settings.as_json()[name]} == {"data", "backbone", "assets"}

@@ -16,7 +16,7 @@ from semgs.model.weights.load import load
 from semgs.training import presets
 from semgs.training.loop import train
 from semgs.training.run.execution import Execution
-from semgs.training.run.run_folder import export_weights
+from semgs.training.run.run_folder import WEIGHTS
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
 from semgs.training.supervision.supervision import make_supervision
@@ -61,4 +61,4 @@ def test_a_run_on_cuda_goes_on_and_leaves_weights_that_load(tmp_path: Path, prec
     execution = Execution("cuda", precision=precision, workers=0, minutes=0.0)
     steps = [train(settings, tmp_path / "run", execution).step for _ in range(2)]
     assert steps == [1, 2]
-    load("small_plain", export_weights(tmp_path / "run", tmp_path / "weights.safetensors"))
+    load("small_plain", tmp_path / "run" / WEIGHTS)

@@ -73,16 +73,10 @@ def newest_checkpoint(folder: Path) -> Checkpoint | None:
     return None
 
 
-def best_checkpoint(folder: Path) -> Checkpoint | None:
-    """The checkpoint of the best validation, as recorded in the newest; None if there is none or it is damaged.
-
-    Raises:
-        InputError: as `newest_checkpoint`.
-    """
-    newest = newest_checkpoint(folder)
-    if newest is None or "best_step" not in newest.numbers:
-        return None
-    return _read_checkpoint(_record(folder, int(newest.numbers["best_step"])))
+def best_checkpoint(folder: Path, newest: Checkpoint) -> Checkpoint | None:
+    """The checkpoint of the best validation, as recorded in the newest; None if there is none or it is damaged."""
+    best = int(newest.numbers.get("best_step", -1))
+    return newest if best == newest.numbers["step"] else _read_checkpoint(_record(folder, best))
 
 
 def _record(folder: Path, step: int) -> Path:

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
-from pathlib import PurePath
 
 from semgs.data.tables.classes import ClassTable
-from semgs.training.training_settings import PLACES, TrainingSettings
-
-OF_A_RUN = ("weights.safetensors", "best.safetensors")
-"""What every run folder calls its weights."""
+from semgs.training.training_settings import BEST, PLACES, WEIGHTS, TrainingSettings, name_place
 
 
 def differences(settings: TrainingSettings, reference: TrainingSettings) -> dict[str, tuple[object, object]]:
@@ -30,15 +26,11 @@ def find_changes(settings: TrainingSettings, reference: TrainingSettings) -> dic
 
 
 def _same_name(one: object, other: object) -> bool:
-    """Whether two places may be of the same file or folder. Ids of a hub must be equal, and weights of a run must be of a run of that name."""
+    """Whether two places may be of the same file or folder; weights of a run may lack its name."""
     if isinstance(one, tuple) and isinstance(other, tuple):
         return len(one) == len(other) and all(map(_same_name, one, other))
-    if "://" in f"{one}{other}":
-        return one == other
-    first, second = PurePath(str(one)), PurePath(str(other))
-    if first.name in OF_A_RUN and first.parent.name and second.parent.name:
-        return first.parts[-2:] == second.parts[-2:]
-    return first.name == second.name
+    short, long = sorted((name_place(str(one)), name_place(str(other))), key=len)
+    return short == long or (short in (WEIGHTS, BEST) and long.endswith(f"/{short}"))
 
 
 def list_changes(changes: Mapping[str, tuple[object, object]], here: str) -> str:

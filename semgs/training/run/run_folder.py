@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import errno
 import json
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
-from filelock import FileLock, Timeout
-
 from semgs.data.origin.licences import terms_text
 from semgs.files.atomic import is_part_of, write_json
-from semgs.files.errors import InputError, input_error
-from semgs.files.paths import check_utf8
+from semgs.files.errors import InputError, input_error, readable
+from semgs.files.folders import lock_folder
+from semgs.files.hashes import sha256
+from semgs.files.paths import check_utf8, typed_path
 from semgs.files.strict_json import parse_json, read_json
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
@@ -23,14 +22,12 @@ from semgs.model.weights.load import DATA_TERMS, SCENES, untrained
 from semgs.model.weights.weights_file import save
 from semgs.rooms.assets.lock import lock_digest
 from semgs.training.data.data_check.scene_record import RECORD, data_terms_of, scenes_of
-from semgs.training.run.checkpoints import Checkpoint, best_checkpoint, newest_checkpoint
+from semgs.training.run.checkpoints import best_checkpoint, newest_checkpoint
 from semgs.training.run.differences import find_changes, list_changes
 from semgs.training.state import averaged_weights
-from semgs.training.training_settings import TrainingSettings
+from semgs.training.training_settings import BEST, WEIGHTS, TrainingSettings
 
 SETTINGS = "settings.json"
-WEIGHTS, BEST = "weights.safetensors", "best.safetensors"
-"""The averaged weights of the newest checkpoint and of the best validation."""
 NETWORK = "network.json"
 """The settings of the network. They may come from a weights file that no longer exists when the run resumes."""
 
@@ -75,24 +72,10 @@ def extend_run(out: Path, settings: TrainingSettings) -> None:
         write_json(out / SETTINGS, replace(there, steps=settings.steps).as_json())
 
 
-def lock_run(out: Path) -> AbstractContextManager[object]:
-    """Make this the only process that trains into a run folder, from this call until the block or the process ends.
-
-    Raises:
-        InputError: another process trains into it.
-    """
+def lock_run(out: Path) -> AbstractContextManager[None]:
+    """Lock a run folder; an InputError if another process trains into it."""
     # The lock is a file of its own: the settings are replaced when the run becomes longer.
-    try:
-        return FileLock(out / LOCK).acquire(timeout=0)
-    except Timeout as error:
-        raise InputError(
-            out, "a run that no process is training", "one that another process is training",
-            advice="end that first, or name another folder",
-        ) from error  # fmt: skip
-    except OSError as error:
-        if error.errno not in (errno.ENOLCK, errno.EOPNOTSUPP):
-            raise
-        return nullcontext()  # a file system without locks
+    return lock_folder(out / LOCK, "a run that no process is training", "one that another process is training")
 
 
 def record_assets(out: Path, folders: Sequence[str]) -> None:
@@ -115,6 +98,31 @@ def record_assets(out: Path, folders: Sequence[str]) -> None:
         )  # fmt: skip
 
 
+def record_weights(out: Path, settings: TrainingSettings) -> None:
+    """Record the SHA-256 of the files that a run starts from, so that it does not resume with others of the same names.
+
+    Files that are gone are not checked, as a run with a checkpoint does not need them, nor are those of a run that began without a record.
+
+    Raises:
+        InputError: a file is not the one that the run started from, or cannot be read.
+    """
+    begun = (out / NETWORK).exists()
+    paths = {name: typed_path(place) for name in ("init", "backbone") if (place := getattr(settings, name))}
+    for name, path in paths.items():
+        record = out / f"{name}.json"
+        with readable(path):
+            if not path.is_file() or (begun and not record.exists()):
+                continue
+            found = sha256(path)
+        if not begun:
+            write_json(record, found)
+        elif (there := read_json(record, "the SHA-256 of a file")) != found:
+            raise InputError(
+                path, f"the file that {out} started from, with SHA-256 {there!s:.64}", f"one with {found}",
+                advice="restore it, or train in a new folder",
+            )  # fmt: skip
+
+
 def read_settings(out: Path) -> TrainingSettings:
     """The settings of a run.
 
@@ -129,29 +137,35 @@ def read_settings(out: Path) -> TrainingSettings:
         return TrainingSettings.from_json(saved)
 
 
-def run_network(out: Path, settings: TrainingSettings) -> SemGS:
-    """The network that a run starts with. If the run has a checkpoint: one of the same shape, to be filled from it.
+def start_network(out: Path, settings: TrainingSettings) -> SemGS:
+    """The network that a run without a checkpoint starts with.
 
     Raises:
         InputError: the initial weights cannot be used, or the run has lost all its checkpoints.
     """
-    classes = settings.table
-    record = out / NETWORK
-    if newest_checkpoint(out / "checkpoints") is None:
-        if lost := [name for name in (WEIGHTS, BEST) if (out / name).exists()]:
-            raise InputError(
-                out, "a checkpoint to resume from", f"none, but {' and '.join(lost)}",
-                advice=f"nothing was changed; train in a new folder, with --init {out / lost[0]} to keep what was learned",
-            )  # fmt: skip
-        model = initial_network(
-            settings.model, settings.init, seed=settings.seed, classes=classes,
-            own_classes=settings.classes is not None, switches=changed_switches(settings.network, settings.model),
-            fresh_semantics=settings.semantic_branch == "drawn", backbone=settings.backbone,
+    if lost := [name for name in (WEIGHTS, BEST) if (out / name).exists()]:
+        raise InputError(
+            out, "a checkpoint to resume from", f"none, but {' and '.join(lost)}",
+            advice=f"nothing was changed; train in a new folder, with --init {out / lost[0]} to keep what was learned",
         )  # fmt: skip
-        write_json(record, model.settings.as_json())
-        return model
+    model = initial_network(
+        settings.model, settings.init, seed=settings.seed, classes=settings.table,
+        own_classes=settings.classes is not None, switches=changed_switches(settings.network, settings.model),
+        fresh_semantics=settings.semantic_branch == "drawn", backbone=settings.backbone,
+    )  # fmt: skip
+    write_json(out / NETWORK, model.settings.as_json())
+    return model
+
+
+def empty_network(out: Path, settings: TrainingSettings) -> SemGS:
+    """A network of a run's shape, to be filled from a checkpoint.
+
+    Raises:
+        InputError: the settings of the network are damaged, or another version wrote them.
+    """
+    record = out / NETWORK
     try:
-        return untrained(NetworkSettings.from_json(parse_json(record.read_bytes())), settings.seed, classes)
+        return untrained(NetworkSettings.from_json(parse_json(record.read_bytes())), settings.seed, settings.table)
     except (OSError, ValueError, TypeError, KeyError, AttributeError, ArithmeticError) as error:
         raise InputError(
             record, "the settings of a network", f"{type(error).__name__}: {error}",
@@ -171,35 +185,34 @@ def is_finished(run: Path) -> bool:
     return checkpoint.numbers["step"] >= read_settings(run).steps
 
 
-def export_weights(run: Path, path: Path, *, best: bool = False) -> Path:
-    """Write a weights file with the averaged weights of a run's newest checkpoint, or of its best, in bfloat16.
-
-    Its header describes the training: settings, step, seed, terms of the data and, for scenes from files, their names.
+def export_weights(run: Path) -> None:
+    """Write the averaged weights of a run's newest checkpoint and, if it was validated, of its best one, in bfloat16.
 
     Raises:
         InputError: the run has no intact checkpoint yet.
     """
-    settings = read_settings(run)
-    checkpoint: Checkpoint | None = (best_checkpoint if best else newest_checkpoint)(run / "checkpoints")
-    if checkpoint is None:
+    settings, folder = read_settings(run), run / "checkpoints"
+    newest = newest_checkpoint(folder)
+    if newest is None:
         raise InputError(run, "a run with a checkpoint", "none that is intact", advice="train first")
-    model = run_network(run, settings)
-    model.load_state_dict(averaged_weights(checkpoint.tensors))
-    step = int(checkpoint.numbers["step"])
+    model = empty_network(run, settings)
+    for name, checkpoint in ((WEIGHTS, newest), (BEST, best_checkpoint(folder, newest))):
+        if checkpoint is not None:
+            model.load_state_dict(averaged_weights(checkpoint.tensors))
+            save(run / name, model, _header(run, settings, int(checkpoint.numbers["step"])))
+
+
+def _header(run: Path, settings: TrainingSettings, step: int) -> dict[str, str]:
+    """What weights say about their training: settings, step, seed, terms of the data and, for scenes from files, their names."""
     live = all(source.is_rooms for source in settings.sources)
     data = "generated rooms" if live else ", ".join(Path(source.path).name for source in settings.sources)
     scenes = scenes_of(run / RECORD)
-    save(
-        path,
-        model,
-        {
-            **({SCENES: json.dumps(scenes)} if scenes else {}),
-            DATA_TERMS: terms_text(data_terms_of(run / RECORD)),
-            "description": f"{settings.model}, {step} of {settings.steps} steps of a training in {data}",
-            "training": json.dumps(settings.published()),
-            "data": f"rooms of seed {settings.seed}, drawn live" if live else ", ".join(settings.published()["data"]),
-            "seed": str(settings.seed),
-            "step": str(step),
-        },
-    )
-    return path
+    return {
+        **({SCENES: json.dumps(scenes)} if scenes else {}),
+        DATA_TERMS: terms_text(data_terms_of(run / RECORD)),
+        "description": f"{settings.model}, {step} of {settings.steps} steps of a training in {data}",
+        "training": json.dumps(settings.published()),
+        "data": f"rooms of seed {settings.seed}, drawn live" if live else ", ".join(settings.published()["data"]),
+        "seed": str(settings.seed),
+        "step": str(step),
+    }

@@ -7,16 +7,17 @@ import json
 import os
 import subprocess
 import sys
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from semgs.cli.main import main
 from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError
 from semgs.model.switches import Switches
 from semgs.model.weights.load import load
+from semgs.model.weights.weights_file import read_header
 from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
 from semgs.rooms.sets import demo_room as demo
 from semgs.training.data.augmentation_settings import Augmentation
@@ -27,14 +28,17 @@ from semgs.training.run.checkpoints import Checkpoint, save_checkpoint
 from semgs.training.run.differences import differences, find_changes
 from semgs.training.run.execution import Execution
 from semgs.training.run.run_folder import (
+    BEST,
     NETWORK,
+    WEIGHTS,
     claim_folder,
+    empty_network,
     export_weights,
     extend_run,
     is_finished,
     lock_run,
     read_settings,
-    run_network,
+    record_weights,
 )
 from semgs.training.state import TrainingState
 from semgs.training.supervision.supervision import make_supervision
@@ -141,7 +145,7 @@ def test_a_start_that_was_killed_at_once_does_not_block_the_next(settings, tmp_p
 def test_a_run_without_a_checkpoint_has_no_weights(settings, tmp_path):
     claim_folder(tmp_path, settings)
     with pytest.raises(InputError, match="train first"):
-        export_weights(tmp_path, tmp_path / "weights.safetensors")
+        export_weights(tmp_path)
 
 
 def test_unknown_fields_of_a_newer_version_are_named(settings):
@@ -190,14 +194,91 @@ def test_a_folder_that_another_process_trains_into_is_refused_until_that_ends(se
         pass
 
 
-@pytest.mark.parametrize("number", [errno.EOPNOTSUPP, errno.EACCES])
-def test_only_a_file_system_without_locks_goes_without_one(tmp_path: Path, monkeypatch, number: int):
-    def refused(self, timeout):
+@pytest.mark.parametrize("number", [errno.EOPNOTSUPP, errno.ENOLCK, errno.ENOSYS])
+def test_a_file_system_without_locks_goes_without_one(tmp_path: Path, monkeypatch, number: int):
+    def refused(*given):
         raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr("semgs.training.run.run_folder.FileLock.acquire", refused)
-    with nullcontext() if number == errno.EOPNOTSUPP else pytest.raises(PermissionError), lock_run(tmp_path):
+    monkeypatch.setattr("fcntl.flock", refused)
+    with lock_run(tmp_path):
         pass
+
+
+def test_weights_are_written_with_one_read_of_each_checkpoint_that_is_needed(
+    tmp_path: Path, checkpoint_reads: list[int]
+):
+    """Of steps 3, 4 and 6, the last is the newest and 3 the best validation; then 6 is both."""
+    settings = TrainingSettings(model="small_plain", steps=6)
+    model = load("small_plain", "random")
+    state = TrainingState.begin(model, make_supervision(settings), 1e-3, 0.9)
+    claim_folder(tmp_path, settings)
+    (tmp_path / NETWORK).write_text(json.dumps(model.settings.as_json()))
+    bias = next(name for name, _ in model.named_parameters() if name.endswith("bias"))
+    for state.step, state.best_step, state.best_score in ((3, 3, 0.5), (4, 3, 0.5), (6, 3, 0.5)):
+        state.average.module.get_parameter(bias).data.fill_(state.step)
+        save_checkpoint(tmp_path / "checkpoints", state)
+    for best in (3, 6):
+        state.best_step = best
+        save_checkpoint(tmp_path / "checkpoints", state)
+        checkpoint_reads.clear()
+        export_weights(tmp_path)
+        assert checkpoint_reads == ([6, 3] if best == 3 else [6])
+        for name, step in ((WEIGHTS, 6), (BEST, best)):
+            assert read_header(tmp_path / name).metadata["step"] == str(step)
+            assert (load("small_plain", tmp_path / name).get_parameter(bias) == step).all()
+
+
+ABC = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+"""The SHA-256 of "abc", from FIPS 180."""
+
+
+@pytest.mark.parametrize("name", ["init", "backbone"])
+def test_a_run_does_not_resume_with_another_file_of_the_name_of_its_initial_weights(settings, tmp_path, name: str):
+    (tmp_path / "moved").mkdir()
+    file, moved, run = tmp_path / "start.safetensors", tmp_path / "moved" / "start.safetensors", tmp_path / "run"
+    began = replace(settings, **{name: str(file)})
+    claim_folder(run, began)
+    for place, text in ((file, "damaged"), (file, "abc"), (moved, "abc")):
+        place.write_text(text)
+        record_weights(run, replace(settings, **{name: str(place)}))
+        if text == "abc":  # a run begins when it has made its network
+            (run / NETWORK).write_text("{}")
+    assert json.loads((run / f"{name}.json").read_text()) == ABC
+    file.write_text("abd")
+    with pytest.raises(InputError) as told:
+        record_weights(run, began)
+    assert str(told.value).startswith(
+        f"{file}: expected the file that {run} started from, with SHA-256 {ABC}, found one with a52d"
+    )
+    assert "\n" not in str(told.value)
+    file.unlink()  # a run with a checkpoint does not need it
+    record_weights(run, began)
+
+
+def test_a_run_that_began_without_a_record_of_its_initial_weights_resumes(settings, tmp_path):
+    file = tmp_path / "start.safetensors"
+    file.write_text("abc")
+    run, began = tmp_path / "run", replace(settings, init=str(file))
+    claim_folder(run, began)
+    (run / NETWORK).write_text("{}")
+    for text in ("abc", "abd"):
+        file.write_text(text)
+        record_weights(run, began)
+    assert not (run / "init.json").exists()
+
+
+def test_semgs_train_refuses_another_file_of_the_same_name_with_one_line(tmp_path, capsys):
+    file, run = tmp_path / "start.safetensors", tmp_path / "run"
+    file.write_text("abc")
+    began = replace(PRESETS["small_plain"](), init=str(file))
+    claim_folder(run, began)
+    record_weights(run, began)
+    (run / NETWORK).write_text("{}")
+    file.write_text("abd")
+    assert main(["train", "small_plain", "--init", str(file), "--out", str(run)]) == 2
+    told = capsys.readouterr().err.strip().splitlines()
+    assert len(told) == 1
+    assert "restore it, or train in a new folder" in told[0]
 
 
 @pytest.mark.parametrize(
@@ -220,5 +301,5 @@ def test_a_run_with_settings_that_make_no_network_is_refused_with_one_line(tmp_p
     with pytest.raises(
         InputError, match="another version of semgs wrote it; resume with that version, or name a new folder"
     ) as told:
-        run_network(tmp_path, settings)
+        empty_network(tmp_path, settings)
     assert len(str(told.value).splitlines()) == 1

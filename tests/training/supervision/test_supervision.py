@@ -24,7 +24,7 @@ from semgs.objectives.losses import losses
 from semgs.scene.coarse_depth import CoarseDepth, FinerDepth
 from semgs.training.data.batches import Portion
 from semgs.training.loop import Feed, fit
-from semgs.training.run.checkpoints import best_checkpoint
+from semgs.training.run.checkpoints import best_checkpoint, newest_checkpoint
 from semgs.training.run.session import Session
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
@@ -324,7 +324,9 @@ def test_supervision_by_depth_trains_without_rendering_and_keeps_the_validation_
     fit(state, settings, tmp_path, Feed(portions, [batch(1000)]), Session(), validate_every=3)
     moved = {name for name, value in state.model.named_parameters() if (value != before[name]).any()}
     assert moved == {"layer.weight"}
-    best = best_checkpoint(tmp_path / "checkpoints")
+    newest = newest_checkpoint(tmp_path / "checkpoints")
+    assert newest is not None
+    best = best_checkpoint(tmp_path / "checkpoints", newest)
     assert best is not None
     assert (best.numbers["step"], best.numbers["best_score"]) == (6, -0.1)
     log = (tmp_path / "log.jsonl").read_text()

@@ -142,14 +142,21 @@ class PaperFigure:
                 raise UsageError(
                     f"{option} has {len(given)} names; expected one for each of the {len(self.data)} --data folders"
                 )
-        for text in self.predictions:
-            name, _, theirs = text.partition("=")
-            if not name or not theirs:
-                raise UsageError(f"--predictions is {text!r}; expected NAME=DIR")
-            if not typed_path(theirs).is_dir():
+        for _, theirs in self._predictions():
+            if not theirs.is_dir():
                 raise InputError(theirs, "a folder of predictions", "nothing there")
         self.reading.check()
         check_folder(self.out, self.overwrite)
+
+    def _predictions(self) -> list[tuple[str, Path]]:
+        """The name and folder of each of the other methods."""
+        found = []
+        for text in self.predictions:
+            name, _, folder = text.partition("=")
+            if not name or not folder:
+                raise UsageError(f"--predictions is {text!r}; expected NAME=DIR")
+            found.append((name, typed_path(folder)))
+        return found
 
     def _weights(self, index: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """The weights to show for one --data folder, and the headings of their columns."""
@@ -180,9 +187,8 @@ class PaperFigure:
             plan = replace(plan, tasks=choose_tasks(plan, self.rows, wanted))
         weights, names = self._weights(index)
         methods: list[Method] = []
-        for text in self.predictions:
-            name, _, folder = text.partition("=")
-            saved = SavedPredictions(typed_path(folder), name)
+        for name, folder in self._predictions():
+            saved = SavedPredictions(folder, name)
             saved.check(plan)
             methods.append(saved)
         with what_the_user_gave():
