@@ -81,10 +81,10 @@ def test_a_seen_pixel_with_too_little_confidence_is_unknown_which_is_not_unseen(
 
 
 def test_where_some_may_be_unknown_a_table_has_at_most_254_classes() -> None:
-    rendering = Rendering(
-        torch.zeros(1, 3, 2, 3), torch.full((1, 255, 2, 3), 1 / 255), torch.ones(1, 2, 3), torch.ones(1, 2, 3)
-    )
-    assert (label_maps(rendering) == 0).all()
+    semantics = torch.full((1, 255, 2, 3), 0.5 / 254)
+    semantics[:, 7] = 0.5
+    rendering = Rendering(torch.zeros(1, 3, 2, 3), semantics, torch.ones(1, 2, 3), torch.ones(1, 2, 3))
+    assert (label_maps(rendering) == 7).all()
     with pytest.raises(ValueError, match="255 classes; expected at most 254"):
         label_maps(rendering, 0.5)
 
