@@ -383,9 +383,8 @@ def _solution(
     model = equal[0]
     try:
         posed = posed_photos(model, [photo.name for photo in upright])
-    except (
-        ValueError
-    ) as error:  # a lens as wide as those of action cameras, with a distortion that one number does not describe
+    except ValueError as error:
+        # A lens as wide as those of action cameras, with a distortion that one number does not describe.
         raise InputError(
             photos.path, "photos of a lens whose distortion is that of usual ones", f"solved, {error}",
             advice="take them with a narrower or linear field of view, or undistort them first and give --focal",

@@ -74,9 +74,13 @@ def newest_checkpoint(folder: Path) -> Checkpoint | None:
 
 
 def best_checkpoint(folder: Path, newest: Checkpoint) -> Checkpoint | None:
-    """The checkpoint of the best validation, as recorded in the newest; None if there is none or it is damaged."""
-    best = int(newest.numbers.get("best_step", -1))
-    return newest if best == newest.numbers["step"] else _read_checkpoint(_record(folder, best))
+    """The checkpoint of the best validation, as recorded in the newest; None if there was none or it is damaged."""
+    best = newest.numbers.get("best_step")
+    if best is None:
+        return None
+    if best == newest.numbers["step"]:
+        return newest
+    return _read_checkpoint(_record(folder, int(best)))
 
 
 def _record(folder: Path, step: int) -> Path:

@@ -16,7 +16,7 @@ from semgs.cli.terminal import aligned
 from semgs.cli.usage_errors import UsageError
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
-from semgs.splats.endings import is_splat
+from semgs.splats.endings import is_splat, lacks_classes
 
 if TYPE_CHECKING:
     from jaxtyping import Bool
@@ -172,9 +172,7 @@ class Export:
             "--colour classes": "classes" in self.colour,
         }
         if missing := [option for option, wanted in for_classes.items() if wanted]:
-            raise InputError(
-                self.scene, f"a scene with classes for {missing[0]}", "a splat of another program", advice="semgs label-splat gives it classes"
-            )  # fmt: skip
+            raise lacks_classes(self.scene, missing[0])
         if self.cameras is None and "colmap" in self.formats:
             raise UsageError("--as colmap is for training on photos; give the scene that has them with --cameras")
         if self.cameras is None and "occupancy" in self.formats:

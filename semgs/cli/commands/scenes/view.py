@@ -24,7 +24,7 @@ from semgs.files.atomic import write_text
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 from semgs.robotics.object_libraries import check_object_libraries
-from semgs.splats.endings import is_splat
+from semgs.splats.endings import is_splat, lacks_classes
 from semgs.viewer.server import LOOPBACK, check_viewer_library, is_this_machine
 
 if TYPE_CHECKING:
@@ -91,9 +91,7 @@ class View:
         if self.cameras is not None and not is_splat(self.scene):
             raise UsageError(f"--cameras is for splats of other programs; {self.scene} is not one")
         if self.objects and is_splat(self.scene):
-            raise InputError(
-                self.scene, "a scene with classes for --objects", "a splat of another program", advice="semgs label-splat gives it classes"
-            )  # fmt: skip
+            raise lacks_classes(self.scene, "--objects")
         if self.port > LAST_PORT:
             raise UsageError(f"--port is {self.port}; expected 1 to {LAST_PORT}")
         if self.html is not None:
