@@ -10,11 +10,16 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+from filelock import FileLock, Timeout
+
 from semgs.files.atomic import partial_name
 from semgs.files.errors import InputError, readable
 
 MARK = ".semgs"
 """The file that marks a folder as written by semgs."""
+
+LOCK = ".lock"
+"""The file that the process which fills a folder locks. It holds nothing: on Windows, nobody could read a locked file."""
 
 _MARK_TEXT = "This folder was written by semgs, which replaces it as a whole when it is told to overwrite it.\n"
 
@@ -53,33 +58,37 @@ def check_writable(path: str | Path) -> None:
 
 
 @contextlib.contextmanager
-def lock_folder(record: Path, expected: str, found: str) -> Iterator[None]:
-    """Lock a folder for this process, until the block or the process ends. Without effect on systems that have no locks.
+def lock_folder(folder: Path, expected: str, found: str, name: str = LOCK) -> Iterator[None]:
+    """Lock a folder for this process, until the block or the process ends. Without effect on file systems that have no locks.
 
     Args:
-        record: the file in it to lock; created if missing.
-        expected: what the folder should be, for the message.
+        folder: an existing folder.
+        expected: what it should be, for the message.
         found: what it is if another process has the lock, likewise.
+        name: the lock file in it. It is created if missing, and stays.
 
     Raises:
         InputError: another process has it.
-        OSError: the file cannot be written.
+        OSError: the lock file cannot be written.
     """
+    lock = FileLock(folder / name)
     try:
-        import fcntl
-    except ImportError:  # Windows
+        lock.acquire(timeout=0)
+    except Timeout as error:
+        raise InputError(folder, expected, found, advice="stop that process first, or name another folder") from error
+    except NotImplementedError:  # a file system without locks, told by filelock 3; filelock 4 keeps a marker file there
+        pass
+    except OSError as error:
+        if error.errno not in _NO_LOCKS:
+            raise
+    try:
         yield
-        return
-    with record.open("ab") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except (BlockingIOError, PermissionError) as error:  # the latter on SMB
-            raise InputError(
-                record.parent, expected, found, advice="stop that process first, or name another folder"
-            ) from error
-        except OSError:  # a file system without locks
-            pass
-        yield
+    finally:
+        lock.release()
+
+
+_NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP)
+"""What `flock` says where locks are switched off, as on some network drives."""
 
 
 def _check_free(path: str | Path, overwrite: bool) -> None:

@@ -85,7 +85,7 @@ def test_a_second_prepare_into_a_folder_is_told_before_it_works(room: Path, tmp_
     assert main([str(one) for one in command]) == 0
     part = out / ".room.zip.0123abcd.part"
     part.touch()
-    with lock_folder(out / "settings.json", "", ""):
+    with lock_folder(out, "", ""):
         assert told(*command) == (
             f"{out}: expected a folder that no other process prepares scenes into, found one in use; "
             "stop that process first, or name another folder"
@@ -140,7 +140,7 @@ def test_a_limit_on_the_size_of_files_is_told(room: Path, tmp_path: Path, told: 
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert "File too large; raise the limit on the size of files (ulimit -f)" in line
-    assert [path.name for path in (tmp_path / "set").iterdir()] == ["settings.json"]
+    assert {path.name for path in (tmp_path / "set").iterdir()} == {"settings.json", ".lock"}
 
 
 def test_no_memory_and_other_refusals_have_a_line_and_faults_of_ours_have_none() -> None:

@@ -92,8 +92,8 @@ CASES = {
     for case in (
         Case(
             "train", 100, _train(1), _train(3),
-            varying=("checkpoints/*", "tensorboard/*", "validation/*", "settings.json", "*.json", "lock", "*.jsonl", "*.safetensors"),
-            open_ended=("tensorboard/*", "*.jsonl", "lock"),
+            varying=("checkpoints/*", "tensorboard/*", "validation/*", "settings.json", "*.json", ".lock", "*.jsonl", "*.safetensors"),
+            open_ended=("tensorboard/*", "*.jsonl", ".lock"),
         ),
         Case("reconstruct", 40, _reconstruct("03"), _reconstruct("14"), units=(".",), varying=("report.*", "scene.safetensors")),
         Case("rooms", 40, _rooms(1), _rooms(2), units=("scene_*",)),

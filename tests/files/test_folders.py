@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -162,6 +163,7 @@ def test_names_are_exchanged_in_one_step_where_the_system_can(tmp_path: Path) ->
 
 KILLED = """
 import os, shutil, signal, sys
+from collections.abc import Callable
 from pathlib import Path
 from semgs.files.folders import own_folder
 
@@ -229,34 +231,55 @@ def test_a_mount_point_is_told_before_the_work(tmp_path: Path, monkeypatch: pyte
 
 
 def test_one_process_at_a_time_has_a_folder(tmp_path: Path) -> None:
-    record = tmp_path / "settings.json"
-    record.write_text("{}")
+    (tmp_path / "settings.json").write_text("{}")
     hold = "import sys, pathlib; from semgs.files.folders import lock_folder\nwith lock_folder(pathlib.Path(sys.argv[1]), '', ''): print('held', flush=True); input()"
     with subprocess.Popen(
-        [sys.executable, "-c", hold, str(record)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", hold, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as other:
         assert other.stdout is not None
         assert other.stdout.readline() == "held\n"
         with (
-            pytest.raises(InputError, match="expected a quiet folder, found a busy one"),
-            lock_folder(record, "a quiet folder", "a busy one"),
+            pytest.raises(InputError, match="expected a quiet folder, found a busy one; stop that process first"),
+            lock_folder(tmp_path, "a quiet folder", "a busy one"),
         ):
             raise AssertionError("both have it")
+        with lock_folder(tmp_path, "", "", name=".lock_1_of_2"):  # another part of its work
+            pass
         other.kill()
-    with lock_folder(record, "a quiet folder", "a busy one"):
-        assert record.read_text() == "{}"
+    with lock_folder(tmp_path, "a quiet folder", "a busy one"):
+        assert (tmp_path / "settings.json").read_text() == "{}"
+    assert {one.name for one in tmp_path.iterdir()} == {"settings.json", ".lock", ".lock_1_of_2"}
 
 
 @pytest.mark.parametrize("number", [errno.EAGAIN, errno.EACCES])
 def test_a_folder_in_use_is_told_by_either_number_of_the_system(tmp_path: Path, monkeypatch, number: int) -> None:
     """flock on SMB gives EACCES."""
+    monkeypatch.setattr("fcntl.flock", _refused(number))
+    with (
+        pytest.raises(InputError, match="expected a quiet folder, found a busy one"),
+        lock_folder(tmp_path, "a quiet folder", "a busy one"),
+    ):
+        raise AssertionError("both have it")
 
+
+@pytest.mark.filterwarnings("ignore:flock not supported")
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS])
+def test_a_file_system_without_locks_stops_nobody(tmp_path: Path, monkeypatch, number: int) -> None:
+    monkeypatch.setattr("fcntl.flock", _refused(number))
+    for _ in range(2):
+        with lock_folder(tmp_path, "a quiet folder", "a busy one"):
+            (tmp_path / "written").touch()
+
+
+def test_a_failure_in_a_locked_folder_is_told_as_it_is(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="No space left"), lock_folder(tmp_path, "", ""):
+        raise OSError(errno.ENOSPC, "No space left")
+    with lock_folder(tmp_path, "", ""):
+        pass
+
+
+def _refused(number: int) -> Callable[..., None]:
     def refused(*given: object) -> None:
         raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr("fcntl.flock", refused)
-    with (
-        pytest.raises(InputError, match="expected a quiet folder, found a busy one"),
-        lock_folder(tmp_path / "lock", "a quiet folder", "a busy one"),
-    ):
-        raise AssertionError("both have it")
+    return refused

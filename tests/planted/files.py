@@ -32,7 +32,7 @@ FILES = (
     ),
     Mutant(
         "two processes may have one folder", FOLDERS,
-        "fcntl.LOCK_EX", "fcntl.LOCK_SH",
+        "lock.acquire(timeout=0)", "lock.is_locked",
         ("tests/files/test_folders.py::test_one_process_at_a_time_has_a_folder",),
     ),
     Mutant(

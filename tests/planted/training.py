@@ -42,11 +42,6 @@ TRAINING = (
         "self.devices * self.nodes, self.accumulate", "self.devices, self.accumulate", ("tests/training/run/test_execution.py",),
     ),
     Mutant(
-        "the lock of a run is on a file that is replaced", "semgs/training/run/run_folder.py",
-        "lock_folder(out / LOCK,", "lock_folder(out / SETTINGS,",
-        ("tests/training/run/test_run_folder.py::test_a_run_becomes_longer_once_somebody_trains_it_and_then_not_shorter",),
-    ),
-    Mutant(
         "validation uses the most input views of the training", "semgs/training/data/batches.py",
         "(fewest, _), targets = view_counts(", "(_, fewest), targets = view_counts(",
         ("tests/training/data/test_files.py::test_validation_rooms_have_the_fewest_input_views_of_the_training",),

@@ -220,7 +220,7 @@ class PreparedSet:
 
     def _alone(self) -> AbstractContextManager[None]:
         """Lock the folder against other processes that prepare scenes into it."""
-        return lock_folder(self.out / SETTINGS, "a folder that no other process prepares scenes into", "one in use")
+        return lock_folder(self.out, "a folder that no other process prepares scenes into", "one in use")
 
     def _archive(self, source: SceneSource) -> Path:
         return self.out / f"{source.name}.zip"

@@ -76,9 +76,7 @@ def _complete_index(folder: Path, settings: RoomSettings, scenes: int) -> dict |
 
 def _alone(folder: Path) -> AbstractContextManager[None]:
     """Lock a folder; an InputError if another process is writing rooms into it."""
-    return lock_folder(
-        folder / SETTINGS, "a folder that no other process is using", "one that another process is filling"
-    )
+    return lock_folder(folder, "a folder that no other process is using", "one that another process is filling")
 
 
 def _filled(folder: Path, settings: RoomSettings, scenes: int, workers: int, done: Callable[[int], None]) -> dict:

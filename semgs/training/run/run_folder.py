@@ -31,9 +31,6 @@ SETTINGS = "settings.json"
 NETWORK = "network.json"
 """The settings of the network. They may come from a weights file that no longer exists when the run resumes."""
 
-LOCK = "lock"
-"""An empty file, locked by the process that trains into the folder. The file stays, the lock does not."""
-
 
 def claim_folder(out: Path, settings: TrainingSettings) -> None:
     """Make the folder a run with these settings, or check that it is one. A run with fewer steps will do; `extend_run` makes it longer.
@@ -74,8 +71,7 @@ def extend_run(out: Path, settings: TrainingSettings) -> None:
 
 def lock_run(out: Path) -> AbstractContextManager[None]:
     """Lock a run folder; an InputError if another process trains into it."""
-    # The lock is a file of its own: the settings are replaced when the run becomes longer.
-    return lock_folder(out / LOCK, "a run that no process is training", "one that another process is training")
+    return lock_folder(out, "a run that no process is training", "one that another process is training")
 
 
 def record_assets(out: Path, folders: Sequence[str]) -> None:

@@ -13,7 +13,7 @@ from semgs import __version__
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError
-from semgs.files.folders import lock_folder
+from semgs.files.folders import LOCK, lock_folder
 from semgs.rooms.assets.asset_library import Library
 from semgs.rooms.assets.lock import make_lock, write_lock
 from semgs.rooms.sets import dataset
@@ -140,7 +140,7 @@ def test_a_full_disk_is_told_as_such_and_leaves_no_half_scene(tmp_path, monkeypa
     with pytest.raises(OSError, match="No space left") as caught:
         write_dataset(tmp_path / "full", ROOMS, 1)
     assert caught.value.errno == errno.ENOSPC
-    assert [path.name for path in (tmp_path / "full").iterdir()] == [dataset.SETTINGS]
+    assert {path.name for path in (tmp_path / "full").iterdir()} == {dataset.SETTINGS, LOCK}
 
 
 @pytest.mark.long
@@ -173,7 +173,7 @@ def test_a_folder_that_another_process_fills_is_refused_and_nothing_in_it_is_cle
     part = tmp_path / "rooms" / ".scene_00000.0123abcd.part"
     part.mkdir()
     with (
-        lock_folder(tmp_path / "rooms" / "settings.json", "", ""),
+        lock_folder(tmp_path / "rooms", "", ""),
         pytest.raises(InputError, match="another process is filling"),
     ):
         write_dataset(tmp_path / "rooms", ROOMS, 1)
@@ -185,7 +185,7 @@ def test_a_folder_that_another_process_fills_is_refused_and_nothing_in_it_is_cle
 def test_a_complete_folder_is_only_read_so_several_processes_may_ask_for_it(whole, tmp_path):
     folder = shutil.copytree(whole, tmp_path / "rooms")
     counts = []
-    with lock_folder(folder / "settings.json", "", ""):
+    with lock_folder(folder, "", ""):
         index = write_dataset(folder, ROOMS, 4, done=counts.append)
         assert counts == [4]
         assert index == json.loads((folder / "index.json").read_text())

@@ -57,7 +57,7 @@ def test_a_run_whose_checkpoints_are_all_damaged_is_refused_and_left_as_it_is(st
     (out / "log.jsonl").write_text('{"step": 9}\n')
     for name in (WEIGHTS, BEST):
         (out / name).write_bytes(b"learned")
-    (out / "lock").touch()  # as every process that trains leaves it
+    (out / ".lock").touch()  # as every process that trains leaves it
     for record in (out / "checkpoints").glob("*.safetensors"):
         cut(record)
     before = content(out)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import errno
 import json
-import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -191,16 +189,6 @@ def test_a_folder_that_another_process_trains_into_is_refused_until_that_ends(se
         assert {file: file.read_bytes() for file in out.iterdir()} == before
         other.kill()
     with lock_run(out):
-        pass
-
-
-@pytest.mark.parametrize("number", [errno.EOPNOTSUPP, errno.ENOLCK, errno.ENOSYS])
-def test_a_file_system_without_locks_goes_without_one(tmp_path: Path, monkeypatch, number: int):
-    def refused(*given):
-        raise OSError(number, os.strerror(number))
-
-    monkeypatch.setattr("fcntl.flock", refused)
-    with lock_run(tmp_path):
         pass
 
 

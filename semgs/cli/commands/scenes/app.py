@@ -77,7 +77,7 @@ class App:
         token = None if local else secrets.token_urlsafe(18)
         folder = (self.folder or cache_folder() / "app").absolute()
         folder.mkdir(parents=True, exist_ok=True)
-        with lock_folder(folder / ".lock", "a folder that no other semgs app uses", "one in use"):
+        with lock_folder(folder, "a folder that no other semgs app uses", "one in use"):
             self._serve(folder, local, token, segmenters, depths)
 
     def _serve(

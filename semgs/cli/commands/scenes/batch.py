@@ -147,14 +147,16 @@ class Batch:
         names = self._names(paths)
         given = self._parse(paths[0], names[0], options)
         from semgs.batch.records import FOLDER, remove_leftovers
-        from semgs.files.folders import lock_folder
+        from semgs.files.folders import LOCK, lock_folder
 
         self._claim(paths)
         tasks = [self._task(path, name, options) for path, name in zip(paths, names, strict=True)]
         part, parts = self.shard or (1, 1)
         ours = tasks[part - 1 :: parts]
-        lock = self.out / FOLDER / (f".lock_{part}_of_{parts}" if self.shard else ".lock")
-        with lock_folder(lock, "a folder that no other batch is filling", "one that another process is filling"):
+        lock = f".lock_{part}_of_{parts}" if self.shard else LOCK
+        with lock_folder(
+            self.out / FOLDER, "a folder that no other batch is filling", "one that another process is filling", lock
+        ):
             clear = partial(remove_leftovers, self.out, [task.name for task in ours], shared=self.shard is not None)
             clear()  # of an earlier call
             try:
