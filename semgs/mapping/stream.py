@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf
+from math import inf, isnan
 from time import perf_counter
 
 import torch
@@ -165,11 +165,10 @@ class FrameReader:
             )
         image, pose, intrinsics = frame[:3]
         if len(frame) == 4:
-            time = float(frame[3])  # type: ignore[arg-type]
-            if not time > self._time:
+            before, self._time = self._time, float(frame[3])  # type: ignore[arg-type]
+            if isnan(self._time) or self._time <= before:
                 ignore("its time is not later than the one before")
                 return None
-            self._time = time
         try:
             view = Views.from_arrays([image], [pose], intrinsics, self._depth_range)  # type: ignore[list-item, arg-type]
         except (ValueError, TypeError, RuntimeError) as error:

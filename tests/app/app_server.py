@@ -82,6 +82,13 @@ def drop(page: Page, paths: Sequence[Path]) -> None:
     page.locator("#drop .file-preview tr").nth(len(paths) - 1).wait_for()
 
 
+def open_options(page: Page) -> None:
+    """Unfold the options, and wait until they can be filled in: gradio loads their scripts only now."""
+    page.get_by_role("button", name="Options").click()
+    page.get_by_label("Words").wait_for()
+    page.wait_for_load_state("networkidle")
+
+
 def make_room(page: Page) -> None:
     """Press the button."""
     page.get_by_role("button", name="Make the room").click()

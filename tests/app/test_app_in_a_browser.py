@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from app_server import App, drop, make_room, page_at, room_in, running_app, sentence_on
+from app_server import App, drop, make_room, open_options, page_at, room_in, running_app, sentence_on
 from dropped_files import picture, with_link, written, zipped
 from PIL import Image
 from ply import read_ply
@@ -54,7 +54,7 @@ def test_the_page_opens_and_says_what_is_wrong_with_one_photo(tmp_path: Path):
         drop(page, [picture(tmp_path / "a.jpg").path])
         make_room(page)
         assert sentence_on(page).startswith("One photo is not enough")
-        page.get_by_role("button", name="Options").click()
+        open_options(page)
         chosen = page.get_by_label("Classes from")
         chosen.wait_for()
         assert chosen.evaluate("input => input.scrollWidth <= input.clientWidth")  # all of the chosen name can be read
@@ -94,7 +94,7 @@ def test_photos_without_cameras_become_a_room_that_can_be_used(app: App, fox: li
 @pytest.mark.timeout(900)
 def test_the_included_room_has_boxes_sizes_and_a_refinement(app: App):
     with page_at(app) as page:
-        page.get_by_role("button", name="Options").click()
+        open_options(page)
         page.get_by_label("Refine").check()
         page.get_by_role("button", name="Try the included room").click()
         room = room_in(page)
@@ -125,7 +125,7 @@ def heic(fox: list[Path], tmp_path: Path) -> list[Path]:
 def test_photos_of_a_phone_with_a_known_distance_become_a_room_in_metres(app: App, heic: list[Path]):
     with page_at(app) as page:
         drop(page, heic)
-        page.get_by_role("button", name="Options").click()
+        open_options(page)
         page.get_by_label("First photo").fill("1")
         page.get_by_label("Second photo").fill("6")
         page.get_by_label("Metres between them").fill("1.5")
@@ -163,7 +163,7 @@ def test_a_segmenter_that_the_server_offers_says_the_classes(shared: Path, scene
     network.with_suffix(".json").write_text(json.dumps(MOSAIC))
     with running_app(tmp_path / "app", "--segmenter", os.path.relpath(network)) as app, page_at(app) as page:
         drop(page, [scene])
-        page.get_by_role("button", name="Options").click()
+        open_options(page)
         page.get_by_label("Classes from").click()
         page.get_by_role("option", name="mosaic.tflite", exact=True).click()
         make_room(page)
@@ -178,7 +178,7 @@ def test_a_segmenter_that_the_server_offers_says_the_classes(shared: Path, scene
 def test_words_without_a_segmenter_and_half_a_scale_get_a_sentence(app: App, scene: Path):
     with page_at(app) as page:
         drop(page, [scene])
-        page.get_by_role("button", name="Options").click()
+        open_options(page)
         page.get_by_label("Words").fill("chair, mug")
         make_room(page)
         assert sentence_on(page).startswith("Words need a segmenter")

@@ -79,6 +79,14 @@ def test_frames_that_cannot_be_used_are_counted_and_the_walk_goes_on():
     assert scene.frame >= 11
 
 
+def test_a_recording_that_is_played_again_costs_one_frame():
+    times = [10.0, 11.0, 12.0, 13.0, 1.0, 2.0, math.nan, 3.0, 4.0]
+    frames = [(*frame, time) for frame, time in zip(walk(9), times, strict=True)]
+    scene = streamed(frames)[-1]
+    assert dict(scene.ignored) == {"its time is not later than the one before": 2}  # 1 and what is no number
+    assert "8" in scene.names[-1]
+
+
 def test_a_camera_that_was_really_moved_costs_one_frame():
     frames = [*walk(8), *[(image(), pose(50 + 0.3 * number), INTRINSICS) for number in range(6)]]
     scene = streamed(frames)[-1]
