@@ -189,7 +189,7 @@ average --start "$averaged" "$folder/version_16_$share""_$seed.safetensors" "$ne
 
 # Labelled photos of real rooms beside new rooms. The mean with version 16: version 17, for which 283 of these steps were taken.
 if [ -n "$photos" ]; then
-    rooms cabins 344 3 2310
+    rooms cabins 344 3 2310 240x320
     python - "$photos" "$folder/photos" <<'PYTHON'
 import json
 import sys
@@ -220,9 +220,9 @@ PYTHON
     average "$version17" "$folder/version_16_$share""_$seed.safetensors" "$twentysixth/weights.safetensors"
 
     # Classes learn on from photos and more rooms; the mean of the three is where version 18 starts.
-    rooms cabins 400 3 2310
-    rooms lofts 500 3 2311
-    rooms flats 519 3 2312
+    rooms cabins 400 3 2310 240x320
+    rooms lofts 500 3 2311 240x320
+    rooms flats 519 3 2312 240x320
     slower=(--batch 12 --size 176x224 --learning-rate 3e-4 --backbone-rate 0.3 --average-decay 0.995 --augmentation.colour 0.4 --augmentation.roll 8
         --validation "$folder/photos/kept_back" --validation-scenes 50)
     twentyseventh="$folder/twentyseventh_$share""_$seed"
