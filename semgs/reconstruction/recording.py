@@ -75,7 +75,7 @@ def map_walk(
             with stages("read", f"Reading frame {number} of {len(scene)}"):
                 view = read([position], bounds)
         except InputError as error:
-            errors.append(error.first_line)
+            errors.append(str(error))
             mapper.ignore("it cannot be read, or has too little measured depth")
             continue
         mapper.add(view, frame.name)

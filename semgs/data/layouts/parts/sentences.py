@@ -25,4 +25,4 @@ def note_transparent(count: int) -> list[str]:
 
 def note_damaged_points(error: InputError | None) -> list[str]:
     """A note about sparse points that cannot be read, if so; a scene does not need them."""
-    return [f"The sparse points are left out: {error.first_line}."] if error else []
+    return [f"The sparse points are left out: {error}."] if error else []
