@@ -54,7 +54,7 @@ def test_one_scene_is_enough_and_what_fails_is_told(
     (scenes / "b" / "images" / "001.png").write_bytes(b"\x89PNG cut short")
     assert main(["prepare", str(scenes), str(tmp_path / "two"), "--size", "32x48", "--workers", "0"]) == 0
     told = capsys.readouterr().out
-    assert "two: 1 scenes, 3 frames" in told
+    assert "two: 1 scene, 3 frames" in told
     assert "left out: b: " in told
     assert "001.png: expected a JPEG or PNG image" in told
 
