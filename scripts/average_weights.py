@@ -87,7 +87,7 @@ def main() -> int:
     try:
         average(given.files, given.out, given.start)
     except InputError as error:
-        print(error.first_line, file=sys.stderr)
+        print(error, file=sys.stderr)
         return 2
     return 0
 

@@ -53,7 +53,7 @@ def estimated(scene: Scene, with_focal: bool) -> dict[str, PosedPhoto]:
     try:
         found = solve(PhotoSet(scene.path, pictures[0].parent, photos), photos, with_focal)
     except InputError as error:
-        print(f"{scene.name}: {error.first_line}")
+        print(f"{scene.name}: {error}")
         return {}
     return {one.name: one for one in found.photos}
 

@@ -71,7 +71,7 @@ def main() -> int:
     try:
         found = undo(given.weights, given.run, given.out)
     except InputError as error:
-        print(error.first_line, file=sys.stderr)
+        print(error, file=sys.stderr)
         return 2
     print(f"class weights {min(found):.2f} to {max(found):.2f} undone: {given.out}")
     return 0

@@ -32,7 +32,7 @@ from semgs.app.requests import Request, RoomOptions
 from semgs.app.uploads import GONE, UnusableUploadError, Upload, check_uploads
 from semgs.files.errors import ERROR_LINE
 from semgs.files.strict_json import parse_json
-from semgs.files.text import printable
+from semgs.files.text import counted, printable
 
 State = Literal["waiting", "working", "done", "failed", "cancelled"]
 
@@ -217,7 +217,7 @@ class Jobs:
                 f"The files cannot be kept: {error.strerror}. Try again in some minutes."
             ) from error
         titles = {
-            "photos": f"{len(files)} photos",
+            "photos": counted(len(files), "photo"),
             "clip": "a clip",
             "archive": "a zip",
             "example": "the included room",

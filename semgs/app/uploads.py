@@ -17,7 +17,7 @@ from typing import Literal
 
 from semgs.app.limits import MIB, Limits
 from semgs.files.atomic import write_bytes
-from semgs.files.text import listed, printable
+from semgs.files.text import counted, listed, printable
 
 PICTURES = (".jpg", ".jpeg", ".png", ".heic")
 CLIPS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm")
@@ -226,7 +226,7 @@ def _photos(
 ) -> tuple[Path, list[str]]:
     """Write photos upright and reduced."""
     folder.mkdir()
-    say(f"Reading {len(uploads)} photos")
+    say(f"Reading {counted(len(uploads), 'photo')}")
     damaged: list[str] = []
     for number, one in enumerate(uploads, 1):
         _check_pixels(one, limits)

@@ -40,10 +40,17 @@ def _paths(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Path] | None:
     )
 
 
-_OR_NONE = re.compile(
-    r"(?<=: )no type matching .*?does not match choices \('None',\) - (?:typing\.Annotated\[.*?\)\]|<class '[\w.]+'>): "
+_TYPE = r"- (?:typing\.Annotated\[.*?\)\]|(?:typing\.Literal|tuple)\[[^]]*\]|<class '[\w.]+'>): "
+"""How tyro names a type before the reason why a value is not of it."""
+
+_OR_NONE = re.compile(rf"(?<=: )no type matching .*?Got errors: {_TYPE}(?!.* {_TYPE})")
+"""What tyro says before the reason if an option has None as its default, which cannot be typed."""
+
+_CHOICES = re.compile(
+    r"invalid choice (?P<found>.+?) for argument '(?P<option>[^']+)'\. Expected one of \((?P<known>.*?),?\)"
+    r"|(?P<typed>--[\w.-]+): \[(?P<word>[^]]*)\] does not match choices \((?P<words>.*?),?\)"
 )
-"""What tyro says before the reason if an option has None as its default."""
+"""What tyro says of a word that is none of the known ones."""
 
 
 def parse(options: type[Options], program: str, arguments: Sequence[str]) -> Options:
@@ -86,7 +93,7 @@ def _parse(options: type[Options], program: str, arguments: Sequence[str]) -> Op
 
         join_lines(options)
         description = description_of(options)
-    config = (tyro.conf.FlagCreatePairsOff,)
+    config = (tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone)
     return tyro.cli(
         options, prog=program, args=list(arguments), description=description, config=config, registry=_TYPES
     )
@@ -119,6 +126,15 @@ def _name_missing(program: str, box: str) -> str:
     return f"{program} needs {', '.join(others)}{' and ' if others else ''}{last}"
 
 
+def _known_words(said: re.Match[str]) -> str:
+    """Says which words an option takes. tyro lists None among them, in any order, for options that have it as their default."""
+    words = re.findall(r"'([^']*)'", said["known"] or said["words"])
+    known = sorted(set(words) - {"None"}) if "None" in words else words
+    return (
+        f"{said['option'] or said['typed']}: expected one of {', '.join(known)}, found {said['found'] or said['word']}"
+    )
+
+
 def _without_colours(text: str) -> str:
     """Text without colour codes."""
     return re.sub(r"\x1b\[[0-9;]*m", "", text)
@@ -142,5 +158,5 @@ def _message_in_box(box: str) -> str:
         f"; {' '.join(part)}" for part in parts[first + 1 :] if part and part[0].startswith("Available subcommands")
     ]
     message = " ".join(parts[first]).rstrip(".").removeprefix("Error parsing ")
-    message = _OR_NONE.sub("", message)
+    message = _CHOICES.sub(_known_words, _OR_NONE.sub("", message))
     return "".join([message, *presets]) or "the arguments cannot be understood"

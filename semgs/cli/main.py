@@ -20,7 +20,7 @@ from typing import Any
 from semgs._version import __version__
 from semgs.cli.terminal import Printable, aligned, open_streams
 from semgs.cli.usage_errors import UsageError, line_for
-from semgs.files.errors import ERROR_LINE, InputError
+from semgs.files.errors import ERROR_LINE
 from semgs.files.text import printable
 
 BAD_INPUT = 2
@@ -137,7 +137,7 @@ def run_guarded(work: Callable[[], int]) -> int:
         if line is None:
             raise
         _discard_output()
-        return _report_error(line, error.lines if isinstance(error, InputError) else ())
+        return _report_error(line)
 
 
 def _report_interrupt() -> int:
@@ -217,9 +217,9 @@ def _help() -> str:
     )
 
 
-def _report_error(line: str, more: Sequence[str] = ()) -> int:
-    """Print the error on one line, and the list that belongs to it, if there is one."""
-    print(f"{ERROR_LINE}{printable(' '.join(line.split()))}", *map(printable, more), sep="\n", file=sys.stderr)
+def _report_error(line: str) -> int:
+    """Print the error on one line."""
+    print(f"{ERROR_LINE}{printable(' '.join(line.split()))}", file=sys.stderr)
     return BAD_INPUT
 
 

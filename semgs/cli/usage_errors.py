@@ -37,7 +37,7 @@ class UsageError(Exception):
 def line_for(error: Exception) -> str | None:
     """The line to print for an error that the user can fix; None for a bug of ours, which keeps its traceback."""
     if isinstance(error, InputError):
-        return error.first_line
+        return str(error)
     if isinstance(error, UsageError):
         return str(error)
     if isinstance(error, ImportError) and "pip install" in str(error):

@@ -35,14 +35,12 @@ class Layout:
     Attributes:
         recognises: whether a path has this layout.
         open: opens the scene; also takes `as_peers` if the layout has `readings`, and `details` if it has `details_used`.
-        looked_for: what the layout is recognised by, in words.
         readings: the names from `semgs.data.paper_variants` that it supports.
         details_used: the fields of `semgs.data.scene_details.SceneDetails` that it uses.
     """
 
     recognises: Callable[[Path], bool]
     open: Callable[..., Scene]
-    looked_for: str
     readings: tuple[str, ...] = ()
     details_used: tuple[str, ...] = ()
 
@@ -65,29 +63,26 @@ LAYOUTS = (
     Layout(
         transforms_json.recognises,
         transforms_json.open_transforms,
-        transforms_json.LOOKED_FOR,
         details_used=transforms_json.DETAILS,
     ),
-    Layout(colmap.recognises, colmap.open_colmap, colmap.LOOKED_FOR, details_used=colmap.DETAILS),
-    Layout(replica.recognises, replica.open_replica, replica.LOOKED_FOR, replica.APPLICABLE, replica.DETAILS),
-    Layout(tum.recognises, tum.open_tum, tum.LOOKED_FOR, details_used=tum.DETAILS),
-    Layout(rgbd.recognises, rgbd.open_rgbd, rgbd.LOOKED_FOR, details_used=rgbd.DETAILS),  # not what only ScanNet has
-    Layout(scannet.recognises, scannet.open_scannet, scannet.LOOKED_FOR, scannet.APPLICABLE),
-    Layout(scannetpp.recognises, scannetpp.open_scannetpp, scannetpp.LOOKED_FOR, scannetpp.APPLICABLE),
-    Layout(ros.recognises, ros.open_recording, ros.LOOKED_FOR, details_used=ros.DETAILS),
-    Layout(polycam.recognises, polycam.open_polycam, polycam.LOOKED_FOR, details_used=polycam.DETAILS),
-    Layout(record3d.recognises, record3d.open_record3d, record3d.LOOKED_FOR, details_used=record3d.DETAILS),
-    Layout(
-        frame_files.recognises, frame_files.open_frame_files, frame_files.LOOKED_FOR, details_used=frame_files.DETAILS
-    ),
-    Layout(predictions.recognises, predictions.open_predictions, predictions.LOOKED_FOR),
-    Layout(llff.recognises, llff.open_llff, llff.LOOKED_FOR),
-    Layout(metashape.recognises, metashape.open_metashape, metashape.LOOKED_FOR),
-    Layout(labelled_images.recognises, labelled_images.open_labelled_images, labelled_images.LOOKED_FOR),
+    Layout(colmap.recognises, colmap.open_colmap, details_used=colmap.DETAILS),
+    Layout(replica.recognises, replica.open_replica, replica.APPLICABLE, replica.DETAILS),
+    Layout(tum.recognises, tum.open_tum, details_used=tum.DETAILS),
+    Layout(rgbd.recognises, rgbd.open_rgbd, details_used=rgbd.DETAILS),  # not what only ScanNet has
+    Layout(scannet.recognises, scannet.open_scannet, scannet.APPLICABLE),
+    Layout(scannetpp.recognises, scannetpp.open_scannetpp, scannetpp.APPLICABLE),
+    Layout(ros.recognises, ros.open_recording, details_used=ros.DETAILS),
+    Layout(polycam.recognises, polycam.open_polycam, details_used=polycam.DETAILS),
+    Layout(record3d.recognises, record3d.open_record3d, details_used=record3d.DETAILS),
+    Layout(frame_files.recognises, frame_files.open_frame_files, details_used=frame_files.DETAILS),
+    Layout(predictions.recognises, predictions.open_predictions),
+    Layout(llff.recognises, llff.open_llff),
+    Layout(metashape.recognises, metashape.open_metashape),
+    Layout(labelled_images.recognises, labelled_images.open_labelled_images),
 )
 """The known layouts. If a folder has several, the first one counts."""
 
-ZOO = Layout(lambda path: False, zoo.open_zoo, "", details_used=zoo.DETAILS)
+ZOO = Layout(lambda path: False, zoo.open_zoo, details_used=zoo.DETAILS)
 """The layout of a scene that the user names by its data set; it is not detected."""
 
 SINGLE_FILES = (".zip", record3d.ENDING, *ros.ENDINGS)
@@ -129,7 +124,7 @@ def open_scene(
         needs_cameras: whether labelled images without cameras are an error.
 
     Raises:
-        InputError: nothing is there, no layout is recognised (the error lists the known ones), the scene's files are damaged, the class
+        InputError: nothing is there, no layout is recognised (the error says what to do), the scene's files are damaged, the class
             table of its labels is unknown or damaged (if they are needed), or the layout does not support a reading or a detail.
         ValueError: a reading is unknown, or a detail is invalid.
     """
@@ -289,12 +284,11 @@ _NO_VIDEOS = "a video has no poses; semgs poses CLIP OUT estimates them, and OUT
 
 
 def _unknown_layout(path: Path, expected: str) -> InputError:
-    """The error for a path without a known layout: what to do, then a list of what was looked for."""
-    looked_for = [f"  {layout.looked_for}" for layout in LAYOUTS]
-    return InputError(path, expected, "no known layout", advice=_hint(path), lines=("Looked for:", *looked_for))
+    """The error for a path without a known layout, with what to do."""
+    return InputError(path, expected, "no known layout", advice=_hint(path))
 
 
-def _hint(path: Path) -> str | None:
+def _hint(path: Path) -> str:
     """What to do about a path without a known layout: the likeliest remedy."""
     if path.is_file():
         if path.suffix.lower() in SPLATS:
@@ -315,7 +309,7 @@ def _hint(path: Path) -> str | None:
         _kinds(place).intersection(VIDEOS) for place in files if place.is_dir()
     ):
         return _NO_VIDEOS
-    return None if files else "the folder is empty"
+    return "docs/data.md lists the known ones" if files else "the folder is empty"
 
 
 def _scene_below(path: Path) -> Path | None:

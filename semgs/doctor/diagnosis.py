@@ -20,7 +20,7 @@ FITS = 1.0
 """Cameras with a smaller error fit, and no mistake is looked for [px of the reduced images, or % of depth]."""
 
 BAD = 5.0
-"""Cameras with a larger error are wrong, even if no usual mistake explains it."""
+"""Cameras with a larger error are wrong, even if no usual mistake explains it; with one in between they are slightly wrong."""
 
 MANY, MOST = 20, 0.75
 """An error that nothing explains is believed if this share of the pairs with this many matches has one."""
@@ -34,7 +34,7 @@ SLACK_PERCENT = 0.5
 ALIKE, ALIKE_BY = 1.25, 0.25
 """Two mistakes explain the data equally well if their errors differ by less than this factor, or by less than this."""
 
-Verdict = Literal["good", "suspicious", "cannot tell"]
+Verdict = Literal["good", "slightly wrong", "suspicious", "cannot tell"]
 
 
 @final
@@ -116,7 +116,7 @@ class Diagnosis:
     """What the images and depth maps say about a scene's cameras.
 
     Attributes:
-        verdict: "good", "suspicious", or "cannot tell".
+        verdict: "good", "slightly wrong", "suspicious", or "cannot tell".
         error: by which the given cameras miss matches, the mean over pairs of the median [px of the reduced images]; or, without matches, by
             which depth maps disagree [%]; NaN without evidence.
         findings: the mistakes that explain the data, the likeliest first; empty unless suspicious.
@@ -183,6 +183,16 @@ class Diagnosis:
             )
         by = self.amount(self.error)
         matched = self.evidence.unit == "px"
+        if self.verdict == "slightly wrong":
+            if not matched:
+                return f"The cameras or the depth maps are slightly wrong: depth maps disagree by {by}."
+            return (
+                f"The cameras are slightly wrong, as from odometry or a rough calibration: they miss matches by {by}. "
+                "Try semgs reconstruct --refine-poses."
+            )
+        if self.verdict == "good" and self.error > FITS:
+            agree = f"depth maps agree to {self.evidence.depth_error(self.given):.1f} %"
+            return f"The cameras fit: {agree}. They miss matches by {by}, but the matches may be wrong, as those of repeated texture."
         if self.verdict == "good":
             return f"The cameras fit: {f'they miss matches by {by}' if matched else f'depth maps disagree by {by}'}."
         said = f"The cameras miss matches by {by}" if matched else f"Under these cameras, depth maps disagree by {by}"
@@ -254,7 +264,8 @@ def judge_cameras(
         if not (mistake is MILLIMETRES and plausible(far))
         and any(given.error(one) <= limit for one in mistake.excluded_by(given))
     )
-    return Diagnosis("good", before, (), undecided, rig, evidence)
+    verdict: Verdict = "slightly wrong" if FITS < before <= BAD else "good"
+    return Diagnosis(verdict, before, (), undecided, rig, evidence)
 
 
 def _findings(given: Given, evidence: Evidence) -> tuple[Finding, ...]:

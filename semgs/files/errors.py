@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -14,7 +14,7 @@ ERROR_LINE = "semgs: error: "
 
 
 class InputError(ValueError):
-    """A file or folder that cannot be used: which one, what was expected, and what was found, in one printable line (or more: `lines`).
+    """A file or folder that cannot be used: which one, what was expected, and what was found, in one printable line.
 
     The command line prints it and exits with code 2. In Python code, catch it as a ValueError.
 
@@ -24,7 +24,6 @@ class InputError(ValueError):
         found: what is there instead ("a NaN in row 2").
         key: the place inside the file ("frames[3].transform_matrix"); None for the file itself.
         advice: what the user can do about it; None if that is obvious.
-        lines: more lines for the message, such as a list. The attribute `first_line` is the message without them.
     """
 
     def __init__(
@@ -34,22 +33,19 @@ class InputError(ValueError):
         found: str,
         key: str | None = None,
         advice: str | None = None,
-        lines: Sequence[str] = (),
     ) -> None:
         self.path = Path(str(path))
         self.key = key
         self.expected = expected
         self.found = found
         self.advice = advice
-        self.lines = tuple(lines)
         place = f"{path}: {key}" if key else f"{path}"
         message = f"{place}: expected {expected}, found {found}"
-        self.first_line = printable(" ".join((f"{message}; {advice}" if advice else message).split()))
-        super().__init__("\n".join((self.first_line, *map(printable, self.lines))))
+        super().__init__(printable(" ".join((f"{message}; {advice}" if advice else message).split())))
 
     def __reduce__(self) -> tuple[type[InputError], tuple[object, ...]]:
         """Pickle the parts, not the message."""
-        return type(self), (self.path, self.expected, self.found, self.key, self.advice, self.lines)
+        return type(self), (self.path, self.expected, self.found, self.key, self.advice)
 
 
 @contextmanager

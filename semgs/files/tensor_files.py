@@ -16,6 +16,9 @@ from semgs.files.strict_json import parse_json
 LONGEST_HEADER = 8 * 2**20
 """Largest header that is parsed [bytes]. Ours, with the names of thousands of scenes, reach a tenth of it; parsing 80 MB takes half a minute."""
 
+NO_TENSORS = "a file of another format, or one that is cut off"
+"""What is found if the header cannot be read, or does not fit the file."""
+
 
 @contextmanager
 def open_tensors(path: str | Path, expected: str) -> Iterator[Any]:
@@ -34,6 +37,8 @@ def open_tensors(path: str | Path, expected: str) -> Iterator[Any]:
     try:
         with Path(path).open("rb") as file:
             (length,) = struct.unpack("<Q", file.read(8).ljust(8, b"\0"))
+            if 8 + length > Path(path).stat().st_size:
+                raise InputError(path, expected, NO_TENSORS)
             if length > LONGEST_HEADER:
                 raise InputError(path, expected, f"a header of {length:,} bytes; at most {LONGEST_HEADER:,} are read")
             header = file.read(length)
@@ -41,5 +46,7 @@ def open_tensors(path: str | Path, expected: str) -> Iterator[Any]:
             with input_error(path, expected, "header"):
                 parse_json(header)  # refuses duplicate keys
             yield opened
-    except (OSError, SafetensorError) as error:
-        raise InputError(path, expected, str(error)) from None
+    except SafetensorError:
+        raise InputError(path, expected, NO_TENSORS) from None
+    except OSError as error:
+        raise InputError(path, expected, error.strerror or str(error)) from None

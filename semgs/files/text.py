@@ -23,6 +23,17 @@ def listed(names: Sequence[str], most: int = 5) -> str:
     return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")
 
 
+def counted(count: int, one: str, more: str = "") -> str:
+    """A number of things: "1 scene", "1,200 scenes"; "0 scenes".
+
+    Args:
+        count: how many.
+        one: the word, or the words, for one.
+        more: the same for several; by default with an s at the end.
+    """
+    return f"{count:,} {one if count == 1 else more or f'{one}s'}"
+
+
 def natural_order(name: str) -> tuple[list[tuple[int, str]], str]:
     """A key to sort names with numbers in them: text and numbers alternate, and numbers count by value, so 2 comes before 10."""
     parts = re.split(r"([0-9]+)", name.lower())

@@ -14,6 +14,7 @@ from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
 from semgs.depth_maps.map_depth import MapPlacement
 from semgs.depth_maps.sensor_depth import Placement
+from semgs.files.text import counted
 from semgs.geometry.cameras import Cameras, back_project, project
 from semgs.mapping.mapper import Mapper
 from semgs.model.memory.memory_plan import MemoryPlan
@@ -143,7 +144,7 @@ def notes_on_walk(mapper: Mapper, metric: bool) -> list[str]:
     if mapper.alone:
         names = ", ".join(mapper.alone[:NAMED]) + (", ..." if len(mapper.alone) > NAMED else "")
         notes.append(
-            f"No overlap: {len(mapper.alone)} frames share too little with any other and were not used ({names})."
+            f"No overlap: {counted(len(mapper.alone), 'frame shares', 'frames share')} too little with any other and {'was' if len(mapper.alone) == 1 else 'were'} not used ({names})."
         )
     if mapper.voxel is not None:
         size = f"{1000 * mapper.voxel:.1f} mm" if metric else f"{mapper.voxel:.3g}"

@@ -18,6 +18,7 @@ from semgs.depth_maps.depth_source import DepthMaps
 from semgs.depth_maps.frame_maps import FrameMaps
 from semgs.depth_maps.map_depth import MapPlacement, find_reference, place_at_maps, read_maps
 from semgs.depth_maps.sensor_depth import DepthSource, Placement, place_gaussians, read_measured
+from semgs.files.text import counted
 from semgs.model.encode import Network, encode
 from semgs.model.memory.memory_plan import MemoryPlan
 from semgs.reconstruction.notes import collect_notes, notes_on_guesses
@@ -120,7 +121,9 @@ class ViewEncoder:
             for position, fit in zip(positions, placement.fits, strict=True):
                 self._placements.setdefault(position, replace(placement, fits=(fit,)))  # type: ignore[arg-type]
         if self._labelling is not None:
-            title = f"Classes of {len(views)} photos from {self._labelling.source.title}{self._segmenter_cost}"
+            title = (
+                f"Classes of {counted(len(views), 'photo')} from {self._labelling.source.title}{self._segmenter_cost}"
+            )
             with self._stages("segment", title):
                 encoding = self._labelling(encoding, self._scene, positions, views)
         return encoding
@@ -133,7 +136,7 @@ class ViewEncoder:
         if isinstance(depth, str):
             with self._stages("place", f"Placing {count} at the measured depth"):
                 return place_gaussians(encoding, views, depth, metric=self._scene.unit == "metric")
-        with self._stages("depth", f"Depth of {len(views)} photos from {depth.title}{self._depth_cost}"):
+        with self._stages("depth", f"Depth of {counted(len(views), 'photo')} from {depth.title}{self._depth_cost}"):
             maps = read_maps(depth, self._scene, positions, views.size)
         with self._stages("place", f"Placing {count} with the help of depth maps"):
             reference = find_reference(

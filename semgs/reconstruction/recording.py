@@ -12,6 +12,7 @@ from semgs.data.choosing.choice import Choice
 from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.files.errors import InputError
+from semgs.files.text import counted
 from semgs.mapping.keyframes import COVERED
 from semgs.mapping.mapper import Mapper, Merged, Window
 from semgs.mapping.walk_order import walk_order
@@ -75,7 +76,7 @@ def map_walk(
             with stages("read", f"Reading frame {number} of {len(scene)}"):
                 view = read([position], bounds)
         except InputError as error:
-            errors.append(error.first_line)
+            errors.append(str(error))
             mapper.ignore("it cannot be read, or has too little measured depth")
             continue
         mapper.add(view, frame.name)
@@ -90,7 +91,7 @@ def map_walk(
     targets = tuple(others[(2 * place + 1) * len(others) // (2 * count)] for place in range(count))
     reason = (
         f"all frames: {len(keyframes)} of {len(scene)} are keyframes, because earlier ones saw less than {COVERED:.0%} of what they see; "
-        f"{mapper.windows} windows"
+        f"{counted(mapper.windows, 'window')}"
     )
     notes = (*filter(None, (order.note,)), *errors[:1], *notes_on_walk(mapper, scene.unit == "metric"))
     return Choice(keyframes, targets, reason, bounds, notes), merged

@@ -12,6 +12,7 @@ from semgs.data.choosing.choice import Choice
 from semgs.data.resampling import default_size
 from semgs.data.scene import Scene
 from semgs.data.spread import spread
+from semgs.files.text import counted
 from semgs.geometry.gaussians import Gaussians
 from semgs.reconstruction.notes import collect_notes, notes_on_splat
 from semgs.reconstruction.pipeline import render_views
@@ -73,7 +74,7 @@ def label_splat(
     height, width = default_size(scene.frames[positions[0]].lens.size) if size is None else size
     bounds = scene.depth_range(spread(positions, SHOWN))
     votes = PixelVotes(gaussians, len(source.classes))
-    title = f"Classes of {len(positions)} photos from {source.title}"
+    title = f"Classes of {counted(len(positions), 'photo')} from {source.title}"
     with stages.steps("segment", title, len(positions)) as done:
         for count, position in enumerate(positions):
             view = scene.read([position], (height, width), bounds)
@@ -85,8 +86,8 @@ def label_splat(
     choice = Choice(
         tuple(spread(positions, SHOWN)),
         tuple(spread(held_out, SHOWN)),
-        f"evenly chosen of the {len(positions)} photos that say classes"
-        + (f" and the {len(held_out)} that are held out" if held_out else ""),
+        f"evenly chosen of {counted(len(positions), 'photo that says', 'photos that say')} classes"
+        + (f" and {counted(len(held_out), 'that is', 'that are')} held out" if held_out else ""),
         bounds,
     )
     context = scene.read(choice.context, (height, width), bounds)

@@ -50,7 +50,7 @@ def floor_height(
         may &= on_floor
     if weights[may].sum() <= LEAST_FLOOR * weights.sum():
         what = "below the cameras" if on_floor is None else "below the cameras with the class floor"
-        raise NoFloorError(f"no floor was found: fewer than {LEAST_FLOOR:.0%} of the Gaussians are {what}")
+        raise NoFloorError(f"no clear floor (fewer than {LEAST_FLOOR:.0%} of the Gaussians are {what})")
     lowest = heights[may].min()
     bins = ((heights[may] - lowest) / BIN).astype(np.int64)
     width = round(THICK / BIN)
@@ -66,6 +66,6 @@ def floor_height(
     floor = float(heights[around][order][np.searchsorted(shares, shares[-1] / 2)])
     if (below := weights[heights < floor - FAR_BELOW].sum() / weights.sum()) > MOST_BELOW:
         raise NoFloorError(
-            f"no floor was found: {below:.0%} of the Gaussians are below what looks most like one; which way is up may be wrong"
+            f"no clear floor ({below:.0%} of the Gaussians are below what looks most like one; which way is up may be wrong)"
         )
     return floor

@@ -117,7 +117,7 @@ def occupancy(
     )
     rays = rays_of(gaussians, cameras, level, depths, depth_spread)
     if not len(rays.origins):
-        raise NoFloorError("no floor was found: the depth of every pixel of the input views is unknown")
+        raise NoFloorError("no clear floor (the depth of every pixel of the input views is unknown)")
     floor = floor_height(points[:, 2], weights, rays.origins[:, 2], on_floor)
     near = _near(points, cameras, level, reach) & (weights >= min_opacity)
     points, weights = points[near], weights[near]
@@ -131,7 +131,7 @@ def occupancy(
     shape = (across, along, layers)
     if np.prod(shape, dtype=float) > MOST_VOXELS:
         raise ValueError(
-            f"a grid of {across} x {along} x {layers} voxels; expected at most {MOST_VOXELS:,}: use a larger resolution or a smaller reach"
+            f"a grid of {across} x {along} x {layers} voxels; expected at most {MOST_VOXELS:,}: use a larger resolution"
         )
     origin = np.array([*(low * resolution), floor - below * resolution])
     freed = passes(*free_parts(rays, reach, origin, resolution), shape)

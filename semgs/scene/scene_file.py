@@ -309,7 +309,7 @@ def load_scene(path: str | Path) -> SavedScene:
         raise InputError(
             file, "a scene file", "no such file", advice="give the folder or file that `semgs reconstruct --out` wrote"
         )
-    with open_tensors(file, "a complete safetensors file") as opened:
+    with open_tensors(file, "a complete scene file of semgs reconstruct") as opened:
         header = _header(file, (opened.metadata() or {}).get("semgs"))
         tensors = {name: opened.get_tensor(name).clone() for name in opened.keys()}  # noqa: SIM118 - not a dict
     try:

@@ -46,6 +46,16 @@ def test_a_wrong_value_is_told_alone_on_one_line(encoding: str):
         ("train smal --out run", "Unrecognized options: smal; Available subcommands: small, small_plain, base"),
         ("reconstruct scene --out out --quux 3", "Unrecognized options: --quux, 3"),
         ("recontruct scene --out out", "unknown command 'recontruct'; did you mean reconstruct?"),
+        (
+            "doctor scene --unit foo",
+            "error: --unit: expected one of metric, unknown, found 'foo'; see semgs doctor --help",
+        ),
+        ("doctor scene --unit None", "error: --unit: expected one of metric, unknown, found 'None'; see semgs doctor"),
+        ("doctor scene --depth-unit None", "error: --depth-unit: could not convert string to float: 'None'; see"),
+        (
+            "export scene --as x",
+            "error: --as: expected one of ply, points, mcap, gltf, usd, colmap, objects, occupancy, found 'x'",
+        ),
     ],
 )
 def test_what_was_mistyped_is_named_with_the_nearest_that_there_is(

@@ -193,7 +193,7 @@ def test_a_hostile_name_of_a_folder_is_prepared_into_and_shown_but_not_trained_i
     assert main(["prepare", str(room), str(out), "--size", "32x48", "--workers", "0"]) == 0
     assert [path.name for path in out.glob("*.zip")] == ["room.zip"]
     shown = capsys.readouterr().out
-    assert "\\udcff\\x1b[31mred: 1 scenes, 4 frames" in shown
+    assert "\\udcff\\x1b[31mred: 1 scene, 4 frames" in shown
     assert "\x1b" not in shown
     assert main(["train", "small", "--out", str(out / "run")]) == 2
     assert "expected a path in UTF-8, as TensorBoard needs it" in capsys.readouterr().err

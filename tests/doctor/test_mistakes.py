@@ -205,6 +205,30 @@ def test_cameras_that_nothing_explains_are_suspicious():
     assert "the matches may be wrong" in few.sentence
 
 
+def shaken(rig: Rig, degrees: float) -> Rig:
+    """The rig with rotations that are off by about some degrees."""
+    turns = Rotation.from_rotvec(np.radians(degrees) * np.random.default_rng(7).normal(size=(len(NAMES), 3)))
+    poses = rig.poses.copy()
+    poses[:, :3, :3] = turns.as_matrix() @ poses[:, :3, :3]
+    return replace(rig, poses=poses)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "low", "high", "verdict", "hint"),
+    [(0.1, 0, 1, "good", False), (0.35, 1, 5, "slightly wrong", True), (2.0, 5, 20, "suspicious", False)],
+)
+def test_cameras_are_slightly_wrong_between_one_and_five_pixels(
+    degrees: float, low: float, high: float, verdict: str, hint: bool
+):
+    rig = walk()
+    found = judge_cameras(shaken(rig, degrees), seen(rig, depth=False, count=20))
+    assert low < found.error <= high
+    assert (found.verdict, found.finding) == (verdict, None)
+    assert ("slightly wrong" in found.sentence) == ("--refine-poses" in found.sentence) == hint
+    assert ("The cameras fit" in found.sentence) == (verdict == "good")
+    assert found.amount(found.error) in found.sentence
+
+
 def test_matches_that_are_wrong_in_some_pairs_only_raise_no_alarm():
     """Of 15 pairs 4 fit the cameras: 11 of 15 is less than three quarters. If one more does not, the cameras are suspicious."""
     rig = walk()

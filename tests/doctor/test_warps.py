@@ -101,4 +101,20 @@ def test_matches_of_repeated_texture_raise_no_alarm_if_depth_maps_agree():
     poses[:, :3, 3] /= 1000
     wrong = seen(replace(rig, poses=poses))
     assert judge_cameras(rig, Evidence(wrong), "transforms.json", NAMES).verdict == "suspicious"
-    assert judge_cameras(rig, Evidence(wrong, corner(rig)), "transforms.json", NAMES).verdict == "good"
+    found = judge_cameras(rig, Evidence(wrong, corner(rig)), "transforms.json", NAMES)
+    assert found.verdict == "good"
+    assert "The cameras fit: depth maps agree to 0." in found.sentence
+    assert "the matches may be wrong" in found.sentence
+
+
+def test_depth_maps_that_disagree_slightly_get_no_advice_that_needs_matches():
+    rig = small_walk()
+    poses = rig.poses.copy()
+    poses[:, :3, 3] += np.random.default_rng(0).normal(0, 0.02, (len(poses), 3))
+    found = judge_cameras(replace(rig, poses=poses), Evidence(NO_MATCHES, corner(rig)), "transforms.json", NAMES)
+    assert 1 < found.error < 5
+    assert found.verdict == "slightly wrong"
+    assert (
+        found.sentence
+        == f"The cameras or the depth maps are slightly wrong: depth maps disagree by {found.error:.1f} %."
+    )

@@ -7,7 +7,7 @@ import os
 import pytest
 
 from semgs.files.errors import InputError
-from semgs.files.text import listed, natural_order, printable
+from semgs.files.text import counted, listed, natural_order, printable
 
 
 @pytest.mark.parametrize(
@@ -40,3 +40,8 @@ def test_a_list_names_the_first_ones_and_counts_the_rest():
 def test_numbers_in_names_are_sorted_by_value_and_letters_of_any_case_alike() -> None:
     names = ["b2", "B10", "a1²3", "a1", "10", "9", "b2.png", "a\u0661"]
     assert sorted(names, key=natural_order) == ["9", "10", "a1", "a1²3", "a\u0661", "b2", "b2.png", "B10"]
+
+
+def test_a_count_is_followed_by_the_singular_or_the_plural():
+    assert [counted(n, "scene") for n in (0, 1, 2, 1200)] == ["0 scenes", "1 scene", "2 scenes", "1,200 scenes"]
+    assert [counted(n, "class", "classes") for n in (1, 2)] == ["1 class", "2 classes"]

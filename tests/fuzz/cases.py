@@ -109,10 +109,8 @@ class Bench:
                 self.form.read(self.root, self.out, changed)
         except InputError as error:
             told = "refused"
-            if "\n" in error.first_line or not any(
-                str(place) in str(error.path.absolute()) for place in self._places()
-            ):
-                told, where = "a message that does not name the file", error.first_line
+            if "\n" in str(error) or not any(str(place) in str(error.path.absolute()) for place in self._places()):
+                told, where = "a message that does not name the file", str(error)
         except MemoryError as error:
             told, where = "more than 1 GB", trace(error)
         except (Exception, TooLong, SystemExit, RecursionError) as error:

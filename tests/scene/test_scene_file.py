@@ -74,7 +74,7 @@ def test_a_file_cut_anywhere_is_refused_in_one_line(tmp_path: Path) -> None:
     whole = (tmp_path / "whole").read_bytes()
     for length in (0, 4, 8, 100, len(whole) // 2, len(whole) - 1):
         (tmp_path / "part").write_bytes(whole[:length])
-        with pytest.raises(InputError, match="complete safetensors") as caught:
+        with pytest.raises(InputError, match="complete scene file") as caught:
             load_scene(tmp_path / "part")
         assert "\n" not in str(caught.value)
 

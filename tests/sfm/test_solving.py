@@ -208,7 +208,7 @@ def refused(folder: Path, tmp_path: Path) -> str:
     (tmp_path / "scene").mkdir()
     with pytest.raises(InputError) as caught:
         write_photo_scene(folder, tmp_path / "scene", *NO_LINE)
-    return caught.value.first_line
+    return str(caught.value)
 
 
 def test_photos_of_other_places_do_not_overlap(tmp_path: Path):

@@ -146,8 +146,8 @@ def test_what_is_no_splat_is_refused_in_one_line(tmp_path: Path, what: str):
     data, message = BAD[what]
     with pytest.raises(InputError) as error:
         load_splat(save(tmp_path / "a.ply", data))
-    assert message in error.value.first_line
-    assert str(tmp_path / "a.ply") in error.value.first_line
+    assert message in str(error.value)
+    assert str(tmp_path / "a.ply") in str(error.value)
 
 
 @pytest.mark.parametrize(

@@ -123,8 +123,8 @@ def test_what_is_damaged_or_not_known_is_refused_in_one_line(tmp_path: Path, wha
     data, message = BAD[what]
     with pytest.raises(InputError) as error:
         read(tmp_path, data)
-    assert message in error.value.first_line
-    assert str(tmp_path / "a.spz") in error.value.first_line
+    assert message in str(error.value)
+    assert str(tmp_path / "a.spz") in str(error.value)
 
 
 def test_a_bomb_is_not_inflated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return options.run(options) or 0
     except InputError as error:
-        print(error.first_line, file=sys.stderr)
+        print(error, file=sys.stderr)
         return 2
 
 

@@ -23,9 +23,6 @@ from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_header
 
 LAYOUT = "labelled images"
-LOOKED_FOR = (
-    "images/, labels/ and classes.json (labelled images without cameras, for semgs train --supervision pictures)"
-)
 
 CLASSES = "classes.json"
 FOCAL = 0.9

@@ -22,7 +22,6 @@ from semgs.files.images.pictures import is_turned, read_header
 
 LAYOUT = "LLFF"
 POSES, IMAGES = "poses_bounds.npy", "images"
-LOOKED_FOR = f"{POSES} with {IMAGES}/ (LLFF)"
 COLUMNS = 17
 ASPECT = 0.01
 """The aspect of photos may differ from that of their camera by this share; they may have another size."""

@@ -28,7 +28,6 @@ from semgs.files.errors import InputError, input_error
 from semgs.files.images.pictures import is_turned, read_header
 
 LAYOUT = "Metashape"
-LOOKED_FOR = "an .xml of Metashape's cameras beside photos, or beside images/"
 IMAGES = "images"
 EXPECTED = "the cameras of Metashape as XML"
 START = 4096

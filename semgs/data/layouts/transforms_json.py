@@ -33,7 +33,6 @@ from semgs.files.stored import Stored
 
 DETAILS = ("depth_unit",)
 FILE_NAMES = ("transforms.json", "transforms_train.json")
-LOOKED_FOR = "transforms.json (nerfstudio, instant-ngp; also in a .zip)"
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG")
 """Endings to try for a `file_path` without one, as in instant-ngp and the synthetic NeRF scenes."""

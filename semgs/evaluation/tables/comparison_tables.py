@@ -14,6 +14,7 @@ from semgs.evaluation.tables.published_results import MARK, PublishedTable
 from semgs.evaluation.tables.score_cells import score_cells
 from semgs.evaluation.tables.table_grid import Cell, Grid
 from semgs.files.errors import InputError
+from semgs.files.text import counted
 from semgs.objectives.measures import MOSTLY_SEEN, TITLES, shown_number
 
 PAPER = ("miou_per_image", "accuracy_per_image", "class_accuracy_per_image", "fps_encoding_each")
@@ -121,7 +122,7 @@ def data_grid(reports: Sequence[SavedReport]) -> Grid:
         rules += [len(rows)] if rows else []
         for views, result in report.results.items():
             scenes = len(report.sizes)
-            where = f"{report.name} on {report.data_name} ({scenes} scene{'s' * (scenes > 1)}), {views} views"
+            where = f"{report.name} on {report.data_name} ({counted(scenes, 'scene')}), {views} views"
             rows.append((Cell(where), *score_cells(result.numbers, DATA, result.numbers["below_copy"])))
             rows.append((Cell(f"  {ROWS['copy']}"), *score_cells(result.baselines.get("copy", {}), DATA)))
     return Grid(
@@ -211,7 +212,7 @@ def _measured_on(reports: Sequence[SavedReport]) -> str:
     """The machines on which FPS were measured."""
     machines = dict.fromkeys(
         f"{one.get('gpu', one.get('processor', 'unknown'))}"
-        + (f", {one['threads']} threads" if "threads" in one and "gpu" not in one else "")
+        + (f", {counted(int(one['threads']), 'thread')}" if "threads" in one and "gpu" not in one else "")
         for one in (report.hardware for report in reports)
     )
     return f"FPS of the rows run here: on {'; '.join(machines)}."

@@ -11,7 +11,7 @@ from semgs.evaluation.scoring.intervals import FEWEST_SCENES, choose_units
 from semgs.evaluation.scoring.method_scores import MethodScores
 from semgs.evaluation.scoring.summary import summarise
 from semgs.evaluation.tables.evaluation_report import worse_than_copy
-from semgs.files.text import listed
+from semgs.files.text import counted, listed
 from semgs.objectives.measures import TITLES
 
 STRETCH_TOLERANCE = 0.01
@@ -116,7 +116,9 @@ def _equal_pictures(rows: Sequence[MethodScores]) -> list[str]:
     """That some PSNR is infinite."""
     count = sum(frame.psnr is not None and math.isinf(frame.psnr) for one in rows for frame in one.method)
     return (
-        [f"{count} images equal the truth, so their PSNR is infinite, and so is any mean that includes it."]
+        [
+            f"{counted(count, 'image equals', 'images equal')} the truth, so the PSNR is infinite, and so is any mean that includes it."
+        ]
         if count
         else []
     )

@@ -10,6 +10,7 @@ from semgs.figures.depth_images import depth_bar, depth_ticks
 from semgs.figures.number_texts import decibels, duration, length, percent
 from semgs.figures.view_images import as_bytes, class_map, depth_map, heat_map, photo, please_note, true_class_map
 from semgs.files.images.colours import depth_limits
+from semgs.files.text import counted
 from semgs.objectives.measures import EXPLANATIONS, MOSTLY_SEEN, TITLES, shown_number
 from semgs.reconstruction.notes import note_on_refinement
 from semgs.reconstruction.output.report import SCENE_PAGE, Provenance, outputs
@@ -93,7 +94,7 @@ def _what_was_done(result: Reconstruction) -> str:
     """What the photos were used for."""
     if result.splat is None:
         return f"Reconstructed from {len(result.context.positions)} photos"
-    return f"{result.splat.name}, labelled from {result.splat.photos} photos"
+    return f"{result.splat.name}, labelled from {counted(result.splat.photos, 'photo')}"
 
 
 def _depth_maps(result: Reconstruction) -> list[np.ndarray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import signal
 import time
 from collections.abc import Callable, Generator, Sequence
@@ -17,6 +18,7 @@ import semgs.runtime.workers
 from semgs.cli.commands.scenes.batch import Batch
 from semgs.cli.main import main
 from semgs.cli.usage_errors import UsageError
+from semgs.rooms.sets.demo_room import demo_scene
 from semgs.scene.scene_file import save_scene
 
 TWO_WORKERS = ("--workers", "2")
@@ -73,8 +75,10 @@ def test_options_are_those_of_the_batch_or_of_its_command():
         ("reconstruct {tmp}/scans --out {tmp}/o", "scans: expected a scene or a folder of scenes"),
         ("reconstruct {tmp}/scans --out {tmp}/o --scenes {tmp}/nolist", "nolist: expected a text file of scenes"),
         ("export {tmp}/scans --out {tmp}/file", "file: expected a new or empty folder, or the results of a batch"),
-        ("export {tmp}/scans --out {tmp}/scans", "scans: expected a new or empty folder, or the results of a batch"),
+        ("export {tmp}/scans --out {tmp}/scans", "--out is in {tmp}/scans, which is searched for scenes"),
         ("export {tmp}/scans --out {tmp}/scans/wall_0/o", "--out is in the scene"),
+        ("export {tmp}/scans --out {tmp}/scans/o", "scans, which is searched for scenes; name a folder elsewhere"),
+        ("reconstruct {tmp}/room/transforms.json --out {tmp}/room/o", "--out is in the scene"),
         ("export {tmp}/scans --out {tmp}/o --out {tmp}/p", "--out is given twice"),
         ("export {tmp}/scans --out {tmp}/o --shard 3/2", "--shard: expected I/N, such as 1/8, found '3/2'"),
         ("export {tmp}/scans --out {tmp}/o --workers 0", "--workers: expected a whole number, 1 or more, found '0'"),
@@ -89,14 +93,15 @@ def test_bad_input_is_one_line_and_nothing_is_written(
 ):
     save_walls(tmp_path / "scans", 1)
     (tmp_path / "file").touch()
+    shutil.copytree(demo_scene(), tmp_path / "room")
     (tmp_path / "records").mkdir()
     (tmp_path / "records" / "scene.safetensors").touch()
     before = tree(tmp_path)
     assert main(["batch", *arguments.format(tmp=tmp_path).split()]) == 2
     told = capsys.readouterr()
     assert told.err.startswith("semgs: error: ")
-    assert line in told.err.splitlines()[0]
-    assert told.err.count("\n") == 1 or "a folder of scenes" in line  # then the known layouts follow
+    assert line.format(tmp=tmp_path) in told.err.splitlines()[0]
+    assert told.err.count("\n") == 1
     assert tree(tmp_path) == before
 
 
@@ -118,7 +123,11 @@ def test_bad_scenes_are_recorded_and_the_rest_is_done_and_a_repeated_call_does_w
     before = (out / "wall_0" / "points.ply").stat()
 
     assert main(command) == 3
-    assert "3 of 3 scenes are done" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "2 of 3 scenes are done" in told
+    assert f"broken: {broken}: expected" in told
+    assert "1 scene was skipped after failing in an earlier call; --retry-failed tries again" in told
+    assert "2 of 3 scenes succeeded" in told
     save_scene(broken, wall())  # another file is another input
     assert main([*command, "--retry-failed"]) == 0
     assert "2 of 3 scenes are done" in capsys.readouterr().out

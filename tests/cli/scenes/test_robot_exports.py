@@ -115,7 +115,9 @@ def test_what_robots_cannot_use_is_refused_in_one_line(
             capsys, unknown, out, "--as", name
         )
     assert "a scene with classes for --as objects" in refused(capsys, colour, out, "--as", "objects")
-    assert "no floor was found" in refused(capsys, ceiling, out, "--as", "occupancy", "--up", "z")
+    assert "a scene that shows the floor, found no clear floor (" in refused(
+        capsys, ceiling, out, "--as", "occupancy", "--up", "z"
+    )
     assert "expected a smaller step" in refused(capsys, scene_file, out, "--as", "occupancy", "--step-height", 2)
     assert "expected more than 0" in refused(capsys, scene_file, out, "--as", "occupancy", "--resolution", 0)
     assert "larger resolution" in refused(capsys, scene_file, out, "--as", "occupancy", "--resolution", 0.001)

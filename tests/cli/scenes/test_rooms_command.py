@@ -42,7 +42,7 @@ def test_it_writes_scenes_and_tells_what_is_in_them(tmp_path: Path, capsys: pyte
         (["OUT", "--frames", "1"], "frames is 1"),
         (["OUT", "--seed", "-1"], "seed is -1"),
         (["OUT", "--workers", "-1"], "--workers: expected a whole number, 0 or more"),
-        (["OUT", "--style", "plain"], "invalid choice 'plain'"),
+        (["OUT", "--style", "plain"], "--style: expected one of "),
         (["OUT", "--render", "traced"], "there is no option --render"),
         (["OUT", "--assets", "/nowhere/at/all"], "no such folder"),
         (["OUT", "--assets", "EMPTY"], "missing"),

@@ -20,6 +20,7 @@ from semgs.cli.progress import show_progress
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError
 from semgs.files.paths import found_at, typed_path
+from semgs.files.text import counted
 from semgs.runtime.cores import usable_cores
 
 if TYPE_CHECKING:
@@ -183,7 +184,14 @@ class Batch:
         from semgs.batch.records import Record, is_done, read_record, write_record
 
         left = [task for task in tasks if not is_done(task, self.retry_failed)]
-        print(f"{len(tasks) - len(left)} of {len(tasks)} scenes are done", flush=True)
+        skipped = [record for task in tasks if task not in left and (record := read_record(self.out, task.name))]
+        failed_before = [record for record in skipped if not record.succeeded]
+        print(f"{len(skipped) - len(failed_before)} of {counted(len(tasks), 'scene')} are done", flush=True)
+        for record in failed_before:
+            print(f"{record.name}: {record.why}")
+        if failed_before:
+            were = counted(len(failed_before), "scene was", "scenes were")
+            print(f"{were} skipped after failing in an earlier call; --retry-failed tries again", flush=True)
         with show_progress(f"semgs {self.command}", len(left)) as show, closing(self._records(left, given)) as found:
             pace = Pace(len(left), show)
             for position, outcome in found:
@@ -195,7 +203,7 @@ class Batch:
         records = [read_record(self.out, task.name) for task in tasks]
         failed = sum(record is not None and not record.succeeded for record in records)
         more = f"; see {self.out / 'failures.jsonl'}" if failed else ""
-        print(f"{len(tasks) - failed} of {len(tasks)} scenes succeeded{more}")
+        print(f"{len(tasks) - failed} of {counted(len(tasks), 'scene')} succeeded{more}")
         print(f"Open {self.out / 'index.html'} in a browser.")
         return SOME_FAILED if failed else 0
 
@@ -239,16 +247,20 @@ class Batch:
 
         Raises:
             InputError: it contains something else, or another command has filled it.
-            UsageError: it is part of a scene.
+            UsageError: it is in a scene, or in a folder that is searched for scenes.
         """
         from semgs.batch.records import FOLDER, PICTURES
+        from semgs.batch.tasks import CAMERAS
         from semgs.files.atomic import write_json
         from semgs.files.claims import is_begun
 
         out = self.out.resolve()
         for path in paths:
-            if out.is_relative_to(path.resolve()):
+            if out.is_relative_to((path.parent if path.name == CAMERAS else path).resolve()):
                 raise UsageError(f"--out is in the scene {path}; name a folder elsewhere")
+        for path in self._given():
+            if out.is_relative_to(path.resolve()):
+                raise UsageError(f"--out is in {path}, which is searched for scenes; name a folder elsewhere")
         settings, what = {"command": self.command}, "the results of a batch"
         with what_the_user_gave():
             try:
@@ -263,13 +275,17 @@ class Batch:
         (self.out / FOLDER).mkdir(exist_ok=True)
         (self.out / PICTURES).mkdir(exist_ok=True)
 
+    def _given(self) -> list[Path]:
+        """The paths that DATA names."""
+        return [path for word in self.data for path in _matching(word)]
+
     def _paths(self) -> list[Path]:
         """The scenes.
 
         Raises:
             InputError: there is none.
         """
-        given = [path for word in self.data for path in _matching(word)]
+        given = self._given()
         found: list[Path] = []
         for path in given:
             if self.command in ("reconstruct", "doctor", "label"):
@@ -371,7 +387,7 @@ class Pace:
         self.show(self.finished, words)
         if time() - self.reported >= MINUTE and self.finished < self.total and not sys.stderr.isatty():
             self.reported = time()
-            print(f"{self.finished} of {self.total} scenes, {words}", flush=True)
+            print(f"{self.finished} of {counted(self.total, 'scene')}, {words}", flush=True)
 
     def _expected_end(self) -> str:
         """When the last scene will be done at this pace."""

@@ -33,8 +33,8 @@ class Doctor:
     in another order. The one that explains the data is named, with the error before and after. Some mistakes do not show in some scenes, for
     example fx and fy swapped if they are nearly equal; these are listed as not excluded.
 
-    Exit code 0 if the cameras fit or nothing can be said, 3 if they do not fit, 2 if the scene is unusable: fewer than two frames with an image
-    and a pose, or files that cannot be read.
+    Exit code 0 if the cameras fit, are slightly wrong, or nothing can be said; 3 if they do not fit; 2 if the scene is unusable: fewer than two
+    frames with an image and a pose, or files that cannot be read.
 
     Examples
     - semgs doctor scans/office
@@ -84,7 +84,7 @@ class Doctor:
         print(found.sentence)
         if unit.doubtful:
             print(f"The unit is {unit.text}.")
-        if found.verdict == "good" and found.undecided:
+        if found.verdict != "cannot tell" and found.undecided:
             print(f"Not excluded, because they would not show here: {'; '.join(one.name for one in found.undecided)}.")
         self._write(scene, found, understood)
         return SUSPICIOUS if found.verdict == "suspicious" else 0

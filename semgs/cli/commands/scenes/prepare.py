@@ -14,6 +14,7 @@ from semgs.cli.options.types import Count, Size, WorkersOrCores
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.paths import existing_folder
+from semgs.files.text import counted
 from semgs.runtime.cores import usable_cores
 
 if TYPE_CHECKING:
@@ -111,7 +112,9 @@ def prepared(
     else:
         with show_progress("Preparing scenes", len(found)) as done:
             index = made.prepare(found, workers=workers, done=done)
-    print(f"{out}: {len(index['scenes'])} scenes, {index['frames']} frames, {_size(index['bytes'])}")
+    print(
+        f"{out}: {counted(len(index['scenes']), 'scene')}, {counted(index['frames'], 'frame')}, {_size(index['bytes'])}"
+    )
     for one in index["failed"][:3]:
         print(f"left out: {one['name']}: {one['error']}")
     if len(index["failed"]) > 3:

@@ -12,6 +12,7 @@ from semgs.cli.options.types import Count, Size, WorkersOrCores, shown_size
 from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
+from semgs.files.text import counted
 from semgs.rooms.plans.style import Style
 from semgs.runtime.cores import usable_cores
 
@@ -117,7 +118,7 @@ class Rooms:
         labelled = sum(pixels for name, pixels in index["pixels"].items() if name != "ignored")
         frames = self.scenes * self.frames
         print(
-            f"{out}: {self.scenes} scenes of {self.frames} frames ({frames} images of {shown_size(self.size)}), style {self.style}, seed {self.seed}"
+            f"{out}: {counted(self.scenes, 'scene')} of {counted(self.frames, 'frame')} ({counted(frames, 'image')} of {shown_size(self.size)}), style {self.style}, seed {self.seed}"
         )
         shares = sorted(
             ((pixels / labelled, name) for name, pixels in index["pixels"].items() if name != "ignored"), reverse=True

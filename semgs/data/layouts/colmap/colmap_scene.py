@@ -46,9 +46,6 @@ MOST_NAMED = 4
 
 DETAILS = ("images",)
 
-LOOKED_FOR = "a COLMAP model (cameras, images and points3D, .bin or .txt) in " + ", ".join(
-    f"{p or '.'}/" for p in PLACES
-)
 
 POINTS_FOR_DEPTH = 50_000
 """In larger models, only every n-th point is matched with the frames that see it: enough for near and far."""

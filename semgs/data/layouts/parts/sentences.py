@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from semgs.files.errors import InputError
+from semgs.files.text import counted
 
 
 def note_lacking(names: Sequence[str], count: int, what: str) -> list[str]:
@@ -20,9 +21,13 @@ def note_lacking(names: Sequence[str], count: int, what: str) -> list[str]:
 
 def note_transparent(count: int) -> list[str]:
     """A note about images with transparent areas, if there are any."""
-    return [f"{count} images have an alpha channel; transparent areas become white."] if count else []
+    return (
+        [f"{counted(count, 'image has', 'images have')} an alpha channel; transparent areas become white."]
+        if count
+        else []
+    )
 
 
 def note_damaged_points(error: InputError | None) -> list[str]:
     """A note about sparse points that cannot be read, if so; a scene does not need them."""
-    return [f"The sparse points are left out: {error.first_line}."] if error else []
+    return [f"The sparse points are left out: {error}."] if error else []

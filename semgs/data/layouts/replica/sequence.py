@@ -33,7 +33,6 @@ from semgs.files.errors import InputError, input_error
 from semgs.files.stored import Stored
 
 LAYOUT = "Replica"
-LOOKED_FOR = "traj_w_c.txt with rgb/rgb_0.png (Replica, Semantic-NeRF's)"
 APPLICABLE = (ROW_229,)
 DETAILS = ("intrinsics",)
 

@@ -25,7 +25,6 @@ from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
 
 LAYOUT = "frame files"
-LOOKED_FOR = "frame-000000.color.png with frame-000000.pose.txt (7-Scenes, 3DMatch, BundleFusion)"
 DETAILS = ("intrinsics", "depth_unit")
 
 START = "frame-"

@@ -28,7 +28,6 @@ from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
 
 LAYOUT = "TUM RGB-D"
-LOOKED_FOR = "rgb.txt with groundtruth.txt (TUM RGB-D)"
 DETAILS = ("intrinsics", "depth_unit")
 
 RGB, DEPTH, POSES, CALIBRATION = "rgb.txt", "depth.txt", "groundtruth.txt", "calibration.txt"

@@ -29,7 +29,6 @@ UNSET_BEFORE = 10 * 10**9
 """If the other images were taken later than this, one with the time 0 has none: the driver did not set it [ns]."""
 
 LAYOUT = "ROS bag"
-LOOKED_FOR = "a ROS bag (metadata.yaml with .db3 or .mcap; .mcap; .bag)"
 DETAILS = ("camera", "world", "body", "intrinsics")
 ENDINGS = (".mcap", ".db3", ".bag")
 

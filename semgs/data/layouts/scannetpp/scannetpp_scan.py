@@ -38,7 +38,7 @@ from semgs.data.scene import Scene
 from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_header
-from semgs.files.text import listed
+from semgs.files.text import counted, listed
 
 LAYOUT = "ScanNet++"
 """`Scene.layout` is this and the name of the device."""
@@ -114,7 +114,7 @@ def open_scannetpp(path: Path, as_peers: Collection[str] = ()) -> Scene:
         notes=(
             *posed.notes,
             *note_lacking(absent, len(posed.names), f"listed images are missing in {pictures}"),
-            *([f"{marked} images are marked as bad and left out."] if marked else []),
+            *([f"{counted(marked, 'image is', 'images are')} marked as bad and left out."] if marked else []),
             *_unmasked(frames, masks),
             *scanned.notes,
             *([] if mesh else _sensor_notes(frames, device)),

@@ -413,7 +413,7 @@ def test_bad_and_absent_pictures_are_counted(scan, tmp_path):
     assert scene.absent == ("DSC00003.JPG",)
     assert scene.notes[:3] == (
         f"1 of 6 listed images are missing in {folder / 'dslr' / 'resized_images'}, the first is DSC00003.JPG.",
-        "1 images are marked as bad and left out.",
+        "1 image is marked as bad and left out.",
         "1 of 4 images have no mask in resized_anon_masks, the first is DSC00009.JPG.",
     )
     assert scene.splits == {"train": (0, 1, 3), "test": (2,)}

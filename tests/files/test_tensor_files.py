@@ -1,0 +1,32 @@
+"""Files that are no safetensors files are said to be none, in words of ours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import save_file
+
+from semgs.files.errors import InputError
+from semgs.files.tensor_files import open_tensors
+
+
+@pytest.mark.parametrize("text", [b"", b"short", b"a text that is longer than the length of a header"])
+def test_another_format_is_called_so(tmp_path: Path, text: bytes):
+    path = tmp_path / "file.txt"
+    path.write_bytes(text)
+    found = "a file of another format, or one that is cut off"
+    with pytest.raises(InputError) as caught, open_tensors(path, "a scene"):
+        pass
+    assert str(caught.value) == f"{path}: expected a scene, found {found}"
+
+
+def test_a_file_that_is_cut_off_is_called_so_and_a_complete_one_opens(tmp_path: Path):
+    path = tmp_path / "a.safetensors"
+    save_file({"a": torch.zeros(3)}, path)
+    with open_tensors(path, "tensors") as opened:
+        assert opened.get_tensor("a").shape == (3,)
+    path.write_bytes(path.read_bytes()[:-1])
+    with pytest.raises(InputError, match="or one that is cut off"), open_tensors(path, "tensors"):
+        pass
