@@ -17,6 +17,7 @@ import semgs.runtime.workers
 from semgs.cli.commands.scenes.batch import Batch
 from semgs.cli.main import main
 from semgs.cli.usage_errors import UsageError
+from semgs.files.atomic import write_json
 from semgs.scene.scene_file import save_scene
 
 TWO_WORKERS = ("--workers", "2")
@@ -97,6 +98,15 @@ def test_bad_input_is_one_line_and_nothing_is_written(
     assert told.err.startswith("semgs: error: ")
     assert line in told.err.splitlines()[0]
     assert told.err.count("\n") == 1 or "a folder of scenes" in line  # then the known layouts follow
+    assert tree(tmp_path) == before
+
+
+def test_a_scene_that_its_result_would_replace_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    save_walls(tmp_path / "scans", 1)
+    write_json(tmp_path / "scans" / "batch.json", {"command": "export"})
+    before = tree(tmp_path)
+    assert main(["batch", "export", str(tmp_path / "scans"), "--out", str(tmp_path / "scans")]) == 2
+    assert "scans/wall_0: expected an output apart from the input, found the input itself" in capsys.readouterr().err
     assert tree(tmp_path) == before
 
 

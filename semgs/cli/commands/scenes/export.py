@@ -126,7 +126,7 @@ class Export:
             )
         if is_splat(self.scene):
             self._check_splat()
-        check_folder(self.out, self.overwrite)
+        check_folder(self.out, self.overwrite, (self.scene, self.cameras))
         with show_stage("Reading the scene"):
             from semgs.export.export_record import write_record
             from semgs.export.scene_export import SceneExport

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 
 VIDEO = ".mp4"
 CAMERAS = "transforms.json"
+
+OWN_PATHS = ("orbit", "inputs")
+"""The values of --path that are no file."""
+
 SWING, CIRCLE = 24.0, 360.0
 
 
@@ -93,14 +97,14 @@ class Render:
             raise UsageError(f"--degrees is {self.degrees:g}; expected more than 0, at most 360")
         if video and "rgba" in self.show:
             raise UsageError("--show rgba is for images; a video has no transparency")
-        if self.frames is not None and self.path not in ("orbit", "inputs"):
+        if self.frames is not None and self.path not in OWN_PATHS:
             raise UsageError(f"--frames is for orbit and inputs; {self.path} has its own cameras")
         if self.degrees is not None and self.path != "orbit":
             raise UsageError(f"--degrees is for orbit; --path is {self.path}")
         if video:
             check_new_file(self.out, self.overwrite)
         else:
-            check_folder(self.out, self.overwrite)
+            check_folder(self.out, self.overwrite, (self.scene, self.cameras, *self._camera_file()))
         with show_stage("Reading the scene"):
             from semgs.export.video import check_video_library
 
@@ -120,6 +124,10 @@ class Render:
             print(f"{self.out}: {count} images each of {', '.join(stills.shows)}")
         if note:
             print(f"note: {note}")
+
+    def _camera_file(self) -> tuple[str, ...]:
+        """The file of --path, if it is one."""
+        return () if self.path in OWN_PATHS else (self.path,)
 
     def _stills(self, scene: SavedScene) -> Stills:
         """What renders the images."""
