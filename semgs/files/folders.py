@@ -22,6 +22,56 @@ MARK = ".semgs"
 LOCK = ".lock"
 """The file that the process which fills a folder locks. It holds nothing: on Windows, nobody could read a locked file."""
 
+FILE_ENDINGS = frozenset(
+    [
+        ".avi",
+        ".bmp",
+        ".ckpt",
+        ".csv",
+        ".gif",
+        ".glb",
+        ".gltf",
+        ".htm",
+        ".html",
+        ".jpeg",
+        ".jpg",
+        ".json",
+        ".ksplat",
+        ".m4v",
+        ".mcap",
+        ".mkv",
+        ".mov",
+        ".mp4",
+        ".npy",
+        ".npz",
+        ".obj",
+        ".onnx",
+        ".pcd",
+        ".pdf",
+        ".ply",
+        ".png",
+        ".pt",
+        ".pth",
+        ".rrd",
+        ".safetensors",
+        ".sog",
+        ".splat",
+        ".spz",
+        ".svg",
+        ".tif",
+        ".tiff",
+        ".txt",
+        ".usd",
+        ".usda",
+        ".usdc",
+        ".usdz",
+        ".webm",
+        ".webp",
+        ".zip",
+    ]
+)
+"""Endings in lower case of what somebody may expect to get instead of a folder."""
+
 _MARK_TEXT = "This folder was written by semgs, which replaces it as a whole when it is told to overwrite it.\n"
 
 
@@ -33,10 +83,11 @@ def check_folder(path: str | Path, overwrite: bool = False, inputs: Iterable[str
         inputs: what will be read, as for `check_apart`.
 
     Raises:
-        InputError: as `own_folder`, or `path` is or contains an input.
+        InputError: as `own_folder`, or `path` is or contains an input, or has the name of a file.
     """
     with readable(path):
         _check_free(path, overwrite, inputs)
+        check_name(path)
         target = Path(path).resolve()
         if target.is_mount():
             raise _mounted(path)
@@ -44,6 +95,17 @@ def check_folder(path: str | Path, overwrite: bool = False, inputs: Iterable[str
     trial = partial_name(nearest / target.name)
     _make(path, trial)
     trial.rmdir()
+
+
+def check_name(path: str | Path) -> None:
+    """Check that a folder to write is not named like a file.
+
+    Raises:
+        InputError: it is.
+    """
+    ending = Path(path).suffix
+    if ending.lower() in FILE_ENDINGS:
+        raise InputError(path, "the name of a folder", f"one that ends with {ending}", advice="leave out the ending")
 
 
 def check_apart(path: str | Path, inputs: Iterable[str | Path | None]) -> None:
