@@ -8,6 +8,7 @@ from typing import Any
 
 from semgs.files.atomic import is_part_of
 from semgs.files.errors import InputError
+from semgs.files.folders import check_name
 from semgs.files.strict_json import read_json
 
 
@@ -21,7 +22,7 @@ def is_begun(record: Path, settings: Mapping[str, Any], what: str) -> bool:
 
     Raises:
         ValueError: the folder was made with other settings; the error lists the differences.
-        InputError: it contains something else, or the record cannot be read.
+        InputError: it contains something else, the record cannot be read, or a new folder has the name of a file.
     """
     folder = record.parent
     if not record.is_file():
@@ -29,6 +30,7 @@ def is_begun(record: Path, settings: Mapping[str, Any], what: str) -> bool:
             raise InputError(
                 folder, f"a new or empty folder, or {what} to resume", "something else", advice="name another folder"
             )  # fmt: skip
+        check_name(folder)
         return False
     there = read_json(record, f"the settings of {what}")
     if not isinstance(there, dict) or set(there) != set(settings):

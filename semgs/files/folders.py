@@ -7,13 +7,14 @@ import ctypes
 import errno
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from filelock import FileLock, Timeout
 
 from semgs.files.atomic import partial_name
 from semgs.files.errors import InputError, readable
+from semgs.files.paths import typed_path
 
 MARK = ".semgs"
 """The file that marks a folder as written by semgs."""
@@ -21,17 +22,72 @@ MARK = ".semgs"
 LOCK = ".lock"
 """The file that the process which fills a folder locks. It holds nothing: on Windows, nobody could read a locked file."""
 
+FILE_ENDINGS = frozenset(
+    [
+        ".avi",
+        ".bmp",
+        ".ckpt",
+        ".csv",
+        ".gif",
+        ".glb",
+        ".gltf",
+        ".htm",
+        ".html",
+        ".jpeg",
+        ".jpg",
+        ".json",
+        ".ksplat",
+        ".m4v",
+        ".mcap",
+        ".mkv",
+        ".mov",
+        ".mp4",
+        ".npy",
+        ".npz",
+        ".obj",
+        ".onnx",
+        ".pcd",
+        ".pdf",
+        ".ply",
+        ".png",
+        ".pt",
+        ".pth",
+        ".rrd",
+        ".safetensors",
+        ".sog",
+        ".splat",
+        ".spz",
+        ".svg",
+        ".tif",
+        ".tiff",
+        ".txt",
+        ".usd",
+        ".usda",
+        ".usdc",
+        ".usdz",
+        ".webm",
+        ".webp",
+        ".zip",
+    ]
+)
+"""Endings in lower case of what somebody may expect to get instead of a folder."""
+
 _MARK_TEXT = "This folder was written by semgs, which replaces it as a whole when it is told to overwrite it.\n"
 
 
-def check_folder(path: str | Path, overwrite: bool = False) -> None:
+def check_folder(path: str | Path, overwrite: bool = False, inputs: Iterable[str | Path | None] = ()) -> None:
     """Check that `own_folder` could create `path`, before long work starts.
 
+    Args:
+        path, overwrite: as for `own_folder`.
+        inputs: what will be read, as for `check_apart`.
+
     Raises:
-        InputError: as `own_folder`.
+        InputError: as `own_folder`, or `path` is or contains an input, or has the name of a file.
     """
     with readable(path):
-        _check_free(path, overwrite)
+        _check_free(path, overwrite, inputs)
+        check_name(path)
         target = Path(path).resolve()
         if target.is_mount():
             raise _mounted(path)
@@ -39,6 +95,41 @@ def check_folder(path: str | Path, overwrite: bool = False) -> None:
     trial = partial_name(nearest / target.name)
     _make(path, trial)
     trial.rmdir()
+
+
+def check_name(path: str | Path) -> None:
+    """Check that a folder to write is not named like a file.
+
+    Raises:
+        InputError: it is.
+    """
+    ending = Path(path).suffix
+    if ending.lower() in FILE_ENDINGS:
+        raise InputError(path, "the name of a folder", f"one that ends with {ending}", advice="leave out the ending")
+
+
+def check_apart(path: str | Path, inputs: Iterable[str | Path | None]) -> None:
+    """Check that replacing `path` removes nothing that will be read. It may be inside an input.
+
+    Args:
+        path: the file or folder to replace.
+        inputs: files and folders; None, and what does not exist, is left out.
+
+    Raises:
+        InputError: it is one of them, or contains one, perhaps by a link.
+    """
+    target = Path(path)
+    if not target.exists():
+        return
+    for given in inputs:
+        one = None if given is None else typed_path(given)
+        if one is None or not one.exists():
+            continue
+        if one.samefile(target):
+            raise InputError(path, "an output apart from the input", "the input itself", advice="name another output")
+        if any(parent.samefile(target) for place in (one.absolute(), one.resolve()) for parent in place.parents):
+            found = f"one that contains the input {given}"
+            raise InputError(path, "an output apart from the input", found, advice="name another output")
 
 
 def check_writable(path: str | Path) -> None:
@@ -91,7 +182,7 @@ _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP)
 """What `flock` says where locks are switched off, as on some network drives."""
 
 
-def _check_free(path: str | Path, overwrite: bool) -> None:
+def _check_free(path: str | Path, overwrite: bool, inputs: Iterable[str | Path | None] = ()) -> None:
     """Refuse what must not be replaced."""
     target = Path(path)
     if not target.exists():
@@ -116,6 +207,7 @@ def _check_free(path: str | Path, overwrite: bool) -> None:
             f"a folder without the mark {MARK}",
             advice="name another folder; nothing was changed",
         )
+    check_apart(path, inputs)
     if not overwrite:
         raise InputError(
             path, "a new folder", "one that semgs wrote before", advice="add --overwrite to replace it or name another"

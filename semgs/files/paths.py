@@ -33,6 +33,11 @@ def typed_path(path: str | Path) -> Path:
         ) from error
 
 
+def files_among(*words: str | None) -> list[str]:
+    """Those words that are files, among names of other things (of included weights, of lists)."""
+    return [one for one in words if one and typed_path(one).is_file()]
+
+
 def without_dots(path: Path) -> Path:
     """A path without `..`, so that its parts are names; the rest is as typed."""
     if ".." not in path.parts:

@@ -42,6 +42,11 @@ def test_a_record_of_something_else_is_refused(tmp_path: Path, text: str):
         begun(tmp_path)
 
 
+def test_a_new_folder_is_not_named_like_a_file(tmp_path: Path):
+    with pytest.raises(InputError, match=r"the name of a folder, found one that ends with \.zip; leave"):
+        begun(tmp_path / "set.zip")
+
+
 def test_a_file_and_a_folder_of_something_else_are_refused(tmp_path: Path):
     (tmp_path / "mine.txt").touch()
     for folder in (tmp_path, tmp_path / "mine.txt"):

@@ -14,7 +14,7 @@ from privileges import permissions_hold
 
 from semgs.files import folders
 from semgs.files.errors import InputError
-from semgs.files.folders import MARK, check_folder, check_writable, lock_folder, own_folder
+from semgs.files.folders import FILE_ENDINGS, MARK, check_apart, check_folder, check_writable, lock_folder, own_folder
 
 
 def tree(folder: Path) -> dict[str, str]:
@@ -148,6 +148,33 @@ def test_a_link_to_one_of_ours_stays_a_link(tmp_path: Path) -> None:
     fill(tmp_path / "link", "new", overwrite=True)
     assert (tmp_path / "link").is_symlink()
     assert (tmp_path / "real" / "renders" / "a.txt").read_text() == "new"
+
+
+def test_what_is_read_is_never_replaced_and_a_folder_inside_it_may_be(tmp_path: Path) -> None:
+    fill(tmp_path / "room", "old")
+    fill(tmp_path / "room" / "out", "old")
+    (tmp_path / "link").symlink_to(tmp_path / "room")
+    inside = tmp_path / "room" / "renders" / "a.txt"
+    for out in (tmp_path / "room", tmp_path / "link"):
+        for read in (tmp_path / "room", tmp_path / "link", tmp_path / "room" / "renders" / ".."):
+            with pytest.raises(InputError, match="apart from the input, found the input itself"):
+                check_folder(out, overwrite=True, inputs=[None, read])
+        with pytest.raises(InputError, match=re.escape(f"found one that contains the input {inside}")):
+            check_folder(out, overwrite=True, inputs=[str(inside)])
+    check_folder(tmp_path / "room" / "out", overwrite=True, inputs=[tmp_path / "room", inside, tmp_path / "absent"])
+    (tmp_path / "room" / "out" / "linked").symlink_to(tmp_path)  # a name that would go, too
+    with pytest.raises(InputError, match="one that contains"):
+        check_folder(tmp_path / "room" / "out", overwrite=True, inputs=[tmp_path / "room" / "out" / "linked"])
+    with pytest.raises(InputError, match="the input itself"):
+        check_apart(inside, [inside])
+
+
+def test_a_folder_with_the_name_of_a_file_is_refused_and_other_dots_are_not(tmp_path: Path) -> None:
+    for name in ("a.ply", "report.JSON", *(f"a{ending}" for ending in FILE_ENDINGS)):
+        with pytest.raises(InputError, match=re.escape(f"one that ends with .{name.partition('.')[2]}; leave out")):
+            check_folder(tmp_path / name)
+    for name in ("office.v2", "2024.05.17", ".hidden", "a.ply.d"):
+        check_folder(tmp_path / name)
 
 
 def test_names_are_exchanged_in_one_step_where_the_system_can(tmp_path: Path) -> None:

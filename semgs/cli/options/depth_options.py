@@ -38,6 +38,11 @@ class DepthOptions:
     """What the numbers of --depth maps or SOURCE are: metres, depth up to a factor, or inverse depth up to a factor and a constant (MiDaS, Depth Anything
     V2). By default what SOURCE says; maps are scaled."""
 
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The files and folders to read."""
+        return () if self.depth in (*MEASURED, OWN) else (self.depth,)
+
     def check(self) -> None:
         """Check what can be checked without importing torch.
 

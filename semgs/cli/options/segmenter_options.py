@@ -62,6 +62,11 @@ class SegmenterOptions:
     with_own_classes: bool = False
     """With --segmenter: the model's own classes vote too. A --correspondence that was fitted with --weights says how much each does."""
 
+    @property
+    def inputs(self) -> tuple[str | Path | None, ...]:
+        """The files and folders to read."""
+        return self.segmenter, self.answers.correspondence
+
     def check(self) -> None:
         """Check what can be checked without importing torch.
 

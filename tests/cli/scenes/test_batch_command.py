@@ -18,6 +18,7 @@ import semgs.runtime.workers
 from semgs.cli.commands.scenes.batch import Batch
 from semgs.cli.main import main
 from semgs.cli.usage_errors import UsageError
+from semgs.files.atomic import write_json
 from semgs.rooms.sets.demo_room import demo_scene
 from semgs.scene.scene_file import save_scene
 
@@ -102,6 +103,15 @@ def test_bad_input_is_one_line_and_nothing_is_written(
     assert told.err.startswith("semgs: error: ")
     assert line.format(tmp=tmp_path) in told.err.splitlines()[0]
     assert told.err.count("\n") == 1
+    assert tree(tmp_path) == before
+
+
+def test_a_scene_that_its_result_would_replace_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    save_walls(tmp_path / "scans", 1)
+    write_json(tmp_path / "scans" / "batch.json", {"command": "export"})
+    before = tree(tmp_path)
+    assert main(["batch", "export", str(tmp_path / "scans"), "--out", str(tmp_path / "scans")]) == 2
+    assert "scans/wall_0: expected an output apart from the input, found the input itself" in capsys.readouterr().err
     assert tree(tmp_path) == before
 
 

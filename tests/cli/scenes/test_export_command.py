@@ -188,6 +188,9 @@ def test_what_cannot_be_exported_is_refused_in_one_line(
     assert "--colour is for --as ply" in refused("--as", "points", "--colour", "classes")
     assert "found no such file" in refused(scene=tmp_path / "nowhere")
     assert "expected a number from 0 to 1" in refused("--min-confidence", "50")
+    assert "--resolution is for --as occupancy" in refused("--resolution", "0.1")
+    assert "--step-height is for --as occupancy" in refused("--step-height", "0.2", "--as", "objects")
+    assert "--robot-height is for --as occupancy" in refused("--robot-height", "2")
 
 
 def test_an_earlier_export_is_replaced_only_when_asked(

@@ -123,6 +123,16 @@ def test_if_it_is_stopped_half_way_nothing_is_left(
         (("--degrees", 361), "--degrees is 361"),
         (("--degrees", "nan"), "--degrees is nan"),
         (("--degrees", 20, "--path", "inputs"), "--degrees is for orbit; --path is inputs"),
+        (("--up", "z", "--path", "inputs"), "--up is for orbit; --path is inputs"),
+        (
+            ("--path", "orbitt"),
+            "--path is orbitt; did you mean orbit?; expected orbit, inputs or a file of cameras, found nothing there",
+        ),
+        (("--path", "."), "--path is .; expected orbit, inputs or a file of cameras, found a folder"),
+        (
+            ("--min-confidence", 0.5, "--show", "colour", "confidence"),
+            "--min-confidence is for --show classes and overlay; --show is colour confidence",
+        ),
         (("--degrees", 20, "--path", "absent.json"), "--degrees is for orbit; --path is absent.json"),
         (("--frames", 0), "frames"),
         (("--fps", 0), "fps"),
@@ -146,9 +156,25 @@ def test_bad_options_are_refused_in_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("name", ["a.gif", "a.WebM", "stills/x.png"])
+def test_a_folder_is_not_named_like_a_file(
+    done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    assert render(done, tmp_path / name) == 2
+    shown = capsys.readouterr().err
+    assert f"{name}; expected a video (.mp4), or a folder, whose name has no ending" in shown
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_images_per_second_are_for_a_video(done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert render(done, tmp_path / "stills", "--fps", 10) == 2
+    assert "--fps is for a video" in capsys.readouterr().err
+
+
 def test_bad_scenes_and_places_are_refused_in_one_line(
     done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    save_scene(tmp_path / "plain", wall(classes=False))
     single = wall()
     count = len(single.gaussians) // 2
     save_scene(
@@ -169,6 +195,7 @@ def test_bad_scenes_and_places_are_refused_in_one_line(
         (tmp_path / "single", tmp_path / "out", ("--path", "inputs"), "two input views or more"),
         (done, tmp_path / "none" / "a.mp4", (), "an existing folder"),
         (done, done / FILE_NAME, (), FILE_NAME),
+        (tmp_path / "plain", tmp_path / "out", ("--min-confidence", 0.5), "--show is colour depth"),
     ):
         assert render(scene, out, *options) == 2
         shown = capsys.readouterr().err

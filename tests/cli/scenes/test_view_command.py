@@ -37,9 +37,15 @@ def test_a_page_is_written_from_a_folder_or_its_scene_file(folder: Path, capsys:
     ("options", "message"),
     [
         (
-            ["--html", "{}/scene.safetensors"],
+            ["--html", "{}/there.html"],
             "expected a new file, found one that exists; use --overwrite to replace it",
         ),
+        (["--html", "{}/page.txt"], "page.txt; expected a file name that ends with .html"),
+        (["--html", "{}/room/"], "room; expected a file name that ends with .html"),
+        (["--html", "{}/a.html", "--port", "80"], "--port is for the viewer, not for --html"),
+        (["--html", "{}/a.html", "--host", "0.0.0.0"], "--host is for the viewer, not for --html"),
+        (["--views", "3"], "--views is for posed photos"),
+        (["--weights", "small"], "--weights is for posed photos"),
         (["--html", "{}/no/page.html"], "expected a file in an existing folder"),
         (["--port", "70000"], "--port is 70000; expected 1 to 65535"),
         (["--host", "192.0.2.1"], "192.0.2.1: expected an IPv4 address of this machine"),
@@ -48,6 +54,7 @@ def test_a_page_is_written_from_a_folder_or_its_scene_file(folder: Path, capsys:
 def test_what_cannot_work_is_refused_in_one_line(
     folder: Path, options: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ):
+    (folder / "there.html").touch()
     assert main(["view", str(folder), *(option.format(folder) for option in options)]) == 2
     assert message in capsys.readouterr().err.splitlines()[-1]
 

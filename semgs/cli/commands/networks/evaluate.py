@@ -28,7 +28,7 @@ from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder
-from semgs.files.paths import existing_folder, found_at
+from semgs.files.paths import existing_folder, files_among, found_at
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -187,7 +187,19 @@ class Evaluate:
         existing_folder(self.data)
         if self.predictions is not None and not self.predictions.is_dir():
             raise InputError(self.predictions, "a folder of predictions", found_at(self.predictions))
-        check_folder(self.out, self.overwrite)
+        check_folder(
+            self.out,
+            self.overwrite,
+            (
+                self.data,
+                *files_among(self.weights, self.scenes),
+                self.predictions,
+                *self.protocol[1:],
+                self.depth,
+                *self.segmenting.inputs,
+                self.reading.images,
+            ),
+        )
         if self.nearest is not None and self.predictions is not None:
             raise UsageError("--nearest is for WEIGHTS; --predictions are rendered already")
         if self.refine and self.predictions is not None:

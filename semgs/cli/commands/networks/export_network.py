@@ -12,6 +12,7 @@ from semgs.cli.options.types import Size, Views, Weights
 from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_stage
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
+from semgs.files.paths import files_among
 
 MOST_VIEWS = 16
 """More views would make a graph that takes hours to export; the weights learned from 2 to 4."""
@@ -53,7 +54,7 @@ class ExportNetwork:
         """
         if self.views > MOST_VIEWS:
             raise UsageError(f"--views is {self.views}; expected 2 to {MOST_VIEWS}")
-        check_new_file(self.out, self.overwrite)
+        check_new_file(self.out, self.overwrite, files_among(self.weights))
         with show_stage("Starting"):
             from semgs.files.atomic import write_bytes
             from semgs.model.onnx.onnx_file import check_fixed_size, check_onnx_libraries, onnx_bytes

@@ -17,7 +17,7 @@ from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.figures.plotting import check_plotting
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
-from semgs.files.paths import existing_folder, typed_path
+from semgs.files.paths import existing_folder, files_among, typed_path
 from semgs.files.strict_json import parse_json
 
 if TYPE_CHECKING:
@@ -146,7 +146,17 @@ class PaperFigure:
             if not theirs.is_dir():
                 raise InputError(theirs, "a folder of predictions", "nothing there")
         self.reading.check()
-        check_folder(self.out, self.overwrite)
+        check_folder(
+            self.out,
+            self.overwrite,
+            (
+                *self.data,
+                *files_among(*self.weights, *self.scenes),
+                *(theirs for _, theirs in self._predictions()),
+                *self.protocol[1:],
+                self.reading.images,
+            ),
+        )
 
     def _predictions(self) -> list[tuple[str, Path]]:
         """The name and folder of each of the other methods."""

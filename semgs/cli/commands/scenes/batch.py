@@ -150,7 +150,7 @@ class Batch:
         from semgs.batch.records import FOLDER, remove_leftovers
         from semgs.files.folders import LOCK, lock_folder
 
-        self._claim(paths)
+        self._claim(paths, names)
         tasks = [self._task(path, name, options) for path, name in zip(paths, names, strict=True)]
         part, parts = self.shard or (1, 1)
         ours = tasks[part - 1 :: parts]
@@ -242,17 +242,18 @@ class Batch:
         ]
         write_overview(self.out, self.command, scenes)
 
-    def _claim(self, paths: Sequence[Path]) -> None:
+    def _claim(self, paths: Sequence[Path], names: Sequence[str]) -> None:
         """Make OUT the folder of this command.
 
         Raises:
-            InputError: it contains something else, or another command has filled it.
+            InputError: it contains something else, another command has filled it, or the result of a scene would replace it.
             UsageError: it is in a scene, or in a folder that is searched for scenes.
         """
         from semgs.batch.records import FOLDER, PICTURES
         from semgs.batch.tasks import CAMERAS
         from semgs.files.atomic import write_json
         from semgs.files.claims import is_begun
+        from semgs.files.folders import check_apart
 
         out = self.out.resolve()
         for path in paths:
@@ -269,6 +270,8 @@ class Batch:
                 begun = (self.out / SETTINGS).is_file() and is_begun(self.out / SETTINGS, settings, what)
                 if not begun:
                     raise
+        for path, name in zip(paths, names, strict=True):
+            check_apart(self.out / self._result(name), [path])
         self.out.mkdir(parents=True, exist_ok=True)
         if not begun:
             write_json(self.out / SETTINGS, settings)

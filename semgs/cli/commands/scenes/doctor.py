@@ -96,7 +96,7 @@ class Doctor:
                 continue
             if path.suffix.lower() != ending:
                 raise UsageError(f"{option} is {path}; expected a file name that ends with {ending}")
-            check_new_file(path, self.overwrite)
+            check_new_file(path, self.overwrite, (self.scene,))
 
     def _write(self, scene: Scene, found: Diagnosis, understood: tuple[tuple[str, str], ...]) -> None:
         """Write the files that were requested."""

@@ -120,13 +120,20 @@ class Export:
             raise UsageError("--labels is for gaussians.ply, that is --as ply with --colour photo")
         if self.frame == "scene" and self.up != "auto":
             raise UsageError("--up is for --frame upright; --frame scene turns nothing")
+        for_maps = {
+            "--resolution": self.resolution != Export.resolution,
+            "--step-height": self.step_height != Export.step_height,
+            "--robot-height": self.robot_height != Export.robot_height,
+        }
+        if "occupancy" not in self.formats and (stray := [option for option, given in for_maps.items() if given]):
+            raise UsageError(f"{stray[0]} is for --as occupancy")
         if self.step_height >= self.robot_height:
             raise UsageError(
                 f"--step-height is {self.step_height:g} and --robot-height {self.robot_height:g}; expected a smaller step"
             )
         if is_splat(self.scene):
             self._check_splat()
-        check_folder(self.out, self.overwrite)
+        check_folder(self.out, self.overwrite, (self.scene, self.cameras))
         with show_stage("Reading the scene"):
             from semgs.export.export_record import write_record
             from semgs.export.scene_export import SceneExport

@@ -26,7 +26,7 @@ from semgs.cli.progress import say_compiling, show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
-from semgs.files.paths import existing_folder
+from semgs.files.paths import existing_folder, files_among
 from semgs.runtime.stopwatch import Stages
 from semgs.viewer.server import check_viewer_library
 
@@ -135,7 +135,17 @@ class LabelSplat:
         """Check what can be checked without importing torch."""
         existing_folder(self.splat, "a splat")
         existing_folder(self.cameras)
-        check_folder(self.out, self.overwrite)
+        check_folder(
+            self.out,
+            self.overwrite,
+            (
+                self.splat,
+                self.cameras,
+                *files_among(self.weights),
+                *self.segmenting.inputs,
+                self.reading.images,
+            ),
+        )
         self.reading.check()
         self.segmenting.check()
         if self.segmenting.with_own_classes:

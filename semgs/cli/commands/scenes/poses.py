@@ -54,7 +54,7 @@ class Poses:
             UsageError: an option is invalid, or needs COLMAP.
         """
         existing_folder(self.photos, "a folder of photos, or a video")
-        check_folder(self.out, self.overwrite)
+        check_folder(self.out, self.overwrite, (self.photos, self.predictions))
         solution = self._estimated() if self.predictions is None else self._predicted(self.predictions)
         for note in solution.notes:
             print(note)

@@ -71,7 +71,7 @@ class Query:
             raise InputError(
                 self.scene, "a scene with features", "a splat of another program, which has none", advice="reconstruct its photos with --features"
             )  # fmt: skip
-        check_folder(self.out, self.overwrite)
+        check_folder(self.out, self.overwrite, (self.scene, self.embedding))
         with show_stage("Reading the scene"):
             from semgs.scene.scene_file import load_scene
             from semgs.segmenters.features.scene_features import FILE_NAME, load_features

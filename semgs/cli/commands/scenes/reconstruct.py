@@ -28,7 +28,7 @@ from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import say_compiling, show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.files.folders import check_folder, own_folder
-from semgs.files.paths import existing_folder
+from semgs.files.paths import existing_folder, files_among
 from semgs.model.networks import NAMES, NetworkName
 from semgs.reconstruction.output.rerun_library import rerun_library
 from semgs.runtime.stopwatch import Stages
@@ -242,7 +242,18 @@ class Reconstruct:
     def _check(self) -> None:
         """Check what can be checked without importing torch."""
         existing_folder(self.scene)
-        check_folder(self.out, self.overwrite)
+        check_folder(
+            self.out,
+            self.overwrite,
+            (
+                self.scene,
+                *files_among(self.weights),
+                *self.placing.inputs,
+                *self.segmenting.inputs,
+                self.featuring.features,
+                self.reading.images,
+            ),
+        )
         self.reading.check()
         self.placing.check()
         self.segmenting.check()

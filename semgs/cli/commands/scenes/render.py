@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from semgs.cli.arguments import did_you_mean
 from semgs.cli.opened_scene import open_given
 from semgs.cli.options.types import Count, Probability, Size
 from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError
-from semgs.files.folders import check_folder, own_folder
-from semgs.files.paths import typed_path
+from semgs.files.folders import FILE_ENDINGS, check_folder, own_folder
+from semgs.files.paths import found_at, typed_path
+from semgs.splats.endings import is_splat
 
 if TYPE_CHECKING:
     from semgs.export.stills import Stills
@@ -25,6 +27,13 @@ if TYPE_CHECKING:
 
 VIDEO = ".mp4"
 CAMERAS = "transforms.json"
+
+OWN_PATHS = ("orbit", "inputs")
+"""The values of --path that are no file."""
+
+MAY_BE_UNKNOWN = ("classes", "overlay")
+"""The values of --show that --min-confidence is for."""
+
 SWING, CIRCLE = 24.0, 360.0
 
 
@@ -88,19 +97,25 @@ class Render:
             UsageError: an option is invalid.
             ImportError: OUT is a video, and PyAV is not installed.
         """
-        video = self.out.suffix.lower() == VIDEO
+        ending = self.out.suffix.lower()
+        video = ending == VIDEO
+        if not video and ending in FILE_ENDINGS:
+            raise UsageError(f"--out is {self.out}; expected a video ({VIDEO}), or a folder, whose name has no ending")
         if self.degrees is not None and not 0 < self.degrees <= 360:
             raise UsageError(f"--degrees is {self.degrees:g}; expected more than 0, at most 360")
         if video and "rgba" in self.show:
             raise UsageError("--show rgba is for images; a video has no transparency")
-        if self.frames is not None and self.path not in ("orbit", "inputs"):
+        if self.frames is not None and self.path not in OWN_PATHS:
             raise UsageError(f"--frames is for orbit and inputs; {self.path} has its own cameras")
         if self.degrees is not None and self.path != "orbit":
             raise UsageError(f"--degrees is for orbit; --path is {self.path}")
+        self._check_path()
+        if self.fps != Render.fps and not video:
+            raise UsageError(f"--fps is for a video; {self.out} does not end with {VIDEO}")
         if video:
             check_new_file(self.out, self.overwrite)
         else:
-            check_folder(self.out, self.overwrite)
+            check_folder(self.out, self.overwrite, (self.scene, self.cameras, *self._camera_file()))
         with show_stage("Reading the scene"):
             from semgs.export.video import check_video_library
 
@@ -121,6 +136,21 @@ class Render:
         if note:
             print(f"note: {note}")
 
+    def _check_path(self) -> None:
+        """Check what --path names, and that --up matters for it."""
+        if self.path not in OWN_PATHS and (found := found_at(typed_path(self.path))) != "a file":
+            raise UsageError(
+                f"--path is {self.path}{did_you_mean(self.path, OWN_PATHS)}; expected {', '.join(OWN_PATHS)} or a file of cameras, found {found}"
+            )
+        # Around a splat, the input views themselves are put by up.
+        put_by_up = self.path == "inputs" and self.cameras is None and is_splat(self.scene)
+        if self.up != "auto" and self.path != "orbit" and not put_by_up:
+            raise UsageError(f"--up is for orbit; --path is {self.path}")
+
+    def _camera_file(self) -> tuple[str, ...]:
+        """The file of --path, if it is one."""
+        return () if self.path in OWN_PATHS else (self.path,)
+
     def _stills(self, scene: SavedScene) -> Stills:
         """What renders the images."""
         from semgs.export.stills import OF_CLASSES, Stills
@@ -130,6 +160,10 @@ class Render:
         if scene.classes is None and missing:
             raise InputError(
                 self.scene, f"a scene with classes for --show {missing[0]}", "one with colour and depth only"
+            )
+        if self.min_confidence and not {*shows} & {*MAY_BE_UNKNOWN}:
+            raise UsageError(
+                f"--min-confidence is for --show {' and '.join(MAY_BE_UNKNOWN)}; --show is {' '.join(shows)}"
             )
         with what_the_user_gave():
             return Stills(scene, shows, self.min_confidence)

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from semgs.scene.scene_file import SavedScene
 
 SCENE_FILE = "scene.safetensors"
+PAGE = ".html"
 
 LAST_PORT = 65535
 
@@ -54,7 +55,7 @@ class View:
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """Folder from semgs reconstruct, a scene file, a splat, or posed photos."""
-    html: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    html: Annotated[Path | None, tyro.conf.arg(metavar="FILE.html", help_behavior_hint="")] = None
     """Write the scene as one page and exit."""
     max_gaussians: Annotated[
         Count | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: all; 100,000 for --html)")
@@ -94,8 +95,11 @@ class View:
             raise lacks_classes(self.scene, "--objects")
         if self.port > LAST_PORT:
             raise UsageError(f"--port is {self.port}; expected 1 to {LAST_PORT}")
+        if self._saved and (self.views != View.views or self.weights is not None):
+            stray = "--views" if self.views != View.views else "--weights"
+            raise UsageError(f"{stray} is for posed photos; {self.scene} is reconstructed already")
         if self.html is not None:
-            check_new_file(self.html, self.overwrite)
+            self._check_page(self.html)
         check_viewer_library()
         if self.objects:
             check_object_libraries()
@@ -105,11 +109,24 @@ class View:
             else:
                 self._write(folder, self.html)
 
+    @property
+    def _saved(self) -> bool:
+        """Whether the scene is a reconstruction of ours or a splat."""
+        ours = self.scene.suffix == Path(SCENE_FILE).suffix or (self.scene / SCENE_FILE).exists()
+        return ours or is_splat(self.scene)
+
+    def _check_page(self, page: Path) -> None:
+        """Check that the page can be written, and that no option is for the viewer."""
+        if page.suffix.lower() != PAGE:
+            raise UsageError(f"--html is {page}; expected a file name that ends with {PAGE}")
+        if self.port != View.port or self.host != View.host:
+            raise UsageError(f"{'--port' if self.port != View.port else '--host'} is for the viewer, not for --html")
+        check_new_file(page, self.overwrite)
+
     @contextmanager
     def _reconstructed(self) -> Iterator[Path]:
         """The folder or file of the scene; posed photos are reconstructed into a folder that disappears at the end."""
-        saved = self.scene.suffix == Path(SCENE_FILE).suffix or (self.scene / SCENE_FILE).exists()
-        if saved or is_splat(self.scene):
+        if self._saved:
             yield self.scene
             return
         with TemporaryDirectory(prefix="semgs-") as folder:
