@@ -79,6 +79,7 @@ def test_a_run_of_other_settings_ends_with_exit_code_2_and_the_difference(tmp_pa
     from semgs.training.run.run_folder import claim_folder
 
     claim_folder(tmp_path / "run", small())
+    (tmp_path / "run" / "weights.safetensors").touch()
     assert main([*line, "--steps", "77"]) == 2
     told = capsys.readouterr().err.strip().splitlines()
     assert told[-1].startswith("semgs: error: ")
@@ -139,6 +140,29 @@ def test_what_a_training_cannot_start_from_ends_with_exit_code_2_and_one_line(li
     last = capsys.readouterr().err.strip().splitlines()[-1]
     assert last.startswith("semgs: error: ")
     assert told.replace("TABLE", table.name) in last
+
+
+@pytest.mark.parametrize(
+    "mistyped", ["--data nowhere", "--init nowhere.pt", "--backbone nowhere.safetensors", "--teacher nowhere", "--data ."]
+)  # fmt: skip
+def test_a_mistyped_input_does_not_block_the_folder_for_the_corrected_command(
+    mistyped: str, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    line = ["train", "small", "--out", "run", "--steps", "2", "--device", "cpu", "--workers", "0", "--size", "32x48"]
+    line += ["--batch", "1", "--validation-scenes", "0"]
+    assert main([*line, *mistyped.split()]) == 2
+    assert "semgs: error: " in capsys.readouterr().err
+
+    def fitted(*args, **options):
+        raise FloatingPointError("everything is ready")
+
+    monkeypatch.setattr("semgs.training.loop.fit", fitted)
+    assert main(line) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == "semgs: error: everything is ready"
+    settings = json.loads(Path("run/settings.json").read_text())
+    assert (settings["data"], settings["init"], settings["backbone"]) == (["rooms"], "random", "")
+    assert settings["teacher"] == ""
 
 
 def test_the_help_lists_the_settings_without_torch():

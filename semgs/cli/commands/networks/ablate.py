@@ -247,9 +247,9 @@ class Ablate:
 
     def _check_base(self, run: Path, steps: int) -> None:
         """Refuse to train the base for longer: variants have started from it."""
-        from semgs.training.run.run_folder import SETTINGS, read_settings
+        from semgs.training.run.run_folder import has_begun, read_settings
 
-        if (run / SETTINGS).exists() and (there := read_settings(run).steps) < steps:
+        if has_begun(run) and (there := read_settings(run).steps) < steps:
             raise UsageError(
                 f"--steps: {run} has {there} steps, not {steps}, and the variants start from it; name another --out"
             )

@@ -57,7 +57,7 @@ class Train:
         execution = self.compute.execution(self.nodes)
         with what_the_user_gave():
             execution.share().check(self.settings.batch)
-            claim_folder(self.out, self.settings)
+        claim_folder(self.out, self.settings)
         try:
             train(self.settings, self.out, execution, console=Console(stderr=True, highlight=False))
         except (FloatingPointError, ImportError) as error:
