@@ -39,6 +39,14 @@ def test_options_may_stand_before_and_behind_the_preset_and_override_it():
     assert command.compute.minutes == 3
 
 
+@pytest.mark.parametrize("preset", ["small", "small_plain"])
+@pytest.mark.parametrize("value", [False, True])
+def test_a_flag_is_switched_on_and_off_whatever_the_preset_has(preset: str, value: bool):
+    no = "" if value else "no-"
+    settings = parsed(f"{preset} --out run --{no}context-targets --network.{no}class-backbone").settings
+    assert (settings.context_targets, settings.network.class_backbone) == (value, value)
+
+
 def test_supervision_by_depth_has_weights_of_its_own():
     command = parsed("--out run small --supervision depth --shared-rate 0 --depth-losses.gradients 0.25")
     assert (command.settings.supervision, command.settings.shared_rate) == ("depth", 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import tyro
 
@@ -12,6 +12,7 @@ from semgs.cli.options.execution_options import ExecutionOptions
 from semgs.cli.options.training_options import PresetSettings
 from semgs.cli.options.types import Count
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
+from semgs.training.presets import PRESETS
 
 
 @tyro.conf.configure(tyro.conf.CascadeSubcommandArgs, tyro.conf.OmitSubcommandPrefixes)
@@ -32,6 +33,8 @@ class Train:
     - semgs train small --init small --classes table.json --data scans --out runs/own
     - semgs train paper --data scannet/train --init re10k.ckpt --devices 4 --out runs/paper
     """
+
+    presets: ClassVar = tuple(PRESETS)
 
     settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
     out: Annotated[Path, tyro.conf.arg(metavar="RUN")]
