@@ -41,5 +41,7 @@ def open_tensors(path: str | Path, expected: str) -> Iterator[Any]:
             with input_error(path, expected, "header"):
                 parse_json(header)  # refuses duplicate keys
             yield opened
+    except FileNotFoundError:
+        raise InputError(path, expected, "no such file") from None
     except (OSError, SafetensorError) as error:
-        raise InputError(path, expected, str(error)) from None
+        raise InputError(path, expected, getattr(error, "strerror", None) or str(error)) from None
