@@ -120,7 +120,7 @@ def test_a_table_of_classes_travels_in_the_settings(tmp_path: Path):
     settings = parsed(f"small --out run --init small --classes {tmp_path / 'table.json'}").settings
     assert settings.classes is not None
     assert settings.classes.names == ("wall", "floor")
-    assert preset_changes(settings)[0] == "classes: two (wall, floor) (preset small: None)"
+    assert preset_changes(settings)[0] == "classes: two (wall, floor) (preset small: none)"
 
 
 def test_weights_of_classes_are_numbers_or_the_name_of_a_rule():
@@ -151,7 +151,7 @@ def test_what_a_training_cannot_start_from_ends_with_exit_code_2_and_one_line(li
 
 
 @pytest.mark.parametrize(
-    "mistyped", ["--data nowhere", "--init nowhere.pt", "--backbone nowhere.safetensors", "--teacher nowhere", "--data ."]
+    "mistyped", ["--data nowhere", "--init nowhere.pt", "--backbone nowhere.safetensors", "--teacher nowhere --supervision pictures", "--data ."]
 )  # fmt: skip
 def test_a_mistyped_input_does_not_block_the_folder_for_the_corrected_command(
     mistyped: str, tmp_path, capsys, monkeypatch

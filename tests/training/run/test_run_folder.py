@@ -21,9 +21,9 @@ from semgs.rooms.sets import demo_room as demo
 from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.data.data_settings import VALIDATION_SEED
 from semgs.training.loop import train
-from semgs.training.presets import PRESETS
+from semgs.training.presets import PRESETS, preset_changes
 from semgs.training.run.checkpoints import Checkpoint, save_checkpoint
-from semgs.training.run.differences import differences, find_changes
+from semgs.training.run.differences import differences, find_changes, list_changes
 from semgs.training.run.execution import Execution
 from semgs.training.run.run_folder import (
     BEST,
@@ -217,6 +217,15 @@ def test_unknown_fields_of_a_newer_version_are_named(settings):
 def test_settings_that_cannot_be_are_refused_by_name(settings, field: str, value: object):
     with pytest.raises(ValueError, match=f"{field} is"):
         replace(settings, **{field: value})
+
+
+def test_an_empty_value_is_printed_as_none(settings):
+    changes = differences(replace(settings, backbone="nope", data=()), replace(settings, class_weights=(1.0,) * 20))
+    told = list_changes(changes, "requested")
+    assert "backbone = none there, nope requested" in told
+    assert "data = ('rooms',) there, none requested" in told
+    assert "1.0) there, none requested" in told
+    assert preset_changes(replace(PRESETS["small"](), backbone="nope")) == ["backbone: nope (preset small: none)"]
 
 
 def test_differences_name_both_values(settings):

@@ -38,7 +38,9 @@ class Train:
 
     settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
     out: Annotated[Path, tyro.conf.arg(metavar="RUN")]
-    """Run folder: new, empty, or a run with the same settings to resume. Only --steps may change, and only grow."""
+    """Run folder: new, empty, one whose run has no checkpoint yet, or a run with the same settings to resume. To resume, --steps may grow, files
+    and folders may have moved but keep their names, and how to compute (--device, --devices, --nodes, --precision, --accumulate, --minutes,
+    --workers, --save-minutes, --cache-gib) is free."""
     nodes: Count = 1
     """Machines, each with that many --devices, started by torchrun or SLURM."""
     compute: Annotated[ExecutionOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=ExecutionOptions)
