@@ -57,7 +57,8 @@ def parse(options: type[Options], program: str, arguments: Sequence[str]) -> Opt
     """Parse the arguments of a command; `--help` prints its help and exits with 0.
 
     Args:
-        options: a dataclass whose fields, comments and docstring are the help.
+        options: a dataclass whose fields, comments and docstring are the help. If it has `presets`, names of settings to start from, the
+            arguments must name one; each flag then has a pair, --x and --no-x, because presets switch it on or off.
         program: the command, such as "semgs train".
         arguments: the words after it.
 
@@ -73,9 +74,14 @@ def parse(options: type[Options], program: str, arguments: Sequence[str]) -> Opt
         if leaving.code != REFUSED:
             raise  # after --help, or because of a signal
         box = printed.getvalue()
+        preset = _named_preset(options, arguments, box)
+        program += f" {preset}" if preset else ""  # its help lists its settings
         message = (
-            _suggest_option(options, program, arguments, box) or _name_missing(program, box) or _message_in_box(box)
+            _ask_for_preset(options, program, arguments, box)
+            if not preset and _presets(options)
+            else _suggest_option(options, program, preset, arguments, box)
         )
+        message = message or _name_missing(program, box) or _message_in_box(box)
         raise UsageError(f"{message}; see {program} --help") from None
 
 
@@ -93,23 +99,51 @@ def _parse(options: type[Options], program: str, arguments: Sequence[str]) -> Op
 
         join_lines(options)
         description = description_of(options)
-    config = (tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone)
+    config = (tyro.conf.DisallowNone,) if _presets(options) else (tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone)
     return tyro.cli(
         options, prog=program, args=list(arguments), description=description, config=config, registry=_TYPES
     )
 
 
-def _suggest_option(options: type, program: str, arguments: Sequence[str], box: str) -> str:
-    """Names the first option that tyro did not recognise and the most similar known one; "" if no option is similar."""
+def _presets(options: type) -> tuple[str, ...]:
+    """The names of settings of which a command needs one."""
+    return getattr(options, "presets", ())
+
+
+def _named_preset(options: type, arguments: Sequence[str], box: str) -> str:
+    """The preset that the arguments name; "" for none."""
+    if any(phrase in _without_colours(box) for phrase in ("Available subcommands", "Expected one of {")):
+        return ""
+    return next((word for word in arguments if word in _presets(options)), "")
+
+
+def _ask_for_preset(options: type, program: str, arguments: Sequence[str], box: str) -> str:
+    """Says that the preset is missing or unknown, with the most similar one."""
+    presets, (first, *_) = _presets(options), (*arguments, "-")
+    values = [word for before, word in pairwise(("", *arguments)) if not before.startswith("-")]
+    similar = next((word for word in values if did_you_mean(word, presets)), "")
+    if typed := similar or ("" if first.startswith("-") else first):
+        return f"unknown preset {typed!r}{did_you_mean(typed, presets)}; expected one of {', '.join(presets)}"
+    missing = _name_missing(program, box).removeprefix(f"{program} needs ")
+    return f"{program} needs a preset ({', '.join(presets)}){f' and {missing}' if missing else ''}"
+
+
+def _suggest_option(options: type, program: str, preset: str, arguments: Sequence[str], box: str) -> str:
+    """Names the first option that tyro did not recognise and the most similar known one; "" if no option is similar.
+
+    The settings of a preset are options, too, but only after its name.
+    """
     _, _, unknown = _without_colours(box).partition("Unrecognized options")
-    words = pairwise(("", *arguments))
-    named = [word for before, word in words if not before.startswith("-") and not word.startswith("-")]
     printed = io.StringIO()
     with suppress(SystemExit), redirect_stdout(printed), redirect_stderr(io.StringIO()):
-        _parse(options, program, [*named, "--help"])  # named, because a preset has options of its own
-    known = re.findall(r"^[│\s]*(?:-\w, )?(--[\w.-]+)", _without_colours(printed.getvalue()), re.MULTILINE)
+        _parse(options, program, [*filter(None, [preset]), "--help"])
+    known = re.findall(r"(?:^|[│ ]{2}|, )(--[\w.-]+)", _without_colours(printed.getvalue()), re.MULTILINE)
     for typed in (word.split("=")[0] for word in arguments if word.startswith("--")):
-        if re.search(rf"(?<![\w-]){re.escape(typed)}(?![\w-])", unknown) and (advice := did_you_mean(typed, known)):
+        if not re.search(rf"(?<![\w-]){re.escape(typed)}(?![\w-])", unknown):
+            continue
+        if preset and typed in known:
+            return f"{typed} must come after {preset}"
+        if advice := did_you_mean(typed, known):
             return f"there is no option {typed}{advice}"
     return ""
 

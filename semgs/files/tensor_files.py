@@ -48,5 +48,7 @@ def open_tensors(path: str | Path, expected: str) -> Iterator[Any]:
             yield opened
     except SafetensorError:
         raise InputError(path, expected, NO_TENSORS) from None
+    except FileNotFoundError:
+        raise InputError(path, expected, "no such file") from None
     except OSError as error:
         raise InputError(path, expected, error.strerror or str(error)) from None

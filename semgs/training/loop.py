@@ -11,7 +11,7 @@
     RUN/rooms/*                rooms that several samples share, if the settings ask for that
     RUN/weights.safetensors    the averaged weights, written at the end of each session; best.safetensors: those of the best validation
 
-The same call starts and resumes a run. With more `steps` the run becomes longer, and from then on its learning rate is that of the
+The same call starts and resumes a run; one without a checkpoint starts again, with whatever settings. With more `steps` the run becomes longer, and from then on its learning rate is that of the
 longer run. Step k sees batch k, which depends on the seed and k alone: on a CPU a resumed run gives exactly the same result as an
 uninterrupted one. On CUDA gradients are summed in no fixed order. Several processes share the scenes of each step; only the first one
 writes checkpoints, the log and weights.
@@ -48,16 +48,17 @@ from semgs.training.run.execution import Execution
 from semgs.training.run.faults import TOLERATED_IN_A_ROW, BadScenes, save_broken_batch
 from semgs.training.run.log import RunLog, print_lines
 from semgs.training.run.run_folder import (
+    ROOMS_POOL,
     SETTINGS,
     WEIGHTS,
     claim_folder,
     empty_network,
     export_weights,
-    extend_run,
+    has_begun,
     lock_run,
-    record_assets,
-    record_weights,
+    record_files,
     start_network,
+    start_run,
 )
 from semgs.training.run.session import Session, Stopped, time_waiting
 from semgs.training.schedule import Schedule
@@ -111,14 +112,14 @@ def train(
     """Train, or resume training, into a run folder.
 
     Args:
-        settings: what to compute; a folder with a run of other settings is refused, but one of fewer steps becomes longer.
+        settings: what to compute; a folder with a run of other settings is refused once it has a checkpoint, but one of fewer steps becomes longer.
         out: the run folder.
         execution: how to run it; None is the default. A run may resume on another device, but not to the same bits.
         console: where the first process shows progress; None shows nothing.
 
     Raises:
-        ValueError: the folder is a run with other settings, a required setting is missing, or a step cannot be shared equally.
-        InputError: the folder contains something else or only damaged checkpoints, another process trains into it, the data, assets or
+        ValueError: a required setting is missing, or a step cannot be shared equally.
+        InputError: the folder is a run with other settings, or contains something else or only damaged checkpoints, another process trains into it, the data, assets or
             initial weights cannot be used, or its checkpoints are of another network.
         ImportError: training or its rooms need an extra that is not installed.
         FloatingPointError: ten steps in a row had no finite gradient; the last batch is saved in the run folder.
@@ -132,18 +133,19 @@ def train(
     for folder in settings.assets:
         verify(folder)
     claim_folder(out, settings)
-    record_assets(out, settings.assets)
-    record_weights(out, settings)
+    if has_begun(out):
+        record_files(out, settings)  # while there are no other processes, which would wait for the first one
     fabric = launch(execution)
     leads = fabric.is_global_zero
     console = console if leads else None
     print_lines(console, preset_changes(settings))
     with lock_run(out) if leads else nullcontext():
         if leads:
-            extend_run(out, settings)
+            start_run(out, settings)
             if fabric.world_size == 1:  # other processes of a training write without the lock
                 for part in (out, out / "checkpoints", out / "validation"):
                     remove_parts(part, out / SETTINGS)
+        fabric.barrier()  # the others read what the first one has recorded
         state, feed = _prepare(settings, out, execution, fabric, console)
         left = None if execution.minutes is None else execution.minutes - (time.monotonic() - began) / 60
         session = Session(left, execution.save_minutes, state.seconds)
@@ -183,7 +185,7 @@ def _prepare(
     print_lines(console, [what_learns(network)])
     resume(state, out, checkpoint, console)
     batches = training_batches(
-        sampling, data, schedule.steps, state.step, pool=out / "rooms", workers=execution.workers,
+        sampling, data, schedule.steps, state.step, pool=out / ROOMS_POOL, workers=execution.workers,
         cache=round(execution.cache_gib * 2**30), share=execution.share(fabric.global_rank),
         single_images=learning.single_images, teacher=teacher,
     )  # fmt: skip

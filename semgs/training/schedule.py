@@ -15,7 +15,7 @@ class Schedule:
     steps: int
     """Optimiser steps in the run. The learning rate reaches zero at the last one."""
     learning_rate: float = 2e-4
-    """Peak learning rate of Adam (the paper's)."""
+    """Peak learning rate of Adam; the paper's is 2e-4."""
     warmup: float = 0.01
     """Share of the steps in which the learning rate rises (MVSplat's OneCycle)."""
     clip: float = 0.5

@@ -28,7 +28,7 @@ def test_a_wrong_value_is_told_alone_on_one_line(encoding: str):
     told = ended.stderr.decode()
     assert ended.returncode == 2
     assert told.count("\n") == 1
-    assert "steps is 0; expected at least 1; see semgs train --help" in told
+    assert "steps is 0; expected at least 1; see semgs train small --help" in told
     assert "----" not in told
 
 
@@ -43,7 +43,18 @@ def test_a_wrong_value_is_told_alone_on_one_line(encoding: str):
         ),
         ("train --out run small --step 3", "no option --step; did you mean --steps?"),
         ("train --out run small --steps 0", "steps is 0"),
-        ("train smal --out run", "Unrecognized options: smal; Available subcommands: small, small_plain, base"),
+        ("train small --out run --quux 3", "Unrecognized options: --quux, 3; see semgs train small --help"),
+        (
+            "train --out run smal",
+            "unknown preset 'smal'; did you mean small?; expected one of small, small_plain, base",
+        ),
+        (
+            "ablate nope --out run --steps 9 --dry-run",
+            "unknown preset 'nope'; expected one of small, small_plain, base, paper, base_text; see semgs ablate --help",
+        ),
+        ("train --out run --steps 2", "semgs train needs a preset (small, small_plain, base, paper, base_text); see"),
+        ("train --init small --out run", "--init must come after small; see semgs train small --help"),
+        ("train --out run", "semgs train needs a preset (small, small_plain, base, paper, base_text); see"),
         ("reconstruct scene --out out --quux 3", "Unrecognized options: --quux, 3"),
         ("recontruct scene --out out", "unknown command 'recontruct'; did you mean reconstruct?"),
         (
@@ -71,12 +82,14 @@ def test_what_was_mistyped_is_named_with_the_nearest_that_there_is(
     [
         ("reconstruct", "SCENE and --out DIR"),
         ("reconstruct scene", "--out DIR"),
+        ("train", "a preset (small, small_plain, base, paper, base_text) and --out RUN"),
+        ("train small", "--out RUN"),
         ("query", "SCENE, --embedding FILE and --out OUT"),
     ],
 )
 def test_missing_arguments_are_named_without_their_help(typed: str, needed: str, capsys: pytest.CaptureFixture[str]):
     assert main(typed.split()) == 2
-    program = f"semgs {typed.split()[0]}"
+    program = f"semgs {typed}" if typed == "train small" else f"semgs {typed.split()[0]}"
     assert capsys.readouterr().err == f"semgs: error: {program} needs {needed}; see {program} --help\n"
 
 

@@ -45,6 +45,17 @@ def test_no_help_shows_an_empty_default_or_a_banned_phrase(arguments: list[str],
     assert banned_in(text) == []
 
 
+@pytest.mark.parametrize("arguments", HELPS, ids=" ".join)
+def test_a_flag_that_switches_off_stands_beside_the_one_whose_help_it_has(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+):
+    """Alone, --no-x would have the help of what x does, as if it switched that on."""
+    text = text_of([word for name in arguments for word in name.split()], capsys)
+    negative = re.findall(r"(\S+) (--(?:[\w-]+\.)?no-[\w-]+)", text)
+    assert [(before, flag) for before, flag in negative if before != flag.replace("no-", "", 1) + ","] == []
+    assert bool(negative) == (len(arguments) == 2)
+
+
 def test_paragraphs_and_items_of_a_list_keep_their_lines_and_nothing_else():
     text = "Two\n    views.\n\n    - One\n      item.\n    - Another."
     assert paragraphs(text) == "Two views.\n\n    - One item.\n    - Another."

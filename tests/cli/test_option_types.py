@@ -68,7 +68,10 @@ def test_what_is_typed_becomes_what_a_command_uses(tmp_path: Path):
         ("--device mps", "--device: mps is not supported yet: it has no float64, which cameras need; use cpu"),
         ("--device tpu", "--device: expected one of auto, cpu, cuda, found 'tpu'"),
         ("--protocol neighbors", "--protocol: expected one of neighbours, peers, pinned FILE, found 'neighbors'"),
-        ("--protocol pinned", "--protocol: expected one of .*, found 'pinned'"),
+        (
+            "--protocol pinned",
+            "--protocol: expected a FILE after pinned, the frames.json or report.json of an evaluation, found none",
+        ),
         ("--protocol peers 7", "--protocol: expected one of .*, found 'peers 7'"),
         ("--views 2 1", "--views: expected a whole number, 2 or more, found '1'"),
         ("--views 2.5", "--views: expected a whole number, 2 or more, found '2.5'"),

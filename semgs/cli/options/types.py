@@ -119,6 +119,8 @@ def _weights(text: str) -> str:
 
 def _protocol(typed: list[str]) -> tuple[str, ...]:
     name, *file = typed or ("",)
+    if typed == ["pinned"]:
+        raise ValueError("expected a FILE after pinned, the frames.json or report.json of an evaluation, found none")
     if name not in [known.split()[0] for known in PROTOCOLS] or len(file) != (name == "pinned"):
         raise ValueError(f"expected one of {', '.join(PROTOCOLS)}, found {' '.join(typed)!r}")
     if file and not typed_path(file[0]).is_file():

@@ -53,6 +53,11 @@ def save_checkpoint(folder: Path, state: TrainingState) -> Path:
     return record
 
 
+def has_checkpoints(folder: Path) -> bool:
+    """Whether a folder has a complete checkpoint, even a damaged one."""
+    return bool(_records(folder))
+
+
 def newest_checkpoint(folder: Path) -> Checkpoint | None:
     """The newest intact checkpoint of a folder; None if there are no checkpoints.
 

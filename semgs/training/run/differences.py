@@ -39,5 +39,7 @@ def list_changes(changes: Mapping[str, tuple[object, object]], here: str) -> str
 
 
 def describe(value: object) -> str:
-    """A setting's value in words."""
+    """A setting's value in words; "none" if it is empty."""
+    if value in ("", (), None):
+        return "none"
     return f"{value.name} ({', '.join(value.names)})" if isinstance(value, ClassTable) else str(value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -22,7 +23,7 @@ from semgs.model.weights.load import DATA_TERMS, SCENES, untrained
 from semgs.model.weights.weights_file import save
 from semgs.rooms.assets.lock import lock_digest
 from semgs.training.data.data_check.scene_record import RECORD, data_terms_of, scenes_of
-from semgs.training.run.checkpoints import best_checkpoint, newest_checkpoint
+from semgs.training.run.checkpoints import best_checkpoint, has_checkpoints, newest_checkpoint
 from semgs.training.run.differences import find_changes, list_changes
 from semgs.training.state import averaged_weights
 from semgs.training.training_settings import BEST, WEIGHTS, TrainingSettings
@@ -30,24 +31,32 @@ from semgs.training.training_settings import BEST, WEIGHTS, TrainingSettings
 SETTINGS = "settings.json"
 NETWORK = "network.json"
 """The settings of the network. They may come from a weights file that no longer exists when the run resumes."""
+ASSETS = "assets.json"
+ROOMS_POOL = "rooms"
+"""The folder of the rooms that several samples share."""
+
+_STARTS = ("init", "backbone")
+"""The settings that name a file which a run starts from. RUN/NAME.json has its SHA-256."""
 
 
 def claim_folder(out: Path, settings: TrainingSettings) -> None:
-    """Make the folder a run with these settings, or check that it is one. A run with fewer steps will do; `extend_run` makes it longer.
+    """Make the folder a run with these settings, or check that it can become one. `start_run` then records the settings.
+
+    A run with fewer steps will do, and so will any that has not `begun`: it has nothing to lose.
 
     Raises:
-        ValueError: it contains a run with other settings, which are listed.
-        InputError: it contains something else, or its path is not UTF-8.
+        InputError: it contains a run with other settings, which are listed, or something else, or its path is not UTF-8.
     """
     check_utf8(out, "TensorBoard")
     record = out / SETTINGS
     if record.exists():
         there = read_settings(out)
-        if other := find_changes(settings, replace(there, steps=max(there.steps, settings.steps))):
-            raise ValueError(
-                f"{out} is a run with other settings: {list_changes(other, 'requested')}; use the same settings or another folder "
-                "(once a run has started, only steps may change, and only grow)"
-            )
+        other = find_changes(settings, replace(there, steps=max(there.steps, settings.steps)))
+        if other and has_begun(out):
+            raise InputError(
+                out, "a run with the same settings", f"other settings: {list_changes(other, 'requested')}",
+                advice="use the same settings or another folder (steps may grow, and files and folders may move but keep their names)",
+            )  # fmt: skip
         return
     # The record itself may appear at any moment: the other processes of a training start at the same time.
     if out.exists() and not (
@@ -56,6 +65,30 @@ def claim_folder(out: Path, settings: TrainingSettings) -> None:
         raise InputError(out, "a new or empty folder, or a run to resume", "something else", advice="name another")
     out.mkdir(parents=True, exist_ok=True)
     write_json(record, settings.as_json())
+
+
+def has_begun(out: Path) -> bool:
+    """Whether a run has learned something: it has a checkpoint, even a damaged one, or weights."""
+    return has_checkpoints(out / "checkpoints") or any((out / name).exists() for name in (WEIGHTS, BEST))
+
+
+def start_run(out: Path, settings: TrainingSettings) -> None:
+    """Record the settings of a run and what it starts from; call this with its lock.
+
+    What a run that never reached a checkpoint has left is removed: it may have had other settings or other data.
+
+    Raises:
+        InputError: the run has other settings, or a file that it would start from cannot be read.
+    """
+    claim_folder(out, settings)  # again, as another process may have trained here since
+    if has_begun(out):
+        extend_run(out, settings)
+        return
+    for name in (NETWORK, RECORD, ASSETS, *(f"{start}.json" for start in _STARTS)):
+        (out / name).unlink(missing_ok=True)
+    shutil.rmtree(out / ROOMS_POOL, ignore_errors=True)
+    write_json(out / SETTINGS, settings.as_json())
+    record_files(out, settings)
 
 
 def extend_run(out: Path, settings: TrainingSettings) -> None:
@@ -74,13 +107,23 @@ def lock_run(out: Path) -> AbstractContextManager[None]:
     return lock_folder(out, "a run that no process is training", "one that another process is training")
 
 
+def record_files(out: Path, settings: TrainingSettings) -> None:
+    """Record which assets and weights a run starts from, or check that they are those.
+
+    Raises:
+        InputError: the run started from others, or they cannot be read.
+    """
+    record_assets(out, settings.assets)
+    record_weights(out, settings)
+
+
 def record_assets(out: Path, folders: Sequence[str]) -> None:
     """Record which assets a run uses, so that it only resumes with the same ones: an asset folder may have grown.
 
     Raises:
         InputError: the run started with other assets.
     """
-    record = out / "assets.json"
+    record = out / ASSETS
     locks = [lock_digest(folder) for folder in folders]
     if not record.exists():
         if folders:
@@ -102,8 +145,8 @@ def record_weights(out: Path, settings: TrainingSettings) -> None:
     Raises:
         InputError: a file is not the one that the run started from, or cannot be read.
     """
-    begun = (out / NETWORK).exists()
-    paths = {name: typed_path(place) for name in ("init", "backbone") if (place := getattr(settings, name))}
+    begun = has_begun(out)
+    paths = {name: typed_path(place) for name in _STARTS if (place := getattr(settings, name))}
     for name, path in paths.items():
         record = out / f"{name}.json"
         with readable(path):

@@ -22,7 +22,7 @@ from semgs.training.loop import Outcome
 from semgs.training.presets import small_plain
 from semgs.training.run.checkpoints import Checkpoint
 from semgs.training.run.execution import Execution
-from semgs.training.run.run_folder import claim_folder, read_settings
+from semgs.training.run.run_folder import claim_folder
 from semgs.training.training_settings import TrainingSettings
 
 LINE = "ablate small_plain --steps 2 --batch 1 --size 32x48 --contexts 2 2 --validation-scenes 0 --views 2 --workers 0"
@@ -271,9 +271,9 @@ def test_a_whole_ablation_in_rooms(tmp_path: Path, capsys):
 def test_how_a_training_runs_is_passed_on(tmp_path, labelled, trained, monkeypatch, capsys):
     given = []
 
-    def apart(run: Path, execution: Execution):
+    def apart(run: Path, settings: TrainingSettings, execution: Execution):
         given.append((run.parent.name, execution))
-        model = initial_network("small_plain", "random", switches=asdict(read_settings(run).network))
+        model = initial_network("small_plain", "random", switches=asdict(settings.network))
         save(run / "weights.safetensors", model, {})
 
     monkeypatch.setattr("semgs.cli.commands.networks.training_runs.train_apart", apart)

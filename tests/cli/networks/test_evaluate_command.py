@@ -265,7 +265,7 @@ def test_nearest_is_for_networks(refused: Refused, tmp_path: Path):
 def test_an_unknown_protocol_lists_the_known(refused: Refused):
     line = refused("small", "--protocol", "neighbors")
     assert "expected one of neighbours, peers, pinned FILE, found 'neighbors'" in line
-    assert "pinned FILE" in refused("small", "--protocol", "pinned")
+    assert "expected a FILE after pinned" in refused("small", "--protocol", "pinned")
     assert "expected one of" in refused("small", "--protocol", "peers", "7")
     assert "no such file" in refused("small", "--protocol", "pinned", "nowhere.json")
     assert "--gsnerf-distance needs --protocol peers" in refused("small", "--gsnerf-distance")

@@ -39,6 +39,14 @@ def test_options_may_stand_before_and_behind_the_preset_and_override_it():
     assert command.compute.minutes == 3
 
 
+@pytest.mark.parametrize("preset", ["small", "small_plain"])
+@pytest.mark.parametrize("value", [False, True])
+def test_a_flag_is_switched_on_and_off_whatever_the_preset_has(preset: str, value: bool):
+    no = "" if value else "no-"
+    settings = parsed(f"{preset} --out run --{no}context-targets --network.{no}class-backbone").settings
+    assert (settings.context_targets, settings.network.class_backbone) == (value, value)
+
+
 def test_supervision_by_depth_has_weights_of_its_own():
     command = parsed("--out run small --supervision depth --shared-rate 0 --depth-losses.gradients 0.25")
     assert (command.settings.supervision, command.settings.shared_rate) == ("depth", 0.0)
@@ -79,6 +87,7 @@ def test_a_run_of_other_settings_ends_with_exit_code_2_and_the_difference(tmp_pa
     from semgs.training.run.run_folder import claim_folder
 
     claim_folder(tmp_path / "run", small())
+    (tmp_path / "run" / "weights.safetensors").touch()
     assert main([*line, "--steps", "77"]) == 2
     told = capsys.readouterr().err.strip().splitlines()
     assert told[-1].startswith("semgs: error: ")
@@ -111,7 +120,7 @@ def test_a_table_of_classes_travels_in_the_settings(tmp_path: Path):
     settings = parsed(f"small --out run --init small --classes {tmp_path / 'table.json'}").settings
     assert settings.classes is not None
     assert settings.classes.names == ("wall", "floor")
-    assert preset_changes(settings)[0] == "classes: two (wall, floor) (preset small: None)"
+    assert preset_changes(settings)[0] == "classes: two (wall, floor) (preset small: none)"
 
 
 def test_weights_of_classes_are_numbers_or_the_name_of_a_rule():
@@ -139,6 +148,29 @@ def test_what_a_training_cannot_start_from_ends_with_exit_code_2_and_one_line(li
     last = capsys.readouterr().err.strip().splitlines()[-1]
     assert last.startswith("semgs: error: ")
     assert told.replace("TABLE", table.name) in last
+
+
+@pytest.mark.parametrize(
+    "mistyped", ["--data nowhere", "--init nowhere.pt", "--backbone nowhere.safetensors", "--teacher nowhere --supervision pictures", "--data ."]
+)  # fmt: skip
+def test_a_mistyped_input_does_not_block_the_folder_for_the_corrected_command(
+    mistyped: str, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    line = ["train", "small", "--out", "run", "--steps", "2", "--device", "cpu", "--workers", "0", "--size", "32x48"]
+    line += ["--batch", "1", "--validation-scenes", "0"]
+    assert main([*line, *mistyped.split()]) == 2
+    assert "semgs: error: " in capsys.readouterr().err
+
+    def fitted(*args, **options):
+        raise FloatingPointError("everything is ready")
+
+    monkeypatch.setattr("semgs.training.loop.fit", fitted)
+    assert main(line) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == "semgs: error: everything is ready"
+    settings = json.loads(Path("run/settings.json").read_text())
+    assert (settings["data"], settings["init"], settings["backbone"]) == (["rooms"], "random", "")
+    assert settings["teacher"] == ""
 
 
 def test_the_help_lists_the_settings_without_torch():

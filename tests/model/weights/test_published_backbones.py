@@ -79,6 +79,9 @@ def test_a_published_file_is_known_by_its_names(tmp_path: Path):
     assert not is_published(str(shipped("small")))
     with pytest.raises(InputError, match=r"text.safetensors: expected a complete safetensors file"):
         fill_backbone(MobileNetV2(), tmp_path / "text.safetensors")
+    for name, found in (("nowhere.safetensors", "no such file"), (".", "Is a directory")):
+        with pytest.raises(InputError, match=rf"expected a complete safetensors file, found {found}$"):
+            fill_backbone(MobileNetV2(), tmp_path / name)
 
 
 def test_the_published_files_beside_the_project_are_such(shared: Path):

@@ -21,9 +21,9 @@ from semgs.rooms.sets import demo_room as demo
 from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.data.data_settings import VALIDATION_SEED
 from semgs.training.loop import train
-from semgs.training.presets import PRESETS
+from semgs.training.presets import PRESETS, preset_changes
 from semgs.training.run.checkpoints import Checkpoint, save_checkpoint
-from semgs.training.run.differences import differences, find_changes
+from semgs.training.run.differences import differences, find_changes, list_changes
 from semgs.training.run.execution import Execution
 from semgs.training.run.run_folder import (
     BEST,
@@ -32,15 +32,21 @@ from semgs.training.run.run_folder import (
     claim_folder,
     empty_network,
     export_weights,
-    extend_run,
     is_finished,
     lock_run,
     read_settings,
     record_weights,
+    start_run,
 )
 from semgs.training.state import TrainingState
 from semgs.training.supervision.supervision import make_supervision
 from semgs.training.training_settings import TrainingSettings
+
+
+def begin(run: Path) -> None:
+    """Give a run a checkpoint, by which it has begun."""
+    (run / "checkpoints").mkdir()
+    (run / "checkpoints" / "00000001.json").touch()
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -72,6 +78,7 @@ def test_a_run_that_began_before_some_settings_existed_goes_on(tmp_path):
 def test_data_weights_and_assets_may_lie_elsewhere_on_another_machine(settings, tmp_path):
     here = replace(settings, data=("rooms", "/data/scans=2"), init="/w/mine.safetensors")
     claim_folder(tmp_path, here)
+    begin(tmp_path)
     claim_folder(tmp_path, replace(here, data=("rooms", "../scans=2"), init="mine.safetensors"))
     for change in ({"data": ("rooms", "/data/scans=3")}, {"data": ("rooms", "/data/others=2")}, {"init": "random"}):
         with pytest.raises(ValueError, match=next(iter(change))):
@@ -103,8 +110,11 @@ def test_a_run_is_finished_after_its_last_step_and_the_validation_that_is_due(se
 
 def test_a_run_of_other_settings_is_refused_with_the_difference(settings, tmp_path):
     claim_folder(tmp_path, settings)
+    begin(tmp_path)
     claim_folder(tmp_path, settings)
-    with pytest.raises(ValueError, match=r"batch = 2 there, 3 requested.* only steps may change, and only grow"):
+    with pytest.raises(
+        InputError, match=r"other settings: batch = 2 there, 3 requested; .*\(steps may grow, and .* keep their names\)"
+    ):
         claim_folder(tmp_path, replace(settings, batch=3, steps=13))
     with pytest.raises(ValueError, match=r"steps = 12 there, 11 requested"):
         claim_folder(tmp_path, replace(settings, steps=11))
@@ -112,13 +122,15 @@ def test_a_run_of_other_settings_is_refused_with_the_difference(settings, tmp_pa
 
 def test_a_run_becomes_longer_once_somebody_trains_it_and_then_not_shorter(settings, tmp_path):
     claim_folder(tmp_path, settings)
+    begin(tmp_path)
     longer = replace(settings, steps=20)
     claim_folder(tmp_path, longer)
     assert read_settings(tmp_path) == settings
     with lock_run(tmp_path):
-        extend_run(tmp_path, longer)
+        start_run(tmp_path, longer)
         assert read_settings(tmp_path) == longer
-        extend_run(tmp_path, settings)
+        with pytest.raises(InputError, match=r"steps = 20 there, 12 requested"):
+            start_run(tmp_path, settings)
         with pytest.raises(InputError, match="another process is training"), lock_run(tmp_path):
             pass
     assert read_settings(tmp_path) == longer
@@ -138,6 +150,44 @@ def test_a_start_that_was_killed_at_once_does_not_block_the_next(settings, tmp_p
     (tmp_path / ".settings.json.1a2b3c4d.part").write_text("{")
     claim_folder(tmp_path, settings)
     assert read_settings(tmp_path) == settings
+
+
+def test_a_run_that_learned_nothing_is_taken_over_with_nothing_of_what_it_recorded(settings, tmp_path):
+    """Its user mistyped an input, or it was killed before its first checkpoint: the settings, data and weights may be others now."""
+    run, file = tmp_path / "run", tmp_path / "start.safetensors"
+    file.write_text("abc")
+    claim_folder(run, replace(settings, backbone="nope", steps=20))
+    for name in (NETWORK, "data.json", "assets.json", "backbone.json"):
+        (run / name).write_text('"stale"')
+    (run / "rooms").mkdir()
+    (run / "checkpoints").mkdir()
+    (run / "checkpoints" / "00000001.safetensors").touch()  # half a checkpoint
+    (run / "notes.txt").write_text("mine")
+    wanted = replace(settings, init=str(file))
+    claim_folder(run, wanted)
+    assert read_settings(run).backbone == "nope"  # until a process has the lock
+    with lock_run(run):
+        start_run(run, wanted)
+    assert read_settings(run) == wanted
+    assert json.loads((run / "init.json").read_text()) == ABC
+    assert {path.name for path in run.iterdir()} == {"settings.json", "init.json", "checkpoints", "notes.txt", ".lock"}
+
+
+@pytest.mark.parametrize("kept", ["checkpoints/00000001.json", WEIGHTS, BEST])
+def test_a_run_that_learned_something_is_never_taken_over(settings, tmp_path, kept: str):
+    claim_folder(tmp_path, settings)
+    (tmp_path / kept).parent.mkdir(exist_ok=True)
+    (tmp_path / kept).touch()
+    for refuse in (claim_folder, start_run):
+        with pytest.raises(InputError, match="seed = 3 there, 4 requested"):
+            refuse(tmp_path, replace(settings, seed=4))
+    assert read_settings(tmp_path) == settings
+
+
+def test_a_folder_with_settings_of_another_program_is_not_taken_over(settings, tmp_path):
+    (tmp_path / "settings.json").write_text('{"editor.fontSize": 12}')
+    with pytest.raises(InputError, match="expected the settings of a training run"):
+        claim_folder(tmp_path, settings)
 
 
 def test_a_run_without_a_checkpoint_has_no_weights(settings, tmp_path):
@@ -167,6 +217,15 @@ def test_unknown_fields_of_a_newer_version_are_named(settings):
 def test_settings_that_cannot_be_are_refused_by_name(settings, field: str, value: object):
     with pytest.raises(ValueError, match=f"{field} is"):
         replace(settings, **{field: value})
+
+
+def test_an_empty_value_is_printed_as_none(settings):
+    changes = differences(replace(settings, backbone="nope", data=()), replace(settings, class_weights=(1.0,) * 20))
+    told = list_changes(changes, "requested")
+    assert "backbone = none there, nope requested" in told
+    assert "data = ('rooms',) there, none requested" in told
+    assert "1.0) there, none requested" in told
+    assert preset_changes(replace(PRESETS["small"](), backbone="nope")) == ["backbone: nope (preset small: none)"]
 
 
 def test_differences_name_both_values(settings):
@@ -229,8 +288,8 @@ def test_a_run_does_not_resume_with_another_file_of_the_name_of_its_initial_weig
     for place, text in ((file, "damaged"), (file, "abc"), (moved, "abc")):
         place.write_text(text)
         record_weights(run, replace(settings, **{name: str(place)}))
-        if text == "abc":  # a run begins when it has made its network
-            (run / NETWORK).write_text("{}")
+        if text == "abc" and not (run / "checkpoints").exists():
+            begin(run)
     assert json.loads((run / f"{name}.json").read_text()) == ABC
     file.write_text("abd")
     with pytest.raises(InputError) as told:
@@ -248,7 +307,7 @@ def test_a_run_that_began_without_a_record_of_its_initial_weights_resumes(settin
     file.write_text("abc")
     run, began = tmp_path / "run", replace(settings, init=str(file))
     claim_folder(run, began)
-    (run / NETWORK).write_text("{}")
+    begin(run)
     for text in ("abc", "abd"):
         file.write_text(text)
         record_weights(run, began)
@@ -261,7 +320,7 @@ def test_semgs_train_refuses_another_file_of_the_same_name_with_one_line(tmp_pat
     began = replace(PRESETS["small_plain"](), init=str(file))
     claim_folder(run, began)
     record_weights(run, began)
-    (run / NETWORK).write_text("{}")
+    begin(run)
     file.write_text("abd")
     assert main(["train", "small_plain", "--init", str(file), "--out", str(run)]) == 2
     told = capsys.readouterr().err.strip().splitlines()

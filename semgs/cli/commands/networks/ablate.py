@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import tyro
 
@@ -29,6 +29,7 @@ from semgs.training.ablation_rows import (
     semantic_row_settings,
 )
 from semgs.training.data.data_sources import ROOMS
+from semgs.training.presets import PRESETS
 from semgs.training.run.execution import Execution
 
 if TYPE_CHECKING:
@@ -68,6 +69,8 @@ class Ablate:
     - semgs ablate paper --out ablation --data scannet/train --init re10k.ckpt --test scans --test-scenes scannet-sray-test --protocol peers
     """
 
+    presets: ClassVar = tuple(PRESETS)
+
     settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Output folder: new, empty, or one with the same settings to resume."""
@@ -93,9 +96,9 @@ class Ablate:
     first train depth and colour (--rows base), then the variants side by side, each by a command of its own with the same OUT."""
     full: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
     """A finished semgs train run of the full method with these settings. It is evaluated but not trained again."""
-    train_only: bool = False
+    train_only: tyro.conf.FlagCreatePairsOff[bool] = False
     """Evaluate nothing. To evaluate, repeat the command without this, also on another machine with a copy of OUT."""
-    dry_run: bool = False
+    dry_run: tyro.conf.FlagCreatePairsOff[bool] = False
     """Print what would be trained and estimate the time from three steps of the full method; write nothing."""
     compute: Annotated[ExecutionOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=ExecutionOptions)
 
@@ -247,9 +250,9 @@ class Ablate:
 
     def _check_base(self, run: Path, steps: int) -> None:
         """Refuse to train the base for longer: variants have started from it."""
-        from semgs.training.run.run_folder import SETTINGS, read_settings
+        from semgs.training.run.run_folder import has_begun, read_settings
 
-        if (run / SETTINGS).exists() and (there := read_settings(run).steps) < steps:
+        if has_begun(run) and (there := read_settings(run).steps) < steps:
             raise UsageError(
                 f"--steps: {run} has {there} steps, not {steps}, and the variants start from it; name another --out"
             )

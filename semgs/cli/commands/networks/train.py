@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import tyro
 
@@ -12,6 +12,7 @@ from semgs.cli.options.execution_options import ExecutionOptions
 from semgs.cli.options.training_options import PresetSettings
 from semgs.cli.options.types import Count
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
+from semgs.training.presets import PRESETS
 
 
 @tyro.conf.configure(tyro.conf.CascadeSubcommandArgs, tyro.conf.OmitSubcommandPrefixes)
@@ -33,9 +34,13 @@ class Train:
     - semgs train paper --data scannet/train --init re10k.ckpt --devices 4 --out runs/paper
     """
 
+    presets: ClassVar = tuple(PRESETS)
+
     settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
     out: Annotated[Path, tyro.conf.arg(metavar="RUN")]
-    """Run folder: new, empty, or a run with the same settings to resume. Only --steps may change, and only grow."""
+    """Run folder: new, empty, one whose run has no checkpoint yet, or a run with the same settings to resume. To resume, --steps may grow, files
+    and folders may have moved but keep their names, and how to compute (--device, --devices, --nodes, --precision, --accumulate, --minutes,
+    --workers, --save-minutes, --cache-gib) is free."""
     nodes: Count = 1
     """Machines, each with that many --devices, started by torchrun or SLURM."""
     compute: Annotated[ExecutionOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=ExecutionOptions)
@@ -57,7 +62,7 @@ class Train:
         execution = self.compute.execution(self.nodes)
         with what_the_user_gave():
             execution.share().check(self.settings.batch)
-            claim_folder(self.out, self.settings)
+        claim_folder(self.out, self.settings)
         try:
             train(self.settings, self.out, execution, console=Console(stderr=True, highlight=False))
         except (FloatingPointError, ImportError) as error:

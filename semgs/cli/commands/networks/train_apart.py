@@ -1,6 +1,6 @@
-"""Trains a run folder that already has its settings in a program of its own. `semgs ablate` and `semgs recipe` need it to train several times with --devices.
+"""Trains a run folder in a program of its own. `semgs ablate` and `semgs recipe` need it to train several times with --devices.
 
-    python -m semgs.cli.commands.networks.train_apart RUN '{"device": "cuda", "devices": 4}'
+    python -m semgs.cli.commands.networks.train_apart RUN '{"model": "small", ...}' '{"device": "cuda", "devices": 4}'
 
 Lightning Fabric starts the other processes of a training by running the same program again, so each training needs its own program.
 """
@@ -15,22 +15,22 @@ from pathlib import Path
 
 from semgs.cli.usage_errors import UsageError
 from semgs.training.run.execution import Execution
+from semgs.training.training_settings import TrainingSettings
 
 
-def train_apart(run: Path, execution: Execution) -> None:
-    """Train a run folder that has its settings, or resume it, and wait for the end.
+def train_apart(run: Path, settings: TrainingSettings, execution: Execution) -> None:
+    """Train into a run folder, or resume its run, and wait for the end.
 
     Args:
         run: the folder.
+        settings: what to train.
         execution: how to run it.
 
     Raises:
         UsageError: the training failed; it has printed why.
     """
-    done = subprocess.run(
-        [sys.executable, "-m", "semgs.cli.commands.networks.train_apart", str(run), json.dumps(asdict(execution))],
-        check=False,
-    )
+    given = [str(run), json.dumps(settings.as_json()), json.dumps(asdict(execution))]
+    done = subprocess.run([sys.executable, "-m", "semgs.cli.commands.networks.train_apart", *given], check=False)
     if done.returncode:
         raise UsageError(f"the training in {run} ended with exit code {done.returncode}")
 
@@ -41,12 +41,12 @@ def main(arguments: list[str]) -> int:
 
     from semgs.files.errors import InputError
     from semgs.training.loop import train
-    from semgs.training.run.run_folder import read_settings
 
-    run, execution = Path(arguments[0]), Execution(**json.loads(arguments[1]))
+    run, settings = Path(arguments[0]), TrainingSettings.from_json(json.loads(arguments[1]))
+    execution = Execution(**json.loads(arguments[2]))
     console = Console(stderr=True, highlight=False)
     try:
-        train(read_settings(run), run, execution, console=console)
+        train(settings, run, execution, console=console)
     except (InputError, FloatingPointError, ImportError) as error:
         console.print(f"error: {error}", markup=False)
         return 2

@@ -30,18 +30,19 @@ def train_or_resume(
         ends: when to stop, from `deadline`.
 
     Raises:
-        UsageError: the settings are invalid, the folder is another run, training failed, or an extra is not installed.
-        InputError: the folder, the data or the initial weights cannot be used.
+        UsageError: the settings are invalid, training failed, or an extra is not installed.
+        InputError: the folder is another run, or the folder, the data or the initial weights cannot be used.
     """
     from rich.console import Console
 
     from semgs.training.loop import train
-    from semgs.training.run.run_folder import WEIGHTS, claim_folder, extend_run, is_finished
+    from semgs.training.run.run_folder import WEIGHTS, claim_folder, extend_run, has_begun, is_finished
 
     with what_the_user_gave():
         settings.check_complete()
-        claim_folder(run, settings)
-    extend_run(run, settings)  # without the lock, as all processes of a training come here at the same time
+    claim_folder(run, settings)
+    if has_begun(run):
+        extend_run(run, settings)  # without the lock, as all processes of a training come here at the same time
     if is_finished(run) and (run / WEIGHTS).is_file():
         return True
     left = None if ends is None else (ends - time.monotonic()) / 60
@@ -51,7 +52,7 @@ def train_or_resume(
     console.print(title, markup=False, soft_wrap=True)
     execution = replace(execution, minutes=left)
     if execution.devices > 1:
-        train_apart(run, execution)
+        train_apart(run, settings, execution)
         return is_finished(run)
     try:
         return train(settings, run, execution, console=console).finished
