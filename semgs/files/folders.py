@@ -20,7 +20,7 @@ MARK = ".semgs"
 """The file that marks a folder as written by semgs."""
 
 LOCK = ".lock"
-"""The file that the process which fills a folder locks. It holds nothing: on Windows, nobody could read a locked file."""
+"""The file that the process which fills a folder locks. It is empty, because no other process can read a locked file on Windows."""
 
 FILE_ENDINGS = frozenset(
     [

@@ -42,7 +42,14 @@ def test_scenes_become_archives_that_semgs_reads(
     assert told.out.startswith(f"{out}: 2 scenes, 6 frames, ")
     assert f"semgs reconstruct {out / 'a.zip'} --out DIR" in told.out
     assert told.err == ""
-    assert {path.name for path in out.iterdir()} == {"a.zip", "b.zip", "index.json", "settings.json", "SHA256SUMS"}
+    assert {path.name for path in out.iterdir()} == {
+        "a.zip",
+        "b.zip",
+        "index.json",
+        "settings.json",
+        "SHA256SUMS",
+        ".lock",
+    }
     scene = open_scene(out / "b.zip")
     assert (scene.name, len(scene), scene.frames[0].lens.size) == ("b", 3, (32, 48))
 
@@ -102,7 +109,7 @@ def test_a_disk_that_fills_up_leaves_what_is_complete_and_no_part(
     monkeypatch.setattr(archive, "_write", until_the_second_scene)
     line = refused(capsys, scenes, out, "--size", "32x48", "--workers", 0)
     assert "the disk is full (b.zip); free some space or write elsewhere" in line
-    assert {path.name for path in out.iterdir()} == {"a.zip", "settings.json"}
+    assert {path.name for path in out.iterdir()} == {"a.zip", "settings.json", ".lock"}
     monkeypatch.setattr(archive, "_write", written)
     assert main(["prepare", str(scenes), str(out), "--size", "32x48", "--workers", "0"]) == 0
 
