@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from semgs.cli.usage_errors import UsageError
+from semgs.files.errors import InputError
 from semgs.splats.endings import is_splat
 
 if TYPE_CHECKING:
@@ -34,3 +35,24 @@ def open_given(scene: Path, cameras: Path | None, up: Up) -> OpenedScene:
     from semgs.scene.scene_file import load_scene
 
     return OpenedScene(load_scene(typed_path(scene)), up)
+
+
+def check_for_robots(path: Path, opened: OpenedScene, option: str, classes: bool) -> None:
+    """Check that a scene has what things and maps need.
+
+    Args:
+        path: the scene as given.
+        opened: the same, opened.
+        option: the option that needs it, for the message.
+        classes: whether it needs classes as well as metres.
+
+    Raises:
+        InputError: its unit is unknown, or it has no classes.
+    """
+    from semgs.export.scene_objects import GET_METRES
+
+    if opened.scene.unit != "metric":
+        advice = "give --cameras with a scene in metres" if opened.splat else GET_METRES
+        raise InputError(path, f"a scene in metres for {option}", "one whose unit is unknown", advice=advice)
+    if classes and opened.scene.classes is None:
+        raise InputError(path, f"a scene with classes for {option}", "one with colour and depth only")

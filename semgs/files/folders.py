@@ -22,55 +22,12 @@ MARK = ".semgs"
 LOCK = ".lock"
 """The file that the process which fills a folder locks. It is empty, because no other process can read a locked file on Windows."""
 
-FILE_ENDINGS = frozenset(
-    [
-        ".avi",
-        ".bmp",
-        ".ckpt",
-        ".csv",
-        ".gif",
-        ".glb",
-        ".gltf",
-        ".htm",
-        ".html",
-        ".jpeg",
-        ".jpg",
-        ".json",
-        ".ksplat",
-        ".m4v",
-        ".mcap",
-        ".mkv",
-        ".mov",
-        ".mp4",
-        ".npy",
-        ".npz",
-        ".obj",
-        ".onnx",
-        ".pcd",
-        ".pdf",
-        ".ply",
-        ".png",
-        ".pt",
-        ".pth",
-        ".rrd",
-        ".safetensors",
-        ".sog",
-        ".splat",
-        ".spz",
-        ".svg",
-        ".tif",
-        ".tiff",
-        ".txt",
-        ".usd",
-        ".usda",
-        ".usdc",
-        ".usdz",
-        ".webm",
-        ".webp",
-        ".zip",
-    ]
-)
-"""Endings in lower case of what somebody may expect to get instead of a folder."""
+FILE_ENDINGS = frozenset([
+    ".avi", ".bmp", ".ckpt", ".csv", ".gif", ".glb", ".gltf", ".htm", ".html", ".jpeg", ".jpg", ".json", ".ksplat", ".m4v", ".mcap", ".mkv", ".mov", ".mp4",
+    ".npy", ".npz", ".obj", ".onnx", ".pcd", ".pdf", ".ply", ".png", ".pt", ".pth", ".rrd", ".safetensors", ".sog", ".splat", ".spz", ".svg", ".tif", ".tiff",
+    ".txt", ".usd", ".usda", ".usdc", ".usdz", ".webm", ".webp", ".zip",
+])  # fmt: skip
+"""Endings, in lower case, of files that a user may expect instead of a folder."""
 
 _MARK_TEXT = "This folder was written by semgs, which replaces it as a whole when it is told to overwrite it.\n"
 

@@ -54,17 +54,17 @@ def closed(tmp_path: Path) -> Path:
 def test_every_command_that_writes_says_so_before_the_work_where_it_cannot(
     room: Path, closed: Path, told: Told
 ) -> None:
-    for command in (
-        ("reconstruct", room, "--weights", "random", "--out"),
-        ("evaluate", "small", "--data", room, "--out"),
-        ("figure", "qualitative", "--weights", "small", "--data", room, "--out"),
-        ("demo", "--out"),
-        ("bench", "--quick", "--json"),
-        ("weights", "calibrate", "small", "--data", room, "--out"),
-        ("rooms", "--sheet"),
-        ("prepare", room),
+    for name, *command in (
+        ("new", "reconstruct", room, "--weights", "random", "--out"),
+        ("new", "evaluate", "small", "--data", room, "--out"),
+        ("new", "figure", "qualitative", "--weights", "small", "--data", room, "--out"),
+        ("new", "demo", "--out"),
+        ("new.json", "bench", "--quick", "--json"),
+        ("new.safetensors", "weights", "calibrate", "small", "--data", room, "--out"),
+        ("new.png", "rooms", "--sheet"),
+        ("new", "prepare", room),
     ):
-        line = told(*command, closed / "new.png")
+        line = told(*command, closed / name)
         assert "found Permission denied" in line, command
         assert str(closed) in line, command
     for command in (("rooms",), ("train", "small", "--out")):

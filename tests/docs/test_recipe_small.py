@@ -11,7 +11,7 @@ SCRIPT = Path(__file__).parents[2] / "scripts" / "recipe_small.sh"
 RUNS = 44
 """Runs that the script and docs/train.md name."""
 
-STAND_IN = '''#!{python}
+STAND_IN = '''#!{python} -SE
 """Stands in for semgs, for Python and for gpu_day.sh: notes the call, checks that what it reads is there, makes what it would write."""
 import sys
 from pathlib import Path

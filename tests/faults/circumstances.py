@@ -153,7 +153,7 @@ def shrinking(case: Case, inputs: Path, folder: Path, suffix: str) -> list[str]:
                     opened.append(path)
 
         sys.addaudithook(hook)
-        return command(case.command(copy, folder / f"out{suffix}"))()
+        return command(case.command(copy, folder / "out"))()
 
     ended = run(work, folder / "log.txt")
     return [] if ended.code == 0 else refused(ended, str(copy), "is full", "scenes")

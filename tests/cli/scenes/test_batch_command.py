@@ -110,7 +110,7 @@ def test_a_scene_that_its_result_would_replace_is_refused(tmp_path: Path, capsys
     save_walls(tmp_path / "scans", 1)
     write_json(tmp_path / "scans" / "batch.json", {"command": "export"})
     before = tree(tmp_path)
-    assert main(["batch", "export", str(tmp_path / "scans"), "--out", str(tmp_path / "scans")]) == 2
+    assert main(["batch", "export", str(tmp_path / "scans/wall_0"), "--out", str(tmp_path / "scans")]) == 2
     assert "scans/wall_0: expected an output apart from the input, found the input itself" in capsys.readouterr().err
     assert tree(tmp_path) == before
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from semgs.cli.arguments import did_you_mean
-from semgs.cli.opened_scene import open_given
+from semgs.cli.opened_scene import check_for_robots, open_given
 from semgs.cli.options.types import Probability, at_least, one_word
 from semgs.cli.progress import show_stage
 from semgs.cli.terminal import aligned
@@ -246,18 +246,10 @@ class Export:
 
     def _check_for_robots(self, opened: OpenedScene, up: UpDirection | None) -> None:
         """Check that a scene has what things and maps need."""
-        from semgs.export.scene_objects import GET_METRES, Z_IS_UP, check_metric
+        from semgs.export.scene_objects import Z_IS_UP
 
-        scene = opened.scene
-        try:
-            check_metric(scene)
-        except ValueError as error:
-            raise InputError(
-                self.scene, "a scene in metres for --as objects and occupancy", "one whose unit is unknown",
-                advice="give --cameras with a scene in metres" if opened.splat else GET_METRES,
-            ) from error  # fmt: skip
-        if "objects" in self.formats and scene.classes is None:
-            raise InputError(self.scene, "a scene with classes for --as objects", "one with colour and depth only")
+        objects = "objects" in self.formats
+        check_for_robots(self.scene, opened, "--as objects" if objects else "--as occupancy", classes=objects)
         if "occupancy" in self.formats and self.frame == "scene" and up is not None and up.direction[2] < Z_IS_UP:
             direction = ", ".join(f"{side:.2f}" for side in up.direction.tolist())
             raise UsageError(

@@ -17,6 +17,7 @@ from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError
 from semgs.files.folders import FILE_ENDINGS, check_folder, own_folder
 from semgs.files.paths import found_at, typed_path
+from semgs.files.text import counted
 from semgs.splats.endings import is_splat
 
 if TYPE_CHECKING:
@@ -132,7 +133,7 @@ class Render:
             print(f"{self.out}: {count} images, {count / self.fps:.1f} s at {self.fps} images per second")
         else:
             self._write_folder(stills, cameras)
-            print(f"{self.out}: {count} images each of {', '.join(stills.shows)}")
+            print(f"{self.out}: {counted(count, 'image')} each of {', '.join(stills.shows)}")
         if note:
             print(f"note: {note}")
 

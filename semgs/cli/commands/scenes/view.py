@@ -15,13 +15,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from semgs.cli.commands.scenes.reconstruct import Reconstruct
-from semgs.cli.opened_scene import open_given
+from semgs.cli.opened_scene import check_for_robots, open_given
 from semgs.cli.options.types import Count, Probability, Views, WeightsOrRandom, at_least, one_word
 from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_stage
 from semgs.cli.usage_errors import UsageError
 from semgs.files.atomic import write_text
-from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
 from semgs.robotics.object_libraries import check_object_libraries
 from semgs.splats.endings import is_splat, lacks_classes
@@ -167,10 +166,8 @@ class View:
         from semgs.export.scene_objects import things_of
         from semgs.scene.upright import up_of
 
-        try:
-            return things_of(opened.scene, up_of(opened.scene, opened.up))
-        except ValueError as error:
-            raise InputError(self.scene, "a scene in metres with classes for --objects", str(error)) from error
+        check_for_robots(self.scene, opened, "--objects", classes=True)
+        return things_of(opened.scene, up_of(opened.scene, opened.up))
 
     def _show(self, path: Path) -> None:
         """Show the viewer until an interrupt."""
