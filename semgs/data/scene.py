@@ -112,6 +112,11 @@ class Scene:
         return len(self.frames)
 
     @property
+    def places(self) -> set[Path]:
+        """What the scene is read from: the file or folder that describes it, and the folders of its images."""
+        return {self.path, *(frame.picture.parent for frame in self.frames if isinstance(frame.picture, Path))}
+
+    @property
     def cameras(self) -> list[Cameras]:
         """The camera of each frame, at full size, after undistortion."""
         return [frame.camera for frame in self.frames]

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import fields
 from pathlib import Path
 
 import pytest
+from blocks import room_of_blocks
 
 from semgs.cli.main import COMMANDS, main
+from semgs.export.ply import save_ply
 from semgs.files.folders import MARK, own_folder
+from semgs.rooms.sets.dataset import RoomSettings, write_dataset
 
 CASES = (
     "reconstruct {own} --out {own}",
@@ -68,6 +72,41 @@ def test_it_is_refused_in_one_line_and_nothing_is_lost(
     assert told.count("\n") == 1
     assert sorted(tmp_path.rglob("*")) == before
     assert (tmp_path / "own" / MARK).exists()
+
+
+REFERRED = (
+    "reconstruct {list} --weights random --out {rooms}/scene_00000",
+    "evaluate small --data {rooms} --out {rooms}/scene_00000",
+    "evaluate small --single --data {rooms} --out {rooms}/scene_00000",
+    "figure qualitative --weights small --data {rooms} --out {rooms}/scene_00000",
+    "label-splat {splat} --cameras {list} --out {rooms}/scene_00000",
+)
+"""Commands that read a scene which is in a folder of scenes, or whose images are named elsewhere."""
+
+
+@pytest.fixture(scope="module")
+def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("referred") / "rooms"
+    write_dataset(folder, RoomSettings(78, (32, 48), 3), 1)
+    return folder
+
+
+@pytest.mark.parametrize("command", REFERRED)
+def test_so_is_a_scene_of_a_data_set_and_one_that_has_the_images(
+    command: str, rooms: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = rooms / "scene_00000"
+    listed = json.loads((scene / "transforms.json").read_text())
+    for frame in listed["frames"]:
+        frame["file_path"] = str(scene / frame["file_path"])
+        del frame["depth_file_path"], frame["label_file_path"]
+    (tmp_path / "transforms.json").write_text(json.dumps(listed))
+    save_ply(tmp_path / "a.ply", room_of_blocks().gaussians)
+    before = sorted(rooms.rglob("*"))
+    paths = {"rooms": rooms, "list": tmp_path / "transforms.json", "splat": tmp_path / "a.ply"}
+    assert main([*command.format(**paths).split(), "--overwrite"]) == 2
+    assert "expected an output apart from the input, found " in capsys.readouterr().err
+    assert sorted(rooms.rglob("*")) == before
 
 
 def test_every_command_that_replaces_its_output_has_a_case() -> None:

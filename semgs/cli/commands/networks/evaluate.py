@@ -27,7 +27,7 @@ from semgs.cli.options.types import (
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.files.errors import InputError
-from semgs.files.folders import check_folder
+from semgs.files.folders import check_apart, check_folder
 from semgs.files.paths import existing_folder, files_among, found_at
 
 if TYPE_CHECKING:
@@ -139,6 +139,8 @@ class Evaluate:
             from semgs.evaluation.run import Job, open_labelled_scenes, run_evaluation
 
             data = open_labelled_scenes(self.data, self.reading.as_peers, self.reading.asked, self.scenes)
+        for scene in data.scenes:
+            check_apart(self.out, scene.places)
         plan = self._plan(data.scenes)
         with show_stage("Loading"):
             labelling = self.segmenting.labelling()
@@ -162,6 +164,8 @@ class Evaluate:
             )
             if data.classes is None:
                 raise InputError(self.data, "labelled images", "none with labels")
+        for scene in data.scenes:
+            check_apart(self.out, scene.places)
         with show_stage("Loading"), what_the_user_gave():
             remarks = self._seen(data.scenes)
             device = chosen_device(self.device)

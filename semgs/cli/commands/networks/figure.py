@@ -16,7 +16,7 @@ from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.figures.plotting import check_plotting
 from semgs.files.errors import InputError
-from semgs.files.folders import check_folder, own_folder
+from semgs.files.folders import check_apart, check_folder, own_folder
 from semgs.files.paths import existing_folder, files_among, typed_path
 from semgs.files.strict_json import parse_json
 
@@ -187,6 +187,8 @@ class PaperFigure:
         wanted_scenes = self.scenes[index] if self.scenes else ""
         data = open_labelled_scenes(self.data[index], self.reading.as_peers, self.reading.asked, wanted_scenes)
         scenes, classes = data.scenes, data.classes
+        for scene in scenes:
+            check_apart(self.out, scene.places)
         plan = plan_targets(self.protocol, scenes, (self.views,), self.size)
         wanted = [
             name

@@ -25,7 +25,7 @@ from semgs.cli.options.types import (
 from semgs.cli.progress import say_compiling, show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError
-from semgs.files.folders import check_folder, own_folder
+from semgs.files.folders import check_apart, check_folder, own_folder
 from semgs.files.paths import existing_folder, files_among
 from semgs.runtime.stopwatch import Stages
 from semgs.viewer.server import check_viewer_library
@@ -107,6 +107,7 @@ class LabelSplat:
         with stages("read", f"Reading {self.splat.name}"):
             splat = load_splat(self.splat)
             scene = open_with_details(self.cameras, self.reading.as_peers, self.reading.asked, needs_labels=False)
+            check_apart(self.out, scene.places)
             gaussians = in_frame_of(self.splat, splat.gaussians, scene)
         voting, held = hold_out(len(range(0, len(scene), self.every)), self.hold_out)
         with own_folder(self.out, self.overwrite) as folder:

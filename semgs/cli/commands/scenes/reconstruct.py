@@ -27,7 +27,7 @@ from semgs.cli.options.types import (
 from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import say_compiling, show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
-from semgs.files.folders import check_folder, own_folder
+from semgs.files.folders import check_apart, check_folder, own_folder
 from semgs.files.paths import existing_folder, files_among
 from semgs.model.networks import NAMES, NetworkName
 from semgs.reconstruction.output.rerun_library import rerun_library
@@ -169,7 +169,11 @@ class Reconstruct:
         from semgs.reconstruction.recording import Walk
 
         asked = self.reading.as_peers, self.reading.asked
-        scene = open_with_details(self.scene, *asked, needs_labels=False) if photos is None else photos.scene(*asked)
+        if photos is None:
+            scene = open_with_details(self.scene, *asked, needs_labels=False)
+            check_apart(self.out, scene.places)
+        else:
+            scene = photos.scene(*asked)
         stages = Stages(show_stage, say_compiling, show_progress)
         frames: Choice | Walk = Walk(self.views)
         notes: list[str] = []
