@@ -139,8 +139,7 @@ class Evaluate:
             from semgs.evaluation.run import Job, open_labelled_scenes, run_evaluation
 
             data = open_labelled_scenes(self.data, self.reading.as_peers, self.reading.asked, self.scenes)
-        for scene in data.scenes:
-            check_apart(self.out, scene.places)
+        check_apart(self.out, (place for scene in data.scenes for place in scene.places))
         plan = self._plan(data.scenes)
         with show_stage("Loading"):
             labelling = self.segmenting.labelling()
@@ -164,8 +163,7 @@ class Evaluate:
             )
             if data.classes is None:
                 raise InputError(self.data, "labelled images", "none with labels")
-        for scene in data.scenes:
-            check_apart(self.out, scene.places)
+        check_apart(self.out, (place for scene in data.scenes for place in scene.places))
         with show_stage("Loading"), what_the_user_gave():
             remarks = self._seen(data.scenes)
             device = chosen_device(self.device)

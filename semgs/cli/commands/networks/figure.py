@@ -187,8 +187,7 @@ class PaperFigure:
         wanted_scenes = self.scenes[index] if self.scenes else ""
         data = open_labelled_scenes(self.data[index], self.reading.as_peers, self.reading.asked, wanted_scenes)
         scenes, classes = data.scenes, data.classes
-        for scene in scenes:
-            check_apart(self.out, scene.places)
+        check_apart(self.out, (place for scene in scenes for place in scene.places))
         plan = plan_targets(self.protocol, scenes, (self.views,), self.size)
         wanted = [
             name

@@ -184,7 +184,10 @@ class Batch:
         from semgs.batch.records import Record, is_done, read_record, write_record
 
         left = [task for task in tasks if not is_done(task, self.retry_failed)]
-        skipped = [record for task in tasks if task not in left and (record := read_record(self.out, task.name))]
+        waiting = {task.name for task in left}
+        skipped = [
+            record for task in tasks if task.name not in waiting and (record := read_record(self.out, task.name))
+        ]
         failed_before = [record for record in skipped if not record.succeeded]
         print(f"{len(skipped) - len(failed_before)} of {counted(len(tasks), 'scene')} are done", flush=True)
         for record in failed_before:
