@@ -1,23 +1,27 @@
-"""Shapes and types are checked by beartype while testing. Without CHECK_TYPES, which `make long` sets, only where a module's annotations have shapes:
+"""Shapes and types are checked by beartype while testing. Without CHECK_TYPES, which `make long` sets, only in functions whose annotations have shapes:
 other types are mypy's to check, and checking them at each call takes a sixth of the time of all tests, in rooms half."""
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import gc
 import os
+import re
 import signal
 import sys
 import warnings
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
+import jaxtyping
 import pytest
 import torch
 import tyro._docstrings
-from jaxtyping import install_import_hook
+from jaxtyping import AbstractArray, AbstractDtype, install_import_hook
 from kernels import compile_all
 
 # Collecting tests makes millions of objects that stay, and none that could go.
@@ -42,6 +46,32 @@ def _checked_modules() -> list[str]:
     return [".".join(file.relative_to(ROOT).with_suffix("").parts) for file in files]
 
 
+def _has_shapes(checked: Any) -> bool:
+    """Whether annotations of a function, or of a dataclass's fields, name a type with a shape: jaxtyping's, or a module's name for one of them."""
+    if isinstance(checked, property):
+        return any(map(_has_shapes, filter(None, (checked.fget, checked.fset))))
+    if dataclasses.is_dataclass(checked):
+        annotations = [field.type for field in dataclasses.fields(checked)]
+        names = vars(sys.modules[checked.__module__])
+    else:
+        function = getattr(checked, "__func__", checked)
+        annotations, names = (
+            list(getattr(function, "__annotations__", {}).values()),
+            getattr(function, "__globals__", {}),
+        )
+    values = (names.get(word) for annotation in annotations for word in re.findall(r"\w+", str(annotation)))
+    return any(isinstance(value, type) and issubclass(value, (AbstractDtype, AbstractArray)) for value in values)
+
+
+def _with_shapes_checked(*, typechecker: Any) -> Callable[[Any], Any]:
+    """What the hook below decorates with: jaxtyping's decorator, where there are shapes to check. It compiles two checks for each function."""
+    decorated = _jaxtyped(typechecker=typechecker)
+    return lambda checked: decorated(checked) if _has_shapes(checked) else checked
+
+
+_jaxtyped = jaxtyping.jaxtyped
+if not os.environ.get("CHECK_TYPES"):
+    jaxtyping.jaxtyped = _with_shapes_checked
 install_import_hook(_checked_modules(), "beartype.beartype")
 assert not [name for name in sys.modules if name.startswith("semgs.")]
 
