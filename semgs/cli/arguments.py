@@ -9,7 +9,7 @@ from contextlib import redirect_stderr, redirect_stdout, suppress
 from difflib import get_close_matches
 from itertools import pairwise, takewhile
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar, get_args, get_origin
 
 import tyro
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
@@ -40,6 +40,39 @@ def _paths(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Path] | None:
     )
 
 
+@_TYPES.primitive_rule
+def _numbers(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
+    """Reads numbers, alone or in tuples, and says of any other word what was expected."""
+    in_tuple = get_origin(info.type) is tuple
+    kinds = get_args(info.type) if in_tuple else (info.type,)
+    several = kinds[-1] is Ellipsis
+    if several:
+        kinds = kinds[:1]
+    if not set(kinds) <= {int, float}:
+        return None
+    words = " ".join(kind.__name__.upper() for kind in kinds)
+
+    def read(typed: list[str]) -> Any:
+        numbers = tuple(map(_number, kinds * len(typed) if several else kinds, typed))
+        return numbers if in_tuple else numbers[0]
+
+    return PrimitiveConstructorSpec(
+        nargs="*" if several else len(kinds),
+        metavar=f"[{words} [{words} ...]]" if several else words,
+        instance_from_str=read,
+        is_instance=lambda value: in_tuple == isinstance(value, tuple),
+        str_from_instance=lambda value: list(map(str, value if in_tuple else (value,))),
+    )
+
+
+def _number(kind: type[int] | type[float], word: str) -> float:
+    """The number that a word says."""
+    try:
+        return kind(word)
+    except ValueError:
+        raise ValueError(f"expected a {'whole ' if kind is int else ''}number, found {word!r}") from None
+
+
 _TYPE = r"- (?:typing\.Annotated\[.*?\)\]|(?:typing\.Literal|tuple)\[[^]]*\]|<class '[\w.]+'>): "
 """How tyro names a type before the reason why a value is not of it."""
 
@@ -51,6 +84,12 @@ _CHOICES = re.compile(
     r"|(?P<typed>--[\w.-]+): \[(?P<word>[^]]*)\] does not match choices \((?P<words>.*?),?\)"
 )
 """What tyro says of a word that is none of the known ones."""
+
+_COUNT = re.compile(
+    r"(?P<option>--[\w.-]+): input length (?P<found>\d+) did not match expected argument count (?P<wanted>\d+) of `.*?`"
+    r"|Missing value for argument '(?P<short>[^']+)'\. Expected (?P<needed>\d+) values"
+)
+"""What tyro says of too many or too few words."""
 
 
 def parse(options: type[Options], program: str, arguments: Sequence[str]) -> Options:
@@ -69,7 +108,7 @@ def parse(options: type[Options], program: str, arguments: Sequence[str]) -> Opt
     printed = io.StringIO()
     try:
         with redirect_stderr(printed):
-            return _parse(options, program, arguments)
+            parsed = _parse(options, program, arguments)
     except SystemExit as leaving:
         if leaving.code != REFUSED:
             raise  # after --help, or because of a signal
@@ -83,6 +122,10 @@ def parse(options: type[Options], program: str, arguments: Sequence[str]) -> Opt
         )
         message = message or _name_missing(program, box) or _message_in_box(box)
         raise UsageError(f"{message}; see {program} --help") from None
+    for option in (word for word in arguments if word.startswith("--")):
+        if getattr(parsed, option.removeprefix("--").replace("-", "_"), None) == ():
+            raise UsageError(f"{option}: expected at least one value, found none; see {program} --help")
+    return parsed
 
 
 def did_you_mean(typed: str, known: Iterable[str]) -> str:
@@ -169,6 +212,14 @@ def _known_words(said: re.Match[str]) -> str:
     )
 
 
+def _how_many(said: re.Match[str]) -> str:
+    """Says how many values an option takes."""
+    wanted, found = said["wanted"] or said["needed"], said["found"] or "fewer"
+    if wanted == "1":
+        return f"{said['short']}: expected a value, found none"
+    return f"{said['option'] or said['short']}: expected {wanted} values, found {'none' if found == '0' else found}"
+
+
 def _without_colours(text: str) -> str:
     """Text without colour codes."""
     return re.sub(r"\x1b\[[0-9;]*m", "", text)
@@ -192,5 +243,5 @@ def _message_in_box(box: str) -> str:
         f"; {' '.join(part)}" for part in parts[first + 1 :] if part and part[0].startswith("Available subcommands")
     ]
     message = " ".join(parts[first]).rstrip(".").removeprefix("Error parsing ")
-    message = _CHOICES.sub(_known_words, _OR_NONE.sub("", message))
+    message = _COUNT.sub(_how_many, _CHOICES.sub(_known_words, _OR_NONE.sub("", message)))
     return "".join([message, *presets]) or "the arguments cannot be understood"

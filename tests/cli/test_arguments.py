@@ -62,7 +62,20 @@ def test_a_wrong_value_is_told_alone_on_one_line(encoding: str):
             "error: --unit: expected one of metric, unknown, found 'foo'; see semgs doctor --help",
         ),
         ("doctor scene --unit None", "error: --unit: expected one of metric, unknown, found 'None'; see semgs doctor"),
-        ("doctor scene --depth-unit None", "error: --depth-unit: could not convert string to float: 'None'; see"),
+        ("doctor scene --depth-unit None", "error: --depth-unit: expected a number, found 'None'; see"),
+        (
+            "train small --out run --steps 1.5",
+            "error: --steps: expected a whole number, found '1.5'; see semgs train small",
+        ),
+        ("train small --out run --contexts 1 b", "error: --contexts: expected a whole number, found 'b'; see"),
+        ("train small --out run --contexts 1", "error: --contexts: expected 2 values, found fewer; see"),
+        ("train small --out run --learning-rate", "error: --learning-rate: expected a value, found none; see"),
+        ("ablate small --out run --seeds a", "error: --seeds: expected a whole number, found 'a'; see"),
+        ("doctor scene --intrinsics 1 2 3", "error: --intrinsics: expected 4 values, found 3; see semgs doctor --help"),
+        ("doctor scene --intrinsics 1 2 3 x", "error: --intrinsics: expected a number, found 'x'; see"),
+        ("doctor scene --intrinsics", "error: --intrinsics: expected 4 values, found none; see"),
+        ("ablate small --out run --seeds", "error: --seeds: expected at least one value, found none; see semgs ablate"),
+        ("evaluate small --data x --views --out run", "error: --views: expected at least one value, found none; see"),
         (
             "export scene --as x",
             "error: --as: expected one of ply, points, mcap, gltf, usd, colmap, objects, occupancy, found 'x'",
@@ -134,7 +147,7 @@ def test_paths_are_expanded_and_empty_ones_refused_as_they_are_typed(monkeypatch
 
 @pytest.mark.parametrize(
     ("option", "value", "why"),
-    [("--frames", "0", "expected a whole number, 1 or more, found '0'"), ("--degrees", "x", "could not convert string to float: 'x'"),
+    [("--frames", "0", "expected a whole number, 1 or more, found '0'"), ("--degrees", "x", "expected a number, found 'x'"),
      ("--size", "1x1", "expected sides from 32 to 4096 pixels, found 1x1")],
 )  # fmt: skip
 def test_a_wrong_value_of_an_option_that_may_be_left_out_is_said_without_types(option: str, value: str, why: str):
