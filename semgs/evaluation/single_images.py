@@ -31,6 +31,7 @@ from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
 from semgs.files.folders import own_folder
 from semgs.files.images.pictures import write_png
+from semgs.files.text import counted
 from semgs.model.semgs import SemGS
 from semgs.objectives.measures import TITLES, shown_number
 from semgs.objectives.metrics import confusion_matrix
@@ -174,7 +175,7 @@ def single_grids(name: str, frames: Sequence[FrameScores], classes: ClassTable) 
         Grid(
             title="Single images",
             groups=(),
-            head=(f"{len(frames)} images", *(TITLES[metric] for metric in SHOWN)),
+            head=(counted(len(frames), "image"), *(TITLES[metric] for metric in SHOWN)),
             rows=((Cell(name), *cells),),
             notes=("In brackets: 95 % intervals over scenes; images without cameras count as a scene each.",),
         ),

@@ -240,7 +240,7 @@ def reconstruct(
         with stages("features", f"Features of {len(context)} photos from {featuring.source.title}"):
             features = featuring(encoding, scene, choice.context, context)
     count = len(context) + len(choice.targets)
-    with stages("render", f"Rendering {count} views of {len(encoding.gaussians):,} Gaussians"):
+    with stages("render", f"Rendering {counted(count, 'view')} of {len(encoding.gaussians):,} Gaussians"):
         rendered_context = render_views("context", scene, choice.context, context, encoding, min_confidence)
         rendered_target = None
         if target is not None:

@@ -20,7 +20,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from semgs.files.atomic import write_bytes
 from semgs.files.strict_json import parse_json
-from semgs.files.text import printable
+from semgs.files.text import counted, printable
 from semgs.training.run.events import Events
 from semgs.training.step import StepReport
 from semgs.training.supervision.validation import Validation
@@ -69,7 +69,7 @@ class RunLog:
             if damaged := [line for record, line in lines if record is None]:
                 with (out / DAMAGED).open("ab") as aside:
                     aside.writelines(damaged)
-                print_lines(console, [f"{path}: {len(damaged)} lines cannot be read; they were moved to {DAMAGED}"])
+                print_lines(console, [f"{path}: moved {counted(len(damaged), 'unreadable line')} to {DAMAGED}"])
             kept = [line for record, line in lines if record is not None and record["step"] <= last]
             write_bytes(path, b"".join(kept))
             self._file = path.open("a")

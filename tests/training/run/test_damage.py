@@ -148,7 +148,7 @@ def test_damaged_lines_of_a_log_are_set_aside_and_the_run_goes_on(tmp_path):
         pass
     assert log.read_bytes() == good[0] + good[1]
     assert (tmp_path / DAMAGED).read_bytes() == b"".join(bad)
-    assert f"{log}: 6 lines cannot be read; they were moved to {DAMAGED}" in told.getvalue()
+    assert f"{log}: moved 6 unreadable lines to {DAMAGED}" in told.getvalue()
     with RunLog(tmp_path, 20, 100, None):
         pass
     assert log.read_bytes() == good[0]

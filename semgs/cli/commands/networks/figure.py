@@ -19,6 +19,7 @@ from semgs.files.errors import InputError
 from semgs.files.folders import check_apart, check_folder, own_folder
 from semgs.files.paths import existing_folder, files_among, typed_path
 from semgs.files.strict_json import parse_json
+from semgs.files.text import counted
 
 if TYPE_CHECKING:
     from semgs.evaluation.frames.predictions import Method
@@ -120,7 +121,7 @@ class PaperFigure:
             for form, content in files.items():
                 write_bytes(folder / f"figure.{form}", content)
             write_json(folder / "figure.json", {"figure": self.kind, "views": self.views, "parts": numbers})
-        print(f"{self.out / 'figure.png'}: {len(shown)} frames; {self.out / 'figure.json'} has their scores")
+        print(f"{self.out / 'figure.png'}: {counted(len(shown), 'frame')}; {self.out / 'figure.json'} has their scores")
 
     def _check(self) -> None:
         """Check what can be checked without importing torch."""

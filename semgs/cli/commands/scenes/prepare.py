@@ -102,7 +102,7 @@ def prepared(
         free = free_space(out)
     if needed > free:
         raise UsageError(
-            f"{out} needs about {_size(needed)} for {len(found)} scenes and {_size(free)} are free; "
+            f"{out} needs about {_size(needed)} for {counted(len(found), 'scene')} and {_size(free)} are free; "
             "free some space, use fewer scenes (--scenes) or frames (--every), or write elsewhere"
         )
     if len(found) == 1:

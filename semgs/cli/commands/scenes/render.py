@@ -130,7 +130,7 @@ class Render:
         count = cameras.batch[0]
         if video:
             self._write_video(stills, cameras)
-            print(f"{self.out}: {count} images, {count / self.fps:.1f} s at {self.fps} images per second")
+            print(f"{self.out}: {counted(count, 'image')}, {count / self.fps:.1f} s at {self.fps} images per second")
         else:
             self._write_folder(stills, cameras)
             print(f"{self.out}: {counted(count, 'image')} each of {', '.join(stills.shows)}")
