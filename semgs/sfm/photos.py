@@ -303,7 +303,8 @@ def small_grey(pixels: np.ndarray) -> np.ndarray:
     """Pixels [h w 3] in grey at `LONGEST_SIDE`, uint8."""
     grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
     scale = min(1.0, LONGEST_SIDE / max(grey.shape))
-    return np.asarray(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
+    height, width = (max(1, round(side * scale)) for side in grey.shape)
+    return np.asarray(cv2.resize(grey, (width, height), interpolation=cv2.INTER_AREA))
 
 
 def sharpness_of(grey: np.ndarray) -> float:

@@ -122,6 +122,12 @@ def test_what_cannot_be_used_is_left_out_and_counted(folder: Path, tmp_path: Pat
     )
 
 
+def test_a_strip_of_2000x1_pixels_is_a_panorama(folder: Path, tmp_path: Path):
+    """Reduced to a longer side of 480 px, it would be a quarter of a pixel high."""
+    save(folder / "strip.png", np.random.default_rng(0).integers(0, 255, (1, 2000, 3)).astype(np.uint8))
+    assert copied(folder, tmp_path).notes == ("1 of 3 photos are panoramas and are left out, the first is strip.png.",)
+
+
 def test_blurred_photos_and_several_sizes_get_a_note(folder: Path, tmp_path: Path):
     noisy = np.random.default_rng(0).integers(0, 255, (HEIGHT, WIDTH, 3)).astype(np.uint8)
     for index in range(3):
