@@ -103,6 +103,23 @@ def test_copies_are_upright_and_read_without_their_exif(folder: Path, tmp_path: 
     assert (tmp_path / "copies" / "IMG_2.jpg").read_bytes() == (folder / "IMG_2.jpg").read_bytes()
 
 
+@pytest.mark.parametrize(("content", "ending"), [("png", "jpg"), ("jpeg", "png"), ("jpeg", "heic"), ("heic", "jpg")])
+def test_a_photo_that_is_not_what_its_ending_says_becomes_a_jpeg(
+    folder: Path, tmp_path: Path, content: str, ending: str
+):
+    """COLMAP goes by the ending, and found no features in such a photo, which was then left out as one without overlap."""
+    with (folder / f"a.{ending}").open("wb") as file:
+        image = Image.fromarray(pixels(3))
+        if content == "heic":
+            pytest.importorskip("pillow_heif").from_pillow(image).save(file)
+        else:
+            image.save(file, format=content)
+    found = copied(folder, tmp_path)
+    assert [photo.name for photo in found.photos] == ["a.jpg", "IMG_2.jpg", "IMG_10.jpg"]
+    assert (tmp_path / "copies" / "a.jpg").read_bytes()[:2] == b"\xff\xd8"
+    assert np.abs(read_rgb(tmp_path / "copies" / "a.jpg").astype(int) - pixels(3)).mean() < 6
+
+
 def test_what_cannot_be_used_is_left_out_and_counted(folder: Path, tmp_path: Path):
     shutil.copy(folder / "IMG_2.jpg", folder / "copy.jpg")
     save(folder / "black.jpg", np.zeros((HEIGHT, WIDTH, 3), np.uint8))
