@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from clip_files import write_clip
 from PIL import Image
 
+from semgs.cli.main import main
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import jpeg_bytes, read_optics, read_rgb, read_upright
@@ -201,6 +203,25 @@ def test_motion_is_the_shift_over_the_longer_side():
     first, second = (cv2.cvtColor(textured(shift), cv2.COLOR_RGB2GRAY) for shift in (0, 6))
     assert measure_motion(first, second) == pytest.approx(6 / 200, abs=0.003)
     assert measure_motion(first, first) == pytest.approx(0, abs=1e-3)
+
+
+@pytest.mark.parametrize(("ending", "library"), [(".jpg", "pycolmap"), (".mp4", "OpenCV")])
+def test_a_name_that_is_not_utf8_is_refused_in_one_line(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str, library: str
+):
+    """pycolmap took no such name, and OpenCV ended the process."""
+    pytest.importorskip("pycolmap")
+    path = folder / (os.fsdecode(b"k\xfcche") + ending)
+    if ending == ".jpg":
+        save(path, pixels(3))
+    else:
+        path.touch()
+    assert main(["poses", str(folder if ending == ".jpg" else path), str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert (
+        f"k\\udcfcche{ending}: expected a path in UTF-8, as {library} needs it, found other bytes; rename it" in error
+    )
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["photos"]
 
 
 def test_walking_around_something_moves_what_is_in_front_of_it():
