@@ -7,6 +7,7 @@ import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from semgs._version import __version__
@@ -14,6 +15,9 @@ from semgs.runtime.stamps import stamps
 
 CAMERAS = "transforms.json"
 """A scene in one file, whose photos are beside it."""
+
+WRITTEN = ("--rerun",)
+"""Options that name a file to write: it is no input once it is there."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +51,14 @@ def fingerprint(options: Sequence[str], inputs: Sequence[Path]) -> str:
 
     Args:
         options: the command and its options, without the places of input and output. Files and folders among them, also as --option=PATH, count with
-            what they contain.
+            what they contain, but for those to write.
         inputs: files and folders of the scene.
     """
-    values = [word.partition("=")[2] if word.startswith("-") else word for word in options]
+    values = [
+        word.partition("=")[2] if word.startswith("-") else word
+        for before, word in pairwise(("", *options))
+        if not {before, word.partition("=")[0]}.intersection(WRITTEN)
+    ]
     named = [Path(value) for value in values if value and os.path.exists(value)]  # noqa: PTH110 - False for a word that is too long to be a path
     contents = [_changes(path) for path in (*inputs, *named)]
     text = json.dumps([__version__, list(options), contents])

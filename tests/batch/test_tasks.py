@@ -55,6 +55,17 @@ def test_a_fingerprint_changes_with_options_with_files_and_with_what_options_nam
     assert print_of("--words", 300 * "x") != print_of("--words", 301 * "x")  # longer than the name of a file can be
 
 
+@pytest.mark.parametrize("joint", [" ", "="])
+def test_a_file_that_the_command_writes_is_none_of_its_inputs(tmp_path: Path, joint: str):
+    """It is not there before the first run, and is when the command is repeated to resume."""
+    written = tmp_path / "walk.rrd"
+    options = ("reconstruct", *f"--rerun{joint}{written}".split(), "--all")
+    before = fingerprint(options, [])
+    written.write_bytes(b"RRF")
+    assert fingerprint(options, []) == before
+    assert fingerprint(("reconstruct", "--depth", str(written), "--all"), []) != before
+
+
 def test_the_photos_beside_a_transforms_json_count(tmp_path: Path):
     cameras, photo = tmp_path / "transforms.json", tmp_path / "0.jpg"
     cameras.write_text("{}")
