@@ -30,6 +30,19 @@ def test_files_of_one_name_are_called_as_their_folders(tmp_path: Path):
     assert scene_names([paths[0].with_name("splat.ply")]) == ["splat"]
 
 
+def test_files_that_differ_only_in_their_ending_keep_it(tmp_path: Path):
+    """Two files of one name were refused as one that is given twice."""
+    (tmp_path / "a").mkdir()
+    for name in ("a.mp4", "b.mp4", "b.mov"):
+        (tmp_path / name).touch()
+    paths = [tmp_path / name for name in ("a", "a.mp4", "b.mp4", "b.mov")]
+    assert scene_names(paths) == ["a", "a_mp4", "b_mp4", "b_mov"]
+    assert scene_names(paths[2:]) == ["b_mp4", "b_mov"]
+    assert scene_names(paths[1:3]) == ["a", "b"]
+    with pytest.raises(ValueError, match="b_mp4 is given twice"):
+        scene_names([paths[2], paths[2]])
+
+
 def test_a_fingerprint_changes_with_options_with_files_and_with_what_options_name(tmp_path: Path):
     (tmp_path / "scene").mkdir()
     photo, weights = tmp_path / "scene" / "a.jpg", tmp_path / "w.safetensors"
