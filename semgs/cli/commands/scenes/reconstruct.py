@@ -270,6 +270,8 @@ class Reconstruct:
             self._check_recording()
         if len(self.context) == 1:
             raise UsageError("--context has one frame; expected two or more that overlap")
+        if self.context and self.views not in (Reconstruct.views, len(self.context)):
+            raise UsageError(f"--views is {self.views} and --context names {len(self.context)} frames; leave one out")
 
     def _check_rerun_file(self, path: Path) -> None:
         """Check that a recording for Rerun can be written."""
