@@ -70,11 +70,16 @@ class ViewEncoder:
         """Read input frames.
 
         Raises:
-            InputError: a frame cannot be read, or the sensor measured too little of it.
+            InputError: a frame cannot be read, or has no depth map, or the sensor measured too little of it.
         """
         if self._depth in ("sensor", "both"):
             return read_measured(self._scene, positions, self._size, depth_range)
-        return self._scene.read(positions, self._size, depth_range)
+        views = self._scene.read(positions, self._size, depth_range)
+        if isinstance(self._depth, FrameMaps) and (
+            views.depths is None or not (views.depths > 0).flatten(1).any(1).all()
+        ):
+            read_maps(self._depth, self._scene, positions, self._size)  # says which frame has none
+        return views
 
     def read_target(self, choice: Choice) -> Views | None:
         """Read the held-out frames; None if there are none.
