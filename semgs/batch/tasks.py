@@ -5,8 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from semgs._version import __version__
@@ -14,6 +16,9 @@ from semgs.runtime.stamps import stamps
 
 CAMERAS = "transforms.json"
 """A scene in one file, whose photos are beside it."""
+
+WRITTEN = ("--rerun",)
+"""Options that name a file to write: it is no input once it is there."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +52,14 @@ def fingerprint(options: Sequence[str], inputs: Sequence[Path]) -> str:
 
     Args:
         options: the command and its options, without the places of input and output. Files and folders among them, also as --option=PATH, count with
-            what they contain.
+            what they contain, but for those to write.
         inputs: files and folders of the scene.
     """
-    values = [word.partition("=")[2] if word.startswith("-") else word for word in options]
+    values = [
+        word.partition("=")[2] if word.startswith("-") else word
+        for before, word in pairwise(("", *options))
+        if not {before, word.partition("=")[0]}.intersection(WRITTEN)
+    ]
     named = [Path(value) for value in values if value and os.path.exists(value)]  # noqa: PTH110 - False for a word that is too long to be a path
     contents = [_changes(path) for path in (*inputs, *named)]
     text = json.dumps([__version__, list(options), contents])
@@ -68,7 +77,8 @@ def _changes(path: Path) -> tuple[tuple[str, int, int], ...]:
 def scene_names(paths: Sequence[Path]) -> list[str]:
     """A different name for each scene: that of its folder or file, after as many folders above it as it takes to tell it from others.
 
-    If all are files of the same name, or a transforms.json, these are the names of their folders.
+    If all are files of the same name in different folders, or a transforms.json, these are the names of their folders. A file that has the name of
+    another, or of a folder, beside it keeps its ending: a.mp4 is a_mp4.
 
     Args:
         paths: files or folders.
@@ -77,11 +87,15 @@ def scene_names(paths: Sequence[Path]) -> list[str]:
         ValueError: a path is given twice.
     """
     paths = [path.absolute() for path in paths]
-    if all(
-        path.is_file() and ((path.stem == paths[0].stem and len(paths) > 1) or path.name == CAMERAS) for path in paths
-    ):
+    alike = len({path.stem for path in paths}) == 1 < len({path.parent for path in paths}) == len(paths)
+    if all(path.is_file() and (alike or path.name == CAMERAS) for path in paths):
         paths = [path.parent for path in paths]
-    names = [path.stem if path.is_file() else path.name for path in paths]
+    plain = [path.with_suffix("") if path.is_file() else path for path in paths]
+    beside = Counter(plain)
+    names = [
+        f"{path.stem}_{path.suffix[1:]}" if path.suffix and path.is_file() and beside[one] > 1 else one.name
+        for path, one in zip(paths, plain, strict=True)
+    ]
     parts = [list(path.parts[1:-1]) for path in paths]
     while len(set(names)) < len(names):
         taken = {name for name in names if names.count(name) > 1}

@@ -127,7 +127,13 @@ def find_reference(
 
 
 def place_at_maps(
-    encoding: Encoding, views: Views, maps: Float[Tensor, "v h w"], source: DepthMaps, reference: Reference
+    encoding: Encoding,
+    views: Views,
+    maps: Float[Tensor, "v h w"],
+    source: DepthMaps,
+    reference: Reference,
+    *,
+    trusted: bool = False,
 ) -> tuple[Encoding, MapPlacement]:
     """Place Gaussians at the mean log depth of the network, the aligned maps and, if it is the reference, the sensor, weighted by inverse variances.
 
@@ -140,14 +146,15 @@ def place_at_maps(
         maps: of the views, as from `read_maps`.
         source: of the maps.
         reference: as from `find_reference`.
+        trusted: whether other maps of the source fit this scene; then these are not refused, whatever they show.
 
     Raises:
         InputError: no map fits, or metres are not metres; the error says what fits better.
     """
     depths, aligned = align(maps, source.meaning, reference, views.cameras)
-    if not any(fits(fit) for fit in aligned):
+    if not (trusted or any(fits(fit) for fit in aligned)):
         _check_misfit(maps, source, reference, views, aligned)
-    elif source.meaning == "metric":
+    elif source.meaning == "metric" and not trusted:
         _check_metres(source, reference, aligned)
     network = encoding.placed_depths(views.cameras)
     spreads = torch.tensor([fit.spread for fit in aligned]).to(network)[:, None, None].expand_as(network)

@@ -16,7 +16,7 @@ from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.depth_maps.depth_source import DepthMaps
 from semgs.depth_maps.frame_maps import FrameMaps
-from semgs.depth_maps.map_depth import MapPlacement, find_reference, place_at_maps, read_maps
+from semgs.depth_maps.map_depth import MapPlacement, find_reference, fits, place_at_maps, read_maps
 from semgs.depth_maps.sensor_depth import DepthSource, Placement, place_gaussians, read_measured
 from semgs.files.text import counted
 from semgs.model.encode import Network, encode
@@ -70,11 +70,16 @@ class ViewEncoder:
         """Read input frames.
 
         Raises:
-            InputError: a frame cannot be read, or the sensor measured too little of it.
+            InputError: a frame cannot be read, or has no depth map, or the sensor measured too little of it.
         """
         if self._depth in ("sensor", "both"):
             return read_measured(self._scene, positions, self._size, depth_range)
-        return self._scene.read(positions, self._size, depth_range)
+        views = self._scene.read(positions, self._size, depth_range)
+        if isinstance(self._depth, FrameMaps) and (
+            views.depths is None or not (views.depths > 0).flatten(1).any(1).all()
+        ):
+            read_maps(self._depth, self._scene, positions, self._size)  # says which frame has none
+        return views
 
     def read_target(self, choice: Choice) -> Views | None:
         """Read the held-out frames; None if there are none.
@@ -142,7 +147,9 @@ class ViewEncoder:
             reference = find_reference(
                 encoding, self._scene, positions, views, independent=not isinstance(depth, FrameMaps)
             )
-            return place_at_maps(encoding, views, maps, depth, reference)
+            # If maps of an earlier window fit, one bad window is no reason to give up a walk.
+            trusted = any(isinstance(one, MapPlacement) and fits(one.fits[0]) for one in self._placements.values())
+            return place_at_maps(encoding, views, maps, depth, reference, trusted=trusted)
 
     def placement(self, positions: Sequence[int]) -> Placement | MapPlacement | None:
         """How the Gaussians of frames were placed when these were first encoded; None if their depth is the network's."""

@@ -77,7 +77,7 @@ def map_walk(
                 view = read([position], bounds)
         except InputError as error:
             errors.append(str(error))
-            mapper.ignore("it cannot be read, or has too little measured depth")
+            mapper.ignore("it cannot be read, or has no or too little depth")
             continue
         mapper.add(view, frame.name)
     with stages("merge", "Merging"):

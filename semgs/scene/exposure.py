@@ -168,8 +168,10 @@ def _partners(points: Float[Tensor, "v h w 3"], cameras: Cameras) -> list[tuple[
         cameras: of the photos.
     """
     count = len(points)
-    thin = points[:, ::THIN, ::THIN].flatten(1, 2)
-    shares = inside(thin.flatten(0, 1), cameras).unflatten(0, (count, -1)).double().mean(1)
+    thin = points[:, ::THIN, ::THIN].flatten(0, 2)
+    # Camera by camera: all at once, a walk of 300 photos takes 2 GB.
+    seen = (inside(thin, cameras[one : one + 1]).reshape(count, -1).double().mean(1) for one in range(count))
+    shares = torch.stack(list(seen), 1)
     shares = (shares + shares.T).fill_diagonal_(-1)
     best = shares.topk(min(PARTNERS, count - 1)).indices
     pairs = {(one, one + 1) for one in range(count - 1)}

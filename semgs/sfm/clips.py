@@ -12,6 +12,7 @@ import numpy as np
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import jpeg_bytes
+from semgs.files.paths import check_utf8
 from semgs.sfm.photos import BLANK, QUALITY, PhotoSet, UprightPhoto, is_panorama, sharpness_of, small_grey
 
 MOST_JUDGED = 900
@@ -51,9 +52,10 @@ def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
         most: the largest number of frames.
 
     Raises:
-        InputError: it cannot be decoded, or has fewer than two sharp frames with motion between them.
+        InputError: it cannot be decoded, its path is not UTF-8, or it has fewer than two sharp frames with motion between them.
         OSError: a frame cannot be written.
     """
+    check_utf8(path, "OpenCV")
     judged = list(_judged(path))
     if not judged:
         raise InputError(path, "a video that OpenCV can decode", "no frames", advice="convert it to H.264 in MP4")

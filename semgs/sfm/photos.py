@@ -64,6 +64,9 @@ OTHER_CAMERAS = (
 )
 """Files with cameras of other programs: name, what their beginning contains, program."""
 
+BEGINNINGS = {".jpg": b"\xff\xd8", ".jpeg": b"\xff\xd8", ".png": b"\x89PNG"}
+"""How files begin that are what their ending says."""
+
 QUALITY = 95
 """JPEG quality of copies that have to be encoded again."""
 
@@ -224,7 +227,7 @@ def copy_photos(path: Path, folder: Path) -> PhotoSet:
     photos, sharpness, seen = list[UprightPhoto](), list[float](), set[bytes]()
     for file in (one for one in files if one.suffix.lower() in PICTURES):
         try:
-            header, optics, pixels = read_header(file), read_optics(file), read_upright(file)
+            optics, pixels = read_optics(file), read_upright(file)
         except InputError as error:
             reason = _unusable(error)
             (damaged if reason is None else unusable.setdefault(reason, [])).append(file.name)
@@ -239,11 +242,10 @@ def copy_photos(path: Path, folder: Path) -> PhotoSet:
         elif key in seen:
             again.append(file.name)
         else:
-            as_it_is = header.orientation == 1 and file.suffix.lower() != ".heic"
-            name = file.name if as_it_is else jpeg_name(file, files)
+            name, data = upright_copy(file, pixels, files)
             if any(photo.name.lower() == name.lower() for photo in photos):  # in another folder of the camera
                 name = f"{file.parent.name}_{name}"
-            write_bytes(folder / name, read_bytes(file) if as_it_is else jpeg_bytes(pixels, QUALITY))
+            write_bytes(folder / name, data)
             photos.append(UprightPhoto(name, (height, width), optics.focal_px))
             sharpness.append(sharpness_of(grey))
         seen.add(key)
@@ -303,12 +305,25 @@ def small_grey(pixels: np.ndarray) -> np.ndarray:
     """Pixels [h w 3] in grey at `LONGEST_SIDE`, uint8."""
     grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY)
     scale = min(1.0, LONGEST_SIDE / max(grey.shape))
-    return np.asarray(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
+    height, width = (max(1, round(side * scale)) for side in grey.shape)
+    return np.asarray(cv2.resize(grey, (width, height), interpolation=cv2.INTER_AREA))
 
 
 def sharpness_of(grey: np.ndarray) -> float:
     """The variance of the Laplacian of an image in grey."""
     return float(cv2.Laplacian(grey, cv2.CV_64F).var())
+
+
+def upright_copy(file: Path, pixels: np.ndarray, files: Sequence[Path]) -> tuple[str, bytes]:
+    """Name and content of the copy of a photo: the file's if it is upright and what its ending says, as COLMAP needs; else a JPEG of its upright pixels.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    data = read_bytes(file, "an image")
+    if data.startswith(BEGINNINGS.get(file.suffix.lower(), ())) and read_header(file).orientation == 1:
+        return file.name, data
+    return jpeg_name(file, files), jpeg_bytes(pixels, QUALITY)
 
 
 def jpeg_name(file: Path, files: Sequence[Path]) -> str:

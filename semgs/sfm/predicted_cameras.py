@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +10,8 @@ from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
 from semgs.data.scenes import open_predictions
 from semgs.files.atomic import write_bytes
-from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError
-from semgs.files.images.pictures import jpeg_bytes, read_header
-from semgs.sfm.photos import QUALITY, jpeg_name, pictures_in
+from semgs.sfm.photos import pictures_in, upright_copy
 from semgs.sfm.scale import KnownDistance, in_metres
 from semgs.sfm.solving import PosedPhoto, Solution
 from semgs.sfm.writing import IMAGES, write_transforms
@@ -48,8 +45,10 @@ def write_predicted_scene(
     posed, points, colours = [], [], []
     for frame in scene.frames:
         pixels = frame.read_image()
-        name = _copy(frame, pixels, images, pictures)
+        assert isinstance(frame.picture, Path)
         assert isinstance(frame.lens, Lens)
+        name, data = upright_copy(frame.picture, pixels, pictures)
+        write_bytes(images / name, data)
         posed.append(PosedPhoto(name, frame.lens, frame.world_from_camera))
         places, inside = _points(frame, MOST_POINTS // len(scene))
         points.append(places)
@@ -59,18 +58,6 @@ def write_predicted_scene(
         solution = in_metres(solution, distance)
     write_transforms(folder, solution)
     return solution
-
-
-def _copy(frame: Frame, pixels: np.ndarray, folder: Path, pictures: Sequence[Path]) -> str:
-    """Copy a photo as its camera sees it: as it is if it has no EXIF rotation, else as JPEG. Returns its name."""
-    file = frame.picture
-    assert isinstance(file, Path)
-    if read_header(file).orientation == 1 and file.suffix.lower() != ".heic":
-        write_bytes(folder / file.name, read_bytes(file, "an image"))
-        return file.name
-    name = jpeg_name(file, pictures)
-    write_bytes(folder / name, jpeg_bytes(pixels, QUALITY))
-    return name
 
 
 def _points(frame: Frame, most: int) -> tuple[np.ndarray, np.ndarray]:

@@ -146,11 +146,12 @@ def solve(photos: PhotoSet, upright: Sequence[UprightPhoto], focal_given: bool =
         focal_given: whether these are from the user, and are held.
 
     Raises:
-        InputError: fewer than two photos, or of three or more fewer than three, could be registered; the error says why.
+        InputError: fewer than two photos, or of three or more fewer than three, could be registered, and the error says why; or a name is not UTF-8.
         ImportError: pycolmap is not installed.
     """
     library = pycolmap()
-    check_utf8(photos.folder, "pycolmap")
+    for path in (photos.folder, *(Path(photo.name) for photo in upright)):
+        check_utf8(path, "pycolmap")
     held = focal_given or len(upright) == 2
     with TemporaryDirectory(prefix="semgs-") as temporary:
         work = Path(temporary)

@@ -30,6 +30,19 @@ def test_files_of_one_name_are_called_as_their_folders(tmp_path: Path):
     assert scene_names([paths[0].with_name("splat.ply")]) == ["splat"]
 
 
+def test_files_that_differ_only_in_their_ending_keep_it(tmp_path: Path):
+    """Two files of one name were refused as one that is given twice."""
+    (tmp_path / "a").mkdir()
+    for name in ("a.mp4", "b.mp4", "b.mov"):
+        (tmp_path / name).touch()
+    paths = [tmp_path / name for name in ("a", "a.mp4", "b.mp4", "b.mov")]
+    assert scene_names(paths) == ["a", "a_mp4", "b_mp4", "b_mov"]
+    assert scene_names(paths[2:]) == ["b_mp4", "b_mov"]
+    assert scene_names(paths[1:3]) == ["a", "b"]
+    with pytest.raises(ValueError, match="b_mp4 is given twice"):
+        scene_names([paths[2], paths[2]])
+
+
 def test_a_fingerprint_changes_with_options_with_files_and_with_what_options_name(tmp_path: Path):
     (tmp_path / "scene").mkdir()
     photo, weights = tmp_path / "scene" / "a.jpg", tmp_path / "w.safetensors"
@@ -53,6 +66,17 @@ def test_a_fingerprint_changes_with_options_with_files_and_with_what_options_nam
     assert print_of(*options) != larger
     assert print_of(f"--weights={weights}") != joined
     assert print_of("--words", 300 * "x") != print_of("--words", 301 * "x")  # longer than the name of a file can be
+
+
+@pytest.mark.parametrize("joint", [" ", "="])
+def test_a_file_that_the_command_writes_is_none_of_its_inputs(tmp_path: Path, joint: str):
+    """It is not there before the first run, and is when the command is repeated to resume."""
+    written = tmp_path / "walk.rrd"
+    options = ("reconstruct", *f"--rerun{joint}{written}".split(), "--all")
+    before = fingerprint(options, [])
+    written.write_bytes(b"RRF")
+    assert fingerprint(options, []) == before
+    assert fingerprint(("reconstruct", "--depth", str(written), "--all"), []) != before
 
 
 def test_the_photos_beside_a_transforms_json_count(tmp_path: Path):

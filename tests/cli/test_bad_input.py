@@ -73,6 +73,13 @@ def test_a_scene_without_its_transforms_file(scene: Path, tmp_path: Path, capsys
     assert tree(tmp_path) == before
 
 
+def test_another_number_of_views_than_of_named_frames_is_refused(refused: Refused, scene: Path) -> None:
+    """Two frames were used then, and a note said that more than 4 views may blur."""
+    assert "--views is 6 and --context names 2 frames; leave one out" in refused(
+        scene, "--context", "0", "2", "--views", "6"
+    )
+
+
 def test_options_for_photos_are_refused_for_scenes(refused: Refused, scene: Path) -> None:
     assert "--focal, --scale-from and --clip-frames are for photos without poses" in refused(scene, "--focal", "60")
 

@@ -13,6 +13,7 @@ import torch
 from reconstruction.conftest import SIZE, WALL, Oracle, look
 
 from semgs.data.choosing.choice import choose_named
+from semgs.data.maps import InMemory
 from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.depth_maps.frame_maps import FrameMaps
@@ -21,8 +22,10 @@ from semgs.depth_maps.opening import open_depth_maps
 from semgs.files.errors import InputError
 from semgs.reconstruction.output.report import Provenance, report_numbers
 from semgs.reconstruction.output.report_page import report_page
-from semgs.reconstruction.pipeline import reconstruct
+from semgs.reconstruction.pipeline import ViewEncoder, reconstruct
+from semgs.reconstruction.recording import Walk
 from semgs.reconstruction.result import Reconstruction
+from semgs.runtime.stopwatch import Stages
 from semgs.scene.encoding import Encoding
 
 SHIFTS = (0.0, 0.08, 0.16, 0.24)
@@ -147,6 +150,36 @@ def test_a_view_whose_map_does_not_fit_keeps_the_models_depth_and_a_note_names_i
     assert any("images/03.png" in note and "their depth is the model's alone" in note for note in result.notes)
     truth = torch.full(SIZE, WALL - 0.1 * SHIFTS[3])
     torch.testing.assert_close(result.encoding.depths[1], truth, rtol=1e-4, atol=0)
+
+
+@pytest.mark.parametrize("gap", ["no map", "an empty map"])
+def test_frames_of_a_walk_without_a_depth_map_of_their_own_are_left_out(wall_scene: Callable[..., Scene], gap: str):
+    """Of frames 0.4 m apart, all would be keyframes; the second has no depth. It used to end the walk."""
+    scene = wall_scene(shifts=(0.0, 0.4, 0.8, 1.2))
+    empty = None if gap == "no map" else InMemory(np.zeros(SIZE, np.float32))
+    frames = tuple(replace(frame, depth=empty) if index == 1 else frame for index, frame in enumerate(scene.frames))
+    result = reconstruct(replace(scene, frames=frames), Walk(), Oracle(), SIZE, depth=FrameMaps())  # type: ignore[arg-type]
+    assert result.choice.context == (0, 2, 3)
+    assert any("1 because it cannot be read, or has no or too little depth" in note for note in result.notes)
+
+
+@pytest.mark.parametrize("meaning", ["scaled", "metric"])
+def test_a_window_whose_maps_do_not_fit_ends_a_walk_only_if_none_before_it_fitted(
+    wall_scene: Callable[..., Scene], tmp_path: Path, meaning: str
+):
+    """The maps of the first two frames are right, those of the other two noise. After the noise alone, the depth is the network's: the wall's."""
+    noise = 1 + 4 * np.random.default_rng(0).random(SIZE)
+    maps = [depth if index < 2 else noise for index, depth in enumerate(walls())]
+    scene = wall_scene(metric=False)
+    source = open_depth_maps(str(write_maps(tmp_path / "maps", maps, meaning)))(scene)
+    windows = [([position, position + 1], scene.read([position, position + 1], SIZE)) for position in (0, 2)]
+    encoder = ViewEncoder(scene, Oracle(), SIZE, source, None, Stages())  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="they may be of other photos"):
+        encoder.encode(*windows[1])
+    encoder.encode(*windows[0])
+    placed = encoder.encode(*windows[1])
+    truth = torch.tensor(np.stack(walls()[2:])).float()
+    torch.testing.assert_close(placed.depths, truth, rtol=1e-4, atol=0)
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,11 @@ import torch
 from mapping_walls import SIZE, cameras_at, encoded
 
 from semgs.data.views import Views
-from semgs.geometry.cameras import back_project
+from semgs.geometry.cameras import Cameras, back_project
 from semgs.scene import exposure
 from semgs.scene.encoding import Encoding
 from semgs.scene.exposure import Exposures, fit_exposures
+from semgs.scene.nearest import inside
 
 WALL = 4.0
 
@@ -128,3 +129,18 @@ def test_photos_of_a_walk_are_compared_with_those_that_see_most_of_them() -> Non
     assert {(0, 9), (0, 10), (1, 9), (1, 10)}.isdisjoint(pairs)
     few, encoded_few = photos(torch.ones(4, 3), torch.zeros(4, 3), 0.0, 0.0, 0.0, 0.0)
     assert len(exposure._partners(back_project(encoded_few.depths, few.cameras), few.cameras)) == 6
+
+
+@pytest.mark.parametrize("count", [5, 10])
+def test_twice_as_many_photos_are_compared_in_twice_the_memory(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of the height x width points of each photo is put into one camera at a time, not into all."""
+    views, encoding = photos(torch.ones(count, 3), torch.zeros(count, 3), *(0.25 * place for place in range(count)))
+    sizes = []
+
+    def counted(means: torch.Tensor, cameras: Cameras) -> torch.Tensor:
+        sizes.append(len(means) * cameras.batch[0])
+        return inside(means, cameras)
+
+    monkeypatch.setattr(exposure, "inside", counted)
+    exposure._partners(back_project(encoding.depths, views.cameras), views.cameras)
+    assert max(sizes) == count * SIZE[0] * SIZE[1]

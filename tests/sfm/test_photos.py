@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from clip_files import write_clip
 from PIL import Image
 
+from semgs.cli.main import main
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import jpeg_bytes, read_optics, read_rgb, read_upright
@@ -103,6 +105,23 @@ def test_copies_are_upright_and_read_without_their_exif(folder: Path, tmp_path: 
     assert (tmp_path / "copies" / "IMG_2.jpg").read_bytes() == (folder / "IMG_2.jpg").read_bytes()
 
 
+@pytest.mark.parametrize(("content", "ending"), [("png", "jpg"), ("jpeg", "png"), ("jpeg", "heic"), ("heic", "jpg")])
+def test_a_photo_that_is_not_what_its_ending_says_becomes_a_jpeg(
+    folder: Path, tmp_path: Path, content: str, ending: str
+):
+    """COLMAP goes by the ending, and found no features in such a photo, which was then left out as one without overlap."""
+    with (folder / f"a.{ending}").open("wb") as file:
+        image = Image.fromarray(pixels(3))
+        if content == "heic":
+            pytest.importorskip("pillow_heif").from_pillow(image).save(file)
+        else:
+            image.save(file, format=content)
+    found = copied(folder, tmp_path)
+    assert [photo.name for photo in found.photos] == ["a.jpg", "IMG_2.jpg", "IMG_10.jpg"]
+    assert (tmp_path / "copies" / "a.jpg").read_bytes()[:2] == b"\xff\xd8"
+    assert np.abs(read_rgb(tmp_path / "copies" / "a.jpg").astype(int) - pixels(3)).mean() < 6
+
+
 def test_what_cannot_be_used_is_left_out_and_counted(folder: Path, tmp_path: Path):
     shutil.copy(folder / "IMG_2.jpg", folder / "copy.jpg")
     save(folder / "black.jpg", np.zeros((HEIGHT, WIDTH, 3), np.uint8))
@@ -120,6 +139,12 @@ def test_what_cannot_be_used_is_left_out_and_counted(folder: Path, tmp_path: Pat
         "1 of 9 photos are black or blank and are left out, the first is black.jpg.",
         "1 of 9 photos are copies of another and are left out, the first is IMG_2.jpg.",
     )
+
+
+def test_a_strip_of_2000x1_pixels_is_a_panorama(folder: Path, tmp_path: Path):
+    """Reduced to a longer side of 480 px, it would be a quarter of a pixel high."""
+    save(folder / "strip.png", np.random.default_rng(0).integers(0, 255, (1, 2000, 3)).astype(np.uint8))
+    assert copied(folder, tmp_path).notes == ("1 of 3 photos are panoramas and are left out, the first is strip.png.",)
 
 
 def test_blurred_photos_and_several_sizes_get_a_note(folder: Path, tmp_path: Path):
@@ -178,6 +203,25 @@ def test_motion_is_the_shift_over_the_longer_side():
     first, second = (cv2.cvtColor(textured(shift), cv2.COLOR_RGB2GRAY) for shift in (0, 6))
     assert measure_motion(first, second) == pytest.approx(6 / 200, abs=0.003)
     assert measure_motion(first, first) == pytest.approx(0, abs=1e-3)
+
+
+@pytest.mark.parametrize(("ending", "library"), [(".jpg", "pycolmap"), (".mp4", "OpenCV")])
+def test_a_name_that_is_not_utf8_is_refused_in_one_line(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str, library: str
+):
+    """pycolmap took no such name, and OpenCV ended the process."""
+    pytest.importorskip("pycolmap")
+    path = folder / (os.fsdecode(b"k\xfcche") + ending)
+    if ending == ".jpg":
+        save(path, pixels(3))
+    else:
+        path.touch()
+    assert main(["poses", str(folder if ending == ".jpg" else path), str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert (
+        f"k\\udcfcche{ending}: expected a path in UTF-8, as {library} needs it, found other bytes; rename it" in error
+    )
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["photos"]
 
 
 def test_walking_around_something_moves_what_is_in_front_of_it():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections import defaultdict
@@ -145,6 +146,8 @@ def test_files_that_cannot_be_written_are_refused(tmp_path: Path, capsys: pytest
     scene = write_scene(tmp_path / "scene")
     assert "expected a file that ends in .rrd" in refused(capsys, scene, tmp_path / "walk.mp4")
     assert "no such folder" in refused(capsys, scene, tmp_path / "nowhere" / "walk.rrd")
+    not_utf8 = tmp_path / os.fsdecode(b"k\xfcche.rrd")
+    assert "expected a path in UTF-8, as Rerun needs it" in refused(capsys, scene, not_utf8)
 
 
 def test_a_file_is_replaced_only_with_overwrite(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

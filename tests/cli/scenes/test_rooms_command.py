@@ -48,6 +48,8 @@ def test_it_writes_scenes_and_tells_what_is_in_them(tmp_path: Path, capsys: pyte
         (["OUT", "--assets", "EMPTY"], "missing"),
         ([], "expected a folder"),
         (["--sheet", "sheet.jpg"], "ends in .png"),
+        (["--sheet", "sheet.png", "--size", "48x64"], "--size is for a data set, not for a sheet alone"),
+        (["--sheet", "sheet.png", "--workers", "0"], "--workers is for a data set, not for a sheet alone"),
         (["--sheet", "/nowhere/at/all/sheet.png"], "an existing folder"),
     ],
 )

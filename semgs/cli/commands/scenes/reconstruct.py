@@ -28,7 +28,7 @@ from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import say_compiling, show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.files.folders import check_apart, check_folder, own_folder
-from semgs.files.paths import existing_folder, files_among
+from semgs.files.paths import check_utf8, existing_folder, files_among
 from semgs.model.networks import NAMES, NetworkName
 from semgs.reconstruction.output.rerun_library import rerun_library
 from semgs.runtime.stopwatch import Stages
@@ -270,11 +270,14 @@ class Reconstruct:
             self._check_recording()
         if len(self.context) == 1:
             raise UsageError("--context has one frame; expected two or more that overlap")
+        if self.context and self.views not in (Reconstruct.views, len(self.context)):
+            raise UsageError(f"--views is {self.views} and --context names {len(self.context)} frames; leave one out")
 
     def _check_rerun_file(self, path: Path) -> None:
         """Check that a recording for Rerun can be written."""
         if path.suffix != ".rrd":
             raise UsageError(f"--rerun is {path}; expected a file that ends in .rrd")
+        check_utf8(path, "Rerun")
         rerun_library()
         # A file in the output folder is written once that is complete.
         if path.absolute().parent != self.out.absolute():

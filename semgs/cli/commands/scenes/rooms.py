@@ -98,6 +98,10 @@ class Rooms:
             raise UsageError(f"--sheet is {self.sheet}; expected a name that ends in .png")
         if self.sheet is not None:
             check_new_file(self.sheet)
+        if self.out is None:
+            for name in ("scenes", "size", "frames", "workers"):
+                if getattr(self, name) != getattr(Rooms, name):
+                    raise UsageError(f"--{name} is for a data set, not for a sheet alone; leave it out, or name OUT")
 
     def _library(self) -> Library | None:
         if not self.assets:
