@@ -42,7 +42,7 @@ class Shifted:
     made_by = None
     known = np.ones(3, bool)
 
-    def of(self, frame, size):
+    def of(self, frame, size, fit="crop"):
         labels = frame.view((0.1, 10.0), SCANNET20, size=size, fit="crop").labels[0]
         said = torch.zeros(size, dtype=torch.uint8)
         for place, label in enumerate((0, 1, 4)):
