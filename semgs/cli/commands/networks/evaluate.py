@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -241,13 +241,12 @@ class Evaluate:
 
     def _plan(self, scenes: tuple[Scene, ...]) -> FramePlan:
         """The targets and their input views."""
-        from semgs.evaluation.frames.frame_plan import with_depth_range
         from semgs.evaluation.frames.saved import find_view_counts
         from semgs.evaluation.run import plan_targets
 
         held = find_view_counts(self.predictions) if self.predictions is not None else ()
         plan = plan_targets(self.protocol, scenes, self.views or held, self.size, self.gsnerf_distance)
-        return with_depth_range(plan, self.depth_range)
+        return replace(plan, depth_range=self.depth_range)
 
     def _candidate(
         self,
