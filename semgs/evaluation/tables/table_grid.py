@@ -82,15 +82,18 @@ def _markdown(grid: Grid) -> str:
             head[column] = f"{heading}: {head[column]}"
         start += span
 
+    def escaped(text: str) -> str:
+        return text.replace("|", "\\|").replace("*", "\\*")
+
     def shown(cell: Cell) -> str:
-        text = cell.text.replace("|", "\\|") + (grid.mark if cell.marked else "")
+        text = escaped(cell.text + (grid.mark if cell.marked else ""))
         return f"**{text}**" if cell.best else text
 
-    lines = [f"**{grid.title}**", "", "| " + " | ".join(head) + " |"]
+    lines = [f"**{escaped(grid.title)}**", "", "| " + " | ".join(map(escaped, head)) + " |"]
     lines.append("|" + "|".join(["---", *["---:"] * (len(head) - 1)]) + "|")
     lines += ["| " + " | ".join(map(shown, row)) + " |" for row in grid.rows]
-    if grid.notes:
-        lines += ["", *[f"{note}  " for note in grid.notes[:-1]], grid.notes[-1]]
+    if notes := [*map(escaped, grid.notes)]:
+        lines += ["", *[f"{note}  " for note in notes[:-1]], notes[-1]]
     return "\n".join(lines)
 
 
@@ -98,7 +101,7 @@ def _latex(grid: Grid) -> str:
     """For a paper that loads booktabs."""
 
     def shown(cell: Cell) -> str:
-        text = _escaped(cell.text) + (r"$^\dagger$" if cell.marked else "")
+        text = _escaped(cell.text + (grid.mark if cell.marked else ""))
         return rf"\textbf{{{text}}}" if cell.best else text
 
     spans = [span for _, span in grid.groups] or [len(grid.head) - 1]
