@@ -22,7 +22,7 @@ class Grid:
     """A table.
 
     Attributes:
-        title: of the table.
+        title: of the table; "" for none.
         head: column headings; the first is for the names.
         rows: of equal length; the first cell is the name.
         groups: headings above columns, each with the number of columns that it spans; the first column has none.
@@ -52,7 +52,7 @@ def _text(grid: Grid) -> str:
         columns = [0, *range(start, start + span)]
         blocks.append(_block(grid, heading, columns))
         start += span
-    return "\n".join([grid.title, "\n\n".join(blocks), *grid.notes])
+    return "\n".join([*([grid.title] if grid.title else []), "\n\n".join(blocks), *grid.notes])
 
 
 def _block(grid: Grid, heading: str, columns: list[int]) -> str:
@@ -89,7 +89,8 @@ def _markdown(grid: Grid) -> str:
         text = escaped(cell.text + (grid.mark if cell.marked else ""))
         return f"**{text}**" if cell.best else text
 
-    lines = [f"**{escaped(grid.title)}**", "", "| " + " | ".join(map(escaped, head)) + " |"]
+    above = [f"**{escaped(grid.title)}**", ""] if grid.title else []
+    lines = [*above, "| " + " | ".join(map(escaped, head)) + " |"]
     lines.append("|" + "|".join(["---", *["---:"] * (len(head) - 1)]) + "|")
     lines += ["| " + " | ".join(map(shown, row)) + " |" for row in grid.rows]
     if notes := [*map(escaped, grid.notes)]:
@@ -105,10 +106,11 @@ def _latex(grid: Grid) -> str:
         return rf"\textbf{{{text}}}" if cell.best else text
 
     spans = [span for _, span in grid.groups] or [len(grid.head) - 1]
+    titles = [f"{grid.title.rstrip('.')}."] if grid.title else []
     lines = [
         r"\begin{table*}[t]",
         r"\centering",
-        rf"\caption{{{_escaped(' '.join((grid.title.rstrip('.') + '.', *grid.notes)))}}}",
+        rf"\caption{{{_escaped(' '.join([*titles, *grid.notes]))}}}",
         rf"\begin{{tabular}}{{l{''.join('|' + 'c' * span for span in spans)}}}",
         r"\toprule",
     ]
