@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,15 @@ def test_frames_are_spread_over_the_whole_scene(tmp_path: Path):
         positions, views = FitSegmenter("x", tmp_path, tmp_path / "fit.json")._read(scene)
         assert positions == chosen
         assert len(views) == len(chosen)
+
+
+def test_only_labelled_frames_are_read(tmp_path: Path):
+    """Of eleven frames 1, 4, 6, 7 and 9 have labels: the four that are chosen are spread over these."""
+    scene = open_scene(write_labelled(tmp_path / "room", 8, frames=11))
+    frames = [replace(one, labels=one.labels if at in (1, 4, 6, 7, 9) else None) for at, one in enumerate(scene.frames)]
+    positions, views = FitSegmenter("x", tmp_path, tmp_path / "fit.json")._read(replace(scene, frames=tuple(frames)))
+    assert positions == [1, 4, 7, 9]
+    assert views.labels is not None
 
 
 def test_weights_are_opened_before_anything_is_segmented(room, renamed, tmp_path, monkeypatch, capsys):
