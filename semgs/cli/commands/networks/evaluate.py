@@ -264,7 +264,8 @@ class Evaluate:
             return open_predictions(self.predictions, plan, device, self.name)
         with what_the_user_gave():
             if labelling is not None:
-                self._check_table(labelling(plan.scenes[0]).source.classes, classes)
+                for scene in plan.scenes:
+                    self._check_table(labelling(scene).source.classes, classes)
             return load_candidate(
                 self.weights,
                 classes,
