@@ -202,12 +202,16 @@ class Evaluate:
                 self.reading.images,
             ),
         )
-        if self.nearest is not None and self.predictions is not None:
-            raise UsageError("--nearest is for WEIGHTS; --predictions are rendered already")
-        if self.refine and self.predictions is not None:
-            raise UsageError("--refine is for WEIGHTS; --predictions are rendered already")
-        if self.exposure != "as-taken" and self.predictions is not None:
-            raise UsageError("--exposure is for WEIGHTS; --predictions are rendered already")
+        of_weights = {
+            "--nearest": self.nearest is not None,
+            "--refine": bool(self.refine),
+            "--exposure": self.exposure != "as-taken",
+            "--depth-range": self.depth_range is not None,
+            "--precision": self.precision != "float32",
+            "--allow-seen": self.allow_seen,
+        }
+        if self.predictions is not None and (given := [option for option, is_given in of_weights.items() if is_given]):
+            raise UsageError(f"{given[0]} is for WEIGHTS; --predictions are rendered already")
         if self.gsnerf_distance and self.protocol[0] != "peers":
             raise UsageError("--gsnerf-distance needs --protocol peers")
         self.reading.check()
