@@ -15,6 +15,7 @@ from posed import posed_views
 
 from semgs.data.choosing.choice import choose
 from semgs.data.frames import Frame
+from semgs.data.resampling import Fit
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.views import Batch, stack
@@ -120,7 +121,7 @@ class Flat:
     title, made_by = "walls", None
     meaning: Meaning = "scaled"
 
-    def of(self, frame: Frame, size: tuple[int, int]) -> torch.Tensor:
+    def of(self, frame: Frame, size: tuple[int, int], fit: Fit = "crop") -> torch.Tensor:
         return torch.ones(size)
 
 

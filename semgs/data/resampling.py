@@ -99,9 +99,9 @@ def nearest(maps: Tensor, size: tuple[int, int]) -> Tensor:
     return maps.index_select(-2, row).index_select(-1, column)
 
 
-def kept_window(old: tuple[int, int], size: tuple[int, int]) -> tuple[int, int, int, int]:
-    """The central part that `reframed` keeps: rows removed at the top, columns removed at the left, height and width [px]."""
-    rows, columns = kept_size(old, size)
+def kept_window(old: tuple[int, int], size: tuple[int, int], fit: Fit = "crop") -> tuple[int, int, int, int]:
+    """The central part that stays: rows removed at the top, columns removed at the left, height and width [px]; everything if stretched."""
+    rows, columns = kept_size(old, size) if fit == "crop" else old
     return (old[0] - rows) // 2, (old[1] - columns) // 2, rows, columns
 
 

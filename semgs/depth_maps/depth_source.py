@@ -8,6 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from semgs.data.frames import Frame
+from semgs.data.resampling import Fit
 from semgs.segmenters.class_map_files import MadeBy
 
 Meaning = Literal["metric", "scaled", "inverse"]
@@ -34,8 +35,8 @@ class DepthMaps(Protocol):
         """What the numbers are."""
         ...
 
-    def of(self, frame: Frame, size: tuple[int, int]) -> Float[Tensor, "h w"]:
-        """The map at every pixel of a frame, as `Scene.read` reads it at that size; NaN where nothing is known.
+    def of(self, frame: Frame, size: tuple[int, int], fit: Fit = "crop") -> Float[Tensor, "h w"]:
+        """The map at every pixel of a frame, as `Scene.read` reads it with that size and fit; NaN where nothing is known.
 
         Raises:
             InputError: a file is missing, damaged or does not belong to the frame, or a network cannot take the photo.

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from semgs.data.frames import Frame
+from semgs.data.resampling import Fit
 from semgs.depth_maps.depth_source import Meaning
 from semgs.files.errors import InputError
 from semgs.segmenters.class_map_files import MadeBy
@@ -39,7 +40,7 @@ class FrameMaps:
         """Unknown."""
         return None
 
-    def of(self, frame: Frame, size: tuple[int, int]) -> Float[Tensor, "h w"]:
+    def of(self, frame: Frame, size: tuple[int, int], fit: Fit = "crop") -> Float[Tensor, "h w"]:
         """As `DepthMaps.of`.
 
         Raises:
@@ -47,6 +48,6 @@ class FrameMaps:
         """
         if frame.depth is None:
             raise InputError(frame.picture, "a depth map of this frame, as --depth maps needs", "none")
-        depths = replace(frame, labels=None).view(BOUNDS, size=size, fit="crop").depths
+        depths = replace(frame, labels=None).view(BOUNDS, size=size, fit=fit).depths
         assert depths is not None
         return torch.where(depths[0] > 0, depths[0], torch.nan)

@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from semgs.data.resampling import Fit
 from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.depth_maps.alignment import MapFit, Reference, align
@@ -88,8 +89,10 @@ def fits(fit: MapFit) -> bool:
     return fit.scale > 0 and not fit.residual > POOR
 
 
-def read_maps(maps: DepthMaps, scene: Scene, positions: Sequence[int], size: tuple[int, int]) -> Float[Tensor, "v h w"]:
-    """The maps of frames of a scene, NaN where unknown.
+def read_maps(
+    maps: DepthMaps, scene: Scene, positions: Sequence[int], size: tuple[int, int], fit: Fit = "crop"
+) -> Float[Tensor, "v h w"]:
+    """The maps of frames of a scene, NaN where unknown; size and fit are as for `Scene.read`.
 
     Raises:
         InputError: as `DepthMaps.of`, or a map knows nothing.
@@ -97,7 +100,7 @@ def read_maps(maps: DepthMaps, scene: Scene, positions: Sequence[int], size: tup
     read = []
     for position in positions:
         frame = scene.frames[position]
-        read.append(maps.of(frame, size))
+        read.append(maps.of(frame, size, fit))
         if not read[-1].isfinite().any():
             raise InputError(maps.title, f"a depth somewhere in the map of {frame.name}", "none")
     return torch.stack(read)

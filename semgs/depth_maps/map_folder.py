@@ -25,7 +25,7 @@ from torch import Tensor
 
 from semgs.data.frames import Frame, undistortion
 from semgs.data.maps import SATURATED, fit_to_image
-from semgs.data.resampling import kept_window, nearest
+from semgs.data.resampling import Fit, kept_window, nearest
 from semgs.data.scene import Scene
 from semgs.depth_maps.depth_source import Meaning
 from semgs.files.errors import InputError
@@ -92,7 +92,7 @@ class MapFolder:
         """What the numbers are."""
         return self.record.meaning
 
-    def of(self, frame: Frame, size: tuple[int, int]) -> Float[Tensor, "h w"]:
+    def of(self, frame: Frame, size: tuple[int, int], fit: Fit = "crop") -> Float[Tensor, "h w"]:
         """As `DepthMaps.of`; values are never interpolated.
 
         Raises:
@@ -107,7 +107,7 @@ class MapFolder:
         lens_maps = undistortion(frame.lens)
         if lens_maps is not None:
             values = frame.lens.undistorted(values, lens_maps, nearest=True)
-        top, left, height, width = kept_window(frame.lens.size, size)
+        top, left, height, width = kept_window(frame.lens.size, size, fit)
         return nearest(torch.from_numpy(values)[top : top + height, left : left + width], size)
 
     def _values(self, path: Path) -> Float32[np.ndarray, "rows columns"]:

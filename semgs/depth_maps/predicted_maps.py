@@ -12,6 +12,7 @@ from jaxtyping import Float, Float32, UInt8
 from torch import Tensor
 
 from semgs.data.frames import Frame
+from semgs.data.resampling import Fit
 from semgs.depth_maps.depth_source import Meaning
 from semgs.segmenters.class_map_files import MadeBy
 from semgs.segmenters.networks.cost import Cost, cost_of_photos
@@ -75,7 +76,7 @@ class PredictedMaps:
         """What the numbers are."""
         return self.network.meaning
 
-    def of(self, frame: Frame, size: tuple[int, int]) -> Float[Tensor, "h w"]:
+    def of(self, frame: Frame, size: tuple[int, int], fit: Fit = "crop") -> Float[Tensor, "h w"]:
         """As `DepthMaps.of`.
 
         Raises:
@@ -83,7 +84,7 @@ class PredictedMaps:
         """
         prompt = frame.measured() if self.network.prompted else None
         values = torch.from_numpy(self.network(frame.read_undistorted(), prompt))[None]
-        return resampled(values, frame, size, undistorted=True)[0]
+        return resampled(values, frame, size, fit, undistorted=True)[0]
 
     def cost(self, frames: Sequence[Frame]) -> Cost | None:
         """As `cost_of_photos`; a prompted network gets a wall at 1 m."""

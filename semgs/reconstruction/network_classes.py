@@ -12,6 +12,7 @@ from torch import Tensor
 
 from semgs.data.bounds.depth_range import INDOOR_DEPTH_RANGE
 from semgs.data.frames import Frame
+from semgs.data.resampling import Fit
 from semgs.data.tables.classes import ClassTable
 from semgs.model.semgs import SemGS
 from semgs.segmenters.class_map_files import MadeBy
@@ -59,11 +60,11 @@ class NetworkClasses:
         return np.ones(len(self.classes), bool)
 
     @torch.no_grad()
-    def of(self, frame: Frame, size: tuple[int, int]) -> Float[Tensor, "class h w"]:
+    def of(self, frame: Frame, size: tuple[int, int], fit: Fit = "crop") -> Float[Tensor, "class h w"]:
         """As `ClassSource.of`.
 
         Raises:
             InputError: the photo cannot be read.
         """
-        view = frame.view(INDOOR_DEPTH_RANGE, size=size, fit="crop")  # by itself, classes do not depend on the range
+        view = frame.view(INDOOR_DEPTH_RANGE, size=size, fit=fit)  # by itself, classes do not depend on the range
         return self.network.classify(view.to(next(self.network.parameters()).device), alone=True)[0].cpu()

@@ -26,6 +26,7 @@ from torch import Tensor
 
 from semgs.data.frames import Frame
 from semgs.data.maps import ASPECT_TOLERANCE, ClassMap
+from semgs.data.resampling import Fit
 from semgs.data.scene import Scene
 from semgs.data.tables.class_files import LabelSet, class_file, read_class_file
 from semgs.data.tables.classes import SCANNET20, ClassTable
@@ -121,7 +122,7 @@ class MapFiles:
         """All of the table."""
         return np.ones(len(self.classes), bool)
 
-    def of(self, frame: Frame, size: tuple[int, int]) -> Float[Tensor, "class h w"]:
+    def of(self, frame: Frame, size: tuple[int, int], fit: Fit = "crop") -> Float[Tensor, "class h w"]:
         """The distribution over the classes of every pixel of a frame; even where a number means no label.
 
         Raises:
@@ -134,9 +135,9 @@ class MapFiles:
             wanted = f"a map of frame {frame.name}: {name.with_suffix('.png')} or {name.with_suffix('.npz')}"
             raise InputError(self.folder, wanted, "none")
         if path.suffix == ".npz":
-            return to_view(self.probabilities(path, frame), frame, size, undistorted=self.made_by is not None)
+            return to_view(self.probabilities(path, frame), frame, size, fit, undistorted=self.made_by is not None)
         labelled = replace(frame, labels=ClassMap(path, self.classes, self.labels.meaning), depth=None, mask=None)
-        labels = labelled.view(BOUNDS, self.classes, size=size, fit="crop").labels
+        labels = labelled.view(BOUNDS, self.classes, size=size, fit=fit).labels
         assert labels is not None
         return one_hot(labels[0], len(self.classes))
 

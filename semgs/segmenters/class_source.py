@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from semgs.data.frames import Frame
+from semgs.data.resampling import Fit
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import ClassTable
 from semgs.geometry.cameras import checked_size
@@ -44,8 +45,8 @@ class ClassSource(Protocol):
         """The classes of the table that it can say."""
         ...
 
-    def of(self, frame: Frame, size: tuple[int, int]) -> Float[Tensor, "class h w"]:
-        """The distribution over the classes of every pixel of a frame, as `Scene.read` reads it at that size.
+    def of(self, frame: Frame, size: tuple[int, int], fit: Fit = "crop") -> Float[Tensor, "class h w"]:
+        """The distribution over the classes of every pixel of a frame, as `Scene.read` reads it with that size and fit.
 
         Raises:
             InputError: a file is missing, damaged or does not belong to the frame.
@@ -86,13 +87,13 @@ class Translated:
         """The classes that something of the source's table means."""
         return self.correspondence.table[self.source.known].sum(0) > 0
 
-    def of(self, frame: Frame, size: tuple[int, int]) -> Float[Tensor, "class h w"]:
+    def of(self, frame: Frame, size: tuple[int, int], fit: Fit = "crop") -> Float[Tensor, "class h w"]:
         """As `ClassSource.of`.
 
         Raises:
             InputError: as `ClassSource.of`.
         """
-        return self.correspondence(self.source.of(frame, size))
+        return self.correspondence(self.source.of(frame, size, fit))
 
     def cost(self, frames: Sequence[Frame]) -> Cost | None:
         """As `Costly.cost`.
@@ -115,12 +116,12 @@ def notes_of(source: ClassSource) -> tuple[str, ...]:
 
 
 def read_distributions(
-    source: ClassSource, scene: Scene, positions: Sequence[int], size: Sequence[int]
+    source: ClassSource, scene: Scene, positions: Sequence[int], size: Sequence[int], fit: Fit = "crop"
 ) -> Float[Tensor, "v class h w"]:
-    """What a source says about frames of a scene, one frame after the other.
+    """What a source says about frames of a scene, one frame after the other; size and fit are as for `Scene.read`.
 
     Raises:
         InputError: as `ClassSource.of`.
     """
     height, width = checked_size(size)
-    return torch.stack([source.of(scene.frames[position], (height, width)) for position in positions])
+    return torch.stack([source.of(scene.frames[position], (height, width), fit) for position in positions])

@@ -149,14 +149,17 @@ def fit_correspondence(
         done: called with the number of finished scenes.
 
     Raises:
-        InputError: as `ClassSource.of`.
+        InputError: as `ClassSource.of`, or the segmenter has other classes for another scene.
     """
-    classes = scenes[0].classes
+    classes, theirs = scenes[0].classes, source(scenes[0]).classes.names
     assert classes is not None
     total: Any = 0
     for number, scene in enumerate(scenes, 1):
+        said = source(scene)
+        if said.classes.names != theirs:
+            raise InputError(said.title, f"the classes of the maps of {scenes[0].name}", f"others for {scene.name}")
         positions, views = read(scene)
-        total = total + count_pairs(source(scene), scene, views, positions, len(classes))
+        total = total + count_pairs(said, scene, views, positions, len(classes))
         done(number)
     return make_correspondence(total, classes)
 

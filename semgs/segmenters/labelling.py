@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from semgs.data.resampling import Fit
 from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.geometry.fusion import LEAST, fuse_classes
@@ -63,7 +64,9 @@ class Labelling:
         """As `notes_of` the source."""
         return notes_of(self.source)
 
-    def __call__(self, encoding: Encoding, scene: Scene, positions: Sequence[int], views: Views) -> Encoding:
+    def __call__(
+        self, encoding: Encoding, scene: Scene, positions: Sequence[int], views: Views, fit: Fit = "crop"
+    ) -> Encoding:
         """The encoding of frames of a scene, with these classes.
 
         Args:
@@ -71,12 +74,13 @@ class Labelling:
             scene: contains the frames.
             positions: of the frames in the scene.
             views: the frames as read.
+            fit: how they were read.
 
         Raises:
             InputError: as `ClassSource.of`.
             ValueError: the network's own classes are to vote, and it has none or another table.
         """
-        maps = read_distributions(self.source, scene, positions, views.size).to(encoding.depths)
+        maps = read_distributions(self.source, scene, positions, views.size, fit).to(encoding.depths)
         if self.own:
             if encoding.classes != self.source.classes:
                 table = encoding.classes.name if encoding.classes else "no classes"

@@ -8,23 +8,33 @@ from jaxtyping import Float, Float32, UInt8
 from torch import Tensor
 
 from semgs.data.frames import Frame
-from semgs.data.resampling import kept_window, resampling
+from semgs.data.resampling import Fit, kept_window, resampling
 from semgs.data.tables.classes import IGNORE
 
 
 def to_view(
-    probabilities: Float32[np.ndarray, "class rows columns"], frame: Frame, size: tuple[int, int], *, undistorted: bool
+    probabilities: Float32[np.ndarray, "class rows columns"],
+    frame: Frame,
+    size: tuple[int, int],
+    fit: Fit = "crop",
+    *,
+    undistorted: bool,
 ) -> Float[Tensor, "class h w"]:
     """The distribution over classes of every pixel of a view: `resampled`, and normalised.
 
     Args:
-        probabilities, frame, size, undistorted: as for `resampled`.
+        probabilities, frame, size, fit, undistorted: as for `resampled`.
     """
-    return normalised(resampled(torch.from_numpy(probabilities), frame, size, undistorted=undistorted))
+    return normalised(resampled(torch.from_numpy(probabilities), frame, size, fit, undistorted=undistorted))
 
 
 def resampled(
-    values: Float[Tensor, "c rows columns"], frame: Frame, size: tuple[int, int], *, undistorted: bool
+    values: Float[Tensor, "c rows columns"],
+    frame: Frame,
+    size: tuple[int, int],
+    fit: Fit = "crop",
+    *,
+    undistorted: bool,
 ) -> Float[Tensor, "c h w"]:
     """Maps of a photo at the pixels of a view. Areas are averaged where pixels get larger, and interpolated where they get smaller.
 
@@ -32,15 +42,16 @@ def resampled(
         values: of the frame's photo, at any resolution.
         frame: the frame.
         size: (height, width) of the view, as for `Scene.read` [px].
+        fit: what was done with a photo of another aspect, as for `Scene.read`.
         undistorted: whether the maps cover the undistorted photo; otherwise the photo as it is stored.
     """
     maps = None if undistorted or frame.lens.is_pinhole else frame.lens.maps()
     if maps is None:
-        return _resized(values, frame.lens.size, size)
+        return _resized(values, frame.lens.size, size, fit)
     planes = []
     for plane in values:  # one at a time, as photos are large
         full = _stretched(plane, frame.lens.size)
-        planes.append(_cropped(torch.from_numpy(frame.lens.undistorted(full.numpy(), maps)), size))
+        planes.append(_cropped(torch.from_numpy(frame.lens.undistorted(full.numpy(), maps)), size, fit))
     return torch.stack(planes)
 
 
@@ -70,12 +81,12 @@ def one_hot(labels: UInt8[Tensor, "h w"], classes: int) -> Float[Tensor, "class 
 
 
 def _resized(
-    values: Float[Tensor, "c rows columns"], photo: tuple[int, int], size: tuple[int, int]
+    values: Float[Tensor, "c rows columns"], photo: tuple[int, int], size: tuple[int, int], fit: Fit = "crop"
 ) -> Float[Tensor, "c h w"]:
     """As `resized_map`, without normalising."""
     if tuple(values.shape[-2:]) == size == photo:
         return values
-    top, left, height, width = kept_window(photo, size)
+    top, left, height, width = kept_window(photo, size, fit)
     rows = resampling(height, size[0]) @ resampling(values.shape[-2], photo[0])[top : top + height]
     columns = resampling(width, size[1]) @ resampling(values.shape[-1], photo[1])[left : left + width]
     return rows.to(values) @ values @ columns.to(values).mT
@@ -87,7 +98,7 @@ def _stretched(plane: Float[Tensor, "rows columns"], size: tuple[int, int]) -> F
     return rows @ plane @ columns.mT
 
 
-def _cropped(plane: Float[Tensor, "rows columns"], size: tuple[int, int]) -> Float[Tensor, "h w"]:
+def _cropped(plane: Float[Tensor, "rows columns"], size: tuple[int, int], fit: Fit) -> Float[Tensor, "h w"]:
     """A map of a photo at the photo's size, at the pixels of a view."""
-    top, left, height, width = kept_window((plane.shape[0], plane.shape[1]), size)
+    top, left, height, width = kept_window((plane.shape[0], plane.shape[1]), size, fit)
     return _stretched(plane[top : top + height, left : left + width], size)

@@ -142,6 +142,8 @@ def open_relabelling(
 
     name = folder.name if folder.exists() else segmenter
     settings: dict[str, Any] = {"segmenter": name, "classes": classes or "automatic"}
+    if folder.is_file():
+        settings["network"] = sha256(folder)
     if correspondence is not None:
         settings["correspondence"] = sha256(correspondence)
     if words:

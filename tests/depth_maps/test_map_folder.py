@@ -79,6 +79,16 @@ def test_a_smaller_map_is_read_at_the_nearest_pixel(scene: Scene, folder: Path):
     np.testing.assert_array_equal(found.numpy(), RAMP[::2, ::2])
 
 
+def test_a_map_of_a_wide_photo_is_cropped_or_stretched_as_the_photo_is(scene: Scene, folder: Path):
+    """Of columns 0 to 31 a square of 24 keeps the middle, 4 to 27, and a stretched one takes those that its centres lie in: 0, 2, 3, 4, 6, ..., 31."""
+    write(folder / "000.npy", np.tile(np.arange(32, dtype=np.float32) + 1, (24, 1)))
+    maps = open_map_folder(folder, scene, "scaled")
+    square = (24, 24)
+    assert (maps.of(scene.frames[0], square)[0] - 1).tolist() == list(range(4, 28))
+    stretched = maps.of(scene.frames[0], square, "stretch")[0] - 1
+    assert stretched.tolist() == [int((column + 0.5) * 32 / 24) for column in range(24)]
+
+
 def test_each_scene_may_have_a_folder_and_names_may_have_folders(scene: Scene, folder: Path):
     inner = folder / scene.name / "images"
     inner.mkdir(parents=True)

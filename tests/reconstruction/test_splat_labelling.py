@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from semgs.data.frames import Frame
+from semgs.data.resampling import Fit
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.geometry.gaussians import Gaussians
@@ -39,7 +40,7 @@ class TrueMaps:
     def known(self) -> np.ndarray:
         return np.ones(len(self.classes), bool)
 
-    def of(self, frame: Frame, size: tuple[int, int]) -> torch.Tensor:
+    def of(self, frame: Frame, size: tuple[int, int], fit: Fit = "crop") -> torch.Tensor:
         self.asked.append(frame.name)
         labels = self.scene.read([frame.name], size).labels
         assert labels is not None

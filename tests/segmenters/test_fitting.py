@@ -42,7 +42,7 @@ class Shifted:
     made_by = None
     known = np.ones(3, bool)
 
-    def of(self, frame, size):
+    def of(self, frame, size, fit="crop"):
         labels = frame.view((0.1, 10.0), SCANNET20, size=size, fit="crop").labels[0]
         said = torch.zeros(size, dtype=torch.uint8)
         for place, label in enumerate((0, 1, 4)):
@@ -68,6 +68,20 @@ def test_a_segmenter_that_calls_things_by_other_names_is_understood(tmp_path: Pa
     assert counted[1, 0] == pytest.approx(0.8 * int((labels == 0).sum()), rel=1e-6)
     assert counted[2, 0] == pytest.approx(0.1 * int((labels == 0).sum()), rel=1e-6)
     assert counted.sum() == pytest.approx(int((labels != IGNORE).sum()), rel=1e-6)
+
+
+def test_maps_with_other_classes_for_another_scene_are_not_counted_as_the_same(tmp_path: Path):
+    scenes = [open_scene(write_labelled(tmp_path / name, 3)) for name in ("first", "second")]
+    other = Shifted()
+    other.classes = make_class_table(
+        "three", ("y", "x", "z")
+    )  # in another order, so that the numbers would be added wrongly
+    with pytest.raises(InputError, match="expected the classes of the maps of first, found others for second"):
+        fit_correspondence(
+            lambda scene: other if scene.name == "second" else Shifted(),
+            scenes,
+            lambda scene: ([0], scene.read([0], SIZE)),
+        )
 
 
 def test_votes_go_to_the_one_that_is_right():

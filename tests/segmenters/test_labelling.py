@@ -12,6 +12,7 @@ import torch
 from scenes_on_disk import SIZE, write_labelled
 
 from semgs.data.frames import Frame
+from semgs.data.resampling import Fit
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20, ClassTable
@@ -56,7 +57,7 @@ class Certain:
     def known(self) -> np.ndarray:
         return np.ones(len(self.classes), bool)
 
-    def of(self, frame: Frame, size: tuple[int, int]) -> torch.Tensor:
+    def of(self, frame: Frame, size: tuple[int, int], fit: Fit = "crop") -> torch.Tensor:
         found = torch.zeros(len(self.classes), *size)
         found[self.said[frame.name]] = 1
         return found

@@ -163,3 +163,21 @@ def test_class_maps_of_several_scenes_share_a_table_or_have_their_own(scans: Pat
     assert labels[1].tolist() == [0] * 16 + [1] * 16
     assert terms_of(kitchen).text.endswith("; labels by class maps in files (licence unknown)")
     assert not terms_of(kitchen).own
+
+
+def test_a_folder_of_one_network_is_not_resumed_with_another_of_the_same_name(
+    scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """The file is exported again, so labels of two networks would be mixed."""
+    opened = ViewSegmenter(Columns())
+    monkeypatch.setattr("semgs.segmenters.relabelling.open_class_sources", lambda *given, **named: opened.source)
+    network = tmp_path / "net.onnx"
+
+    def prepared(content: bytes) -> PreparedSet:
+        network.write_bytes(content)
+        return PreparedSet(tmp_path / "out", Preparation(SIZE), open_relabelling(str(network), Reading()))
+
+    prepared(b"first").prepare(find_sources(scans))
+    prepared(b"first").check()
+    with pytest.raises(ValueError, match="network"):
+        prepared(b"second").check()

@@ -28,11 +28,12 @@ def photo(folder, distortion=(0.0, 0.0, 0.0, 0.0, 0.0)) -> tuple[Frame, np.ndarr
 
 @pytest.mark.parametrize("distortion", [(0.0,) * 5, (-0.11, 0.02, 0.003, -0.002, 0.0)])
 @pytest.mark.parametrize("size", [SIZE, (45, 60), (48, 48), (64, 144), (100, 131)])
-def test_a_map_that_tells_position_lands_where_the_photo_does(tmp_path, distortion, size):
-    """Red is a position of the stored photo, and the map says red: after lens, crop and resizing both say the same at each pixel."""
+@pytest.mark.parametrize("fit", ["crop", "stretch"])
+def test_a_map_that_tells_position_lands_where_the_photo_does(tmp_path, distortion, size, fit):
+    """Red is a position of the stored photo, and the map says red: after lens, crop or stretching, and resizing both say the same at each pixel."""
     frame, stored = photo(tmp_path, distortion)
-    view = frame.view((0.1, 10.0), size=size, fit="crop")
-    found = to_view(stored, frame, size, undistorted=False)
+    view = frame.view((0.1, 10.0), size=size, fit=fit)
+    found = to_view(stored, frame, size, fit, undistorted=False)
     assert found.shape == (2, *size)
     # The photo was rounded to 8 bits after undistortion, the map was not.
     torch.testing.assert_close(found[0], view.images[0, 0], rtol=0, atol=0.51 / 255 if any(distortion) else 1e-6)

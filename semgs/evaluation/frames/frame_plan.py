@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from semgs.data.scene import Scene
@@ -80,6 +80,14 @@ class FramePlan:
     depth_range: tuple[float, float] | None = None
 
     @property
+    def title(self) -> str:
+        """The protocol, with near and far if they are not those of each scene."""
+        if self.depth_range is None:
+            return self.protocol
+        near, far = self.depth_range
+        return f"{self.protocol}, near {near:g} and far {far:g}"
+
+    @property
     def views(self) -> tuple[int, ...]:
         """The numbers of views, ascending."""
         return tuple(sorted({task.views for task in self.tasks}))
@@ -116,14 +124,6 @@ def make_plan(
         for sample in protocol(scene, count)
     ]
     return _checked(FramePlan(name, tuple(tasks)))
-
-
-def with_depth_range(plan: FramePlan, depth_range: tuple[float, float] | None) -> FramePlan:
-    """The plan with near and far for all scenes, which become part of the protocol's name; None changes nothing."""
-    if depth_range is None:
-        return plan
-    near, far = depth_range
-    return replace(plan, protocol=f"{plan.protocol}, near {near:g} and far {far:g}", depth_range=depth_range)
 
 
 def choose_size(scene: Scene) -> tuple[int, int]:

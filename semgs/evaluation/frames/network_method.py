@@ -13,6 +13,7 @@ from semgs.data.scene import Scene
 from semgs.depth_maps.depth_source import DepthMaps
 from semgs.depth_maps.map_depth import find_reference, place_at_maps, read_maps
 from semgs.evaluation.frames.predictions import Inputs, Prediction
+from semgs.evaluation.frames.reading import FIT
 from semgs.model.encode import Network, encode
 from semgs.rendering.rendering import SEEN_ALPHA, confidence_maps, likeliest
 from semgs.runtime.stopwatch import now
@@ -73,7 +74,7 @@ class NetworkMethod:
         if self._labelling is not None:
             task = inputs.task
             labelling = self._labelling(task.scene)
-            encoding = labelling(encoding, task.scene, task.sample.contexts, inputs.contexts)
+            encoding = labelling(encoding, task.scene, task.sample.contexts, inputs.contexts, FIT)
         contexts, exposures = inputs.contexts, common_exposure(inputs.contexts, encoding, self._exposure)
         if exposures is not None:
             contexts, encoding = exposures.applied(contexts), exposures.recoloured(encoding)
@@ -88,7 +89,7 @@ class NetworkMethod:
     def _place(self, encoding: Encoding, inputs: Inputs, maps: DepthMaps) -> Encoding:
         """The Gaussians at the network's depth and that of maps. The true depth of the input views is no reference."""
         scene, positions, views = inputs.task.scene, inputs.task.sample.contexts, inputs.contexts
-        found = read_maps(maps, scene, positions, views.size)
+        found = read_maps(maps, scene, positions, views.size, FIT)
         reference = find_reference(encoding, scene, positions, views, independent=False)
         return place_at_maps(encoding, views, found, maps, reference)[0]
 

@@ -56,7 +56,7 @@ class SavedPredictions:
         for views in plan.views:
             missing = {kind: self._missing(kind, plan.of(views)) for kind in KINDS}
             given = [kind for kind, (asked, absent) in missing.items() if len(absent) < asked]
-            for kind in given or ["labels"]:
+            for kind in given or (["labels"] if missing["labels"][0] else ["colour"]):
                 asked, absent = missing[kind]
                 if absent:
                     raise InputError(

@@ -77,7 +77,7 @@ def evaluation_page(evaluation: Evaluation, report: SavedReport) -> str:
     ]
     return page.html_page(
         title=f"{evaluation.subject.name} on {data_name(evaluation.data, [scene.name for scene in scenes])}",
-        lead=f"{targets} targets of {len(scenes)} scene{'s' * (len(scenes) > 1)}, protocol {evaluation.plan.protocol}, "
+        lead=f"{targets} targets of {len(scenes)} scene{'s' * (len(scenes) > 1)}, protocol {evaluation.plan.title}, "
         f"from {' and '.join(map(str, report.results))} input views.",
         headlines=_headlines(report),
         sections=sections,
@@ -117,7 +117,7 @@ def _facts(evaluation: Evaluation, report: SavedReport) -> page.Facts:
         ("Method" if subject.kind == "weights" else "Predictions", f"{subject.name}: {subject.source}"),
         *([("SHA-256 of the weights", subject.sha256)] if subject.sha256 else []),
         ("Data", f"{evaluation.data}: {listed([scene.name for scene in evaluation.plan.scenes], 12)}"),
-        ("Protocol", evaluation.plan.protocol),
+        ("Protocol", evaluation.plan.title),
         ("Size", f"{listed(sizes, 12)} (height x width)"),
         *(
             [("Class table", f"{evaluation.classes.name}, {len(evaluation.classes)} classes")]

@@ -100,7 +100,7 @@ def evaluation_numbers(evaluation: Evaluation) -> dict[str, Any]:
                 for scene in scenes
             ],
         },
-        "protocol": evaluation.plan.protocol,
+        "protocol": evaluation.plan.title,
         "classes": evaluation.classes and {"name": evaluation.classes.name, "names": list(evaluation.classes.names)},
         "results": [_result(rows, evaluation.classes) for rows in evaluation.rows],
         "notes": list(evaluation.notes),

@@ -22,7 +22,7 @@ class Grid:
     """A table.
 
     Attributes:
-        title: of the table.
+        title: of the table; "" for none.
         head: column headings; the first is for the names.
         rows: of equal length; the first cell is the name.
         groups: headings above columns, each with the number of columns that it spans; the first column has none.
@@ -52,7 +52,7 @@ def _text(grid: Grid) -> str:
         columns = [0, *range(start, start + span)]
         blocks.append(_block(grid, heading, columns))
         start += span
-    return "\n".join([grid.title, "\n\n".join(blocks), *grid.notes])
+    return "\n".join([*([grid.title] if grid.title else []), "\n\n".join(blocks), *grid.notes])
 
 
 def _block(grid: Grid, heading: str, columns: list[int]) -> str:
@@ -82,15 +82,19 @@ def _markdown(grid: Grid) -> str:
             head[column] = f"{heading}: {head[column]}"
         start += span
 
+    def escaped(text: str) -> str:
+        return text.replace("|", "\\|").replace("*", "\\*")
+
     def shown(cell: Cell) -> str:
-        text = cell.text.replace("|", "\\|") + (grid.mark if cell.marked else "")
+        text = escaped(cell.text + (grid.mark if cell.marked else ""))
         return f"**{text}**" if cell.best else text
 
-    lines = [f"**{grid.title}**", "", "| " + " | ".join(head) + " |"]
+    above = [f"**{escaped(grid.title)}**", ""] if grid.title else []
+    lines = [*above, "| " + " | ".join(map(escaped, head)) + " |"]
     lines.append("|" + "|".join(["---", *["---:"] * (len(head) - 1)]) + "|")
     lines += ["| " + " | ".join(map(shown, row)) + " |" for row in grid.rows]
-    if grid.notes:
-        lines += ["", *[f"{note}  " for note in grid.notes[:-1]], grid.notes[-1]]
+    if notes := [*map(escaped, grid.notes)]:
+        lines += ["", *[f"{note}  " for note in notes[:-1]], notes[-1]]
     return "\n".join(lines)
 
 
@@ -98,14 +102,15 @@ def _latex(grid: Grid) -> str:
     """For a paper that loads booktabs."""
 
     def shown(cell: Cell) -> str:
-        text = _escaped(cell.text) + (r"$^\dagger$" if cell.marked else "")
+        text = _escaped(cell.text + (grid.mark if cell.marked else ""))
         return rf"\textbf{{{text}}}" if cell.best else text
 
     spans = [span for _, span in grid.groups] or [len(grid.head) - 1]
+    titles = [f"{grid.title.rstrip('.')}."] if grid.title else []
     lines = [
         r"\begin{table*}[t]",
         r"\centering",
-        rf"\caption{{{_escaped(' '.join((grid.title.rstrip('.') + '.', *grid.notes)))}}}",
+        rf"\caption{{{_escaped(' '.join([*titles, *grid.notes]))}}}",
         rf"\begin{{tabular}}{{l{''.join('|' + 'c' * span for span in spans)}}}",
         r"\toprule",
     ]

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Float32, UInt8
 from torch import Tensor
 
 from semgs.data.frames import Frame
+from semgs.data.resampling import Fit
 from semgs.data.tables.classes import ClassTable
 from semgs.files.hashes import sha256_of
 from semgs.segmenters.class_map_files import MadeBy, MapFiles, save_class_map
@@ -77,7 +78,7 @@ class Photos:
         """All of the table."""
         return np.ones(len(self.classes), bool)
 
-    def of(self, frame: Frame, size: tuple[int, int]) -> Float[Tensor, "class h w"]:
+    def of(self, frame: Frame, size: tuple[int, int], fit: Fit = "crop") -> Float[Tensor, "class h w"]:
         """The distribution over the network's classes of every pixel of a frame.
 
         Raises:
@@ -91,7 +92,7 @@ class Photos:
             found = self.segmenter(image)
         if self.save is not None:
             save_class_map(self.save, frame, found, sha256_of(image))
-        return to_view(found, frame, size, undistorted=True)
+        return to_view(found, frame, size, fit, undistorted=True)
 
     def cost(self, frames: Sequence[Frame]) -> Cost | None:
         """What the network takes for the frames without an earlier map: that of a grey image of the largest size, for each of them.

@@ -73,6 +73,12 @@ def test_two_files_are_compared_row_by_row(tmp_path: Path, capsys: pytest.Captur
     row = next(line for line in told.splitlines() if line.startswith("render_n2"))
     assert row.split() == ["render_n2", "0.2000", "0.1000", "0.500", "500", "450"]
     assert "cnn_base_n2" not in told
+    # The table has no title, so it begins with its rows.
+    for form, first in (("text", "─"), ("markdown", "| row |"), ("latex", r"\begin{table*}")):
+        assert main(["compare", str(before), str(after), "--format", form]) == 0
+        written = capsys.readouterr().out
+        assert written.startswith(first)
+        assert r"\caption{ratio: seconds" in written or form != "latex"
 
 
 @pytest.mark.parametrize(
@@ -81,12 +87,14 @@ def test_two_files_are_compared_row_by_row(tmp_path: Path, capsys: pytest.Captur
         (("before.json",), "expected two"),
         (("before.json", "other.json"), "semgs.bench"),
         (("before.json", "nothing.json"), "nothing there"),
+        (("before.json", "unmeasured.json"), "before and unmeasured have no measured row in common"),
     ],
 )
 def test_what_cannot_be_compared_is_told(
     tmp_path: Path, names: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write(tmp_path / "before.json", BenchResult("render_n2", 0.2))
+    write(tmp_path / "unmeasured.json", BenchResult("render_n2", None, reason="no CUDA device"))
     (tmp_path / "other.json").write_text("{}")
     assert main(["compare", *(str(tmp_path / name) for name in names)]) == 2
     assert told in capsys.readouterr().err

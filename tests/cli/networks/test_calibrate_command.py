@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from known_scenes import write_scene
 from miniatures import miniature
 from replicas import write_replica
 from safetensors import safe_open
@@ -39,6 +40,25 @@ def test_temperatures_are_fitted_kept_beside_the_same_tensors_and_measured(
     assert all((before[name] == after[name]).all() for name in before)
     assert main(["weights", "calibrate", str(out), *line]) == 0
     assert capsys.readouterr().out == fitted
+
+
+@pytest.mark.parametrize("labelled", [0, 1])
+def test_scenes_without_labels_where_they_are_needed_are_refused(
+    labelled: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """Of three frames only the inner one is a target: with labels of the first alone no rendered pixel has one, with those of the inner one no input."""
+    write_scene(tmp_path / "room", 3)
+    content = json.loads((tmp_path / "room/transforms.json").read_text())
+    for index, frame in enumerate(content["frames"]):
+        if index != labelled:
+            del frame["label_file_path"]
+    (tmp_path / "room/transforms.json").write_text(json.dumps(content))
+    for more in (["--out", str(tmp_path / "new")], []):
+        assert main(["weights", "calibrate", "small", "--data", str(tmp_path / "room"), "--size", "36x48", *more]) == 2
+        error = capsys.readouterr().err
+        assert "expected labels in input views and target views, found only unlabelled ones" in error
+        assert len(error.splitlines()) == 1
+    assert not (tmp_path / "new").exists()
 
 
 def test_bad_input_is_one_line(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):

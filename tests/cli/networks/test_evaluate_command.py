@@ -257,8 +257,18 @@ def test_neither_or_both_of_weights_and_predictions(refused: Refused, tmp_path: 
     assert "--data" in errors
 
 
-def test_nearest_is_for_networks(refused: Refused, tmp_path: Path):
-    assert "--nearest is for WEIGHTS" in refused("--predictions", tmp_path, "--nearest", "2")
+def test_options_of_a_network_are_not_for_predictions(refused: Refused, tmp_path: Path):
+    """Near and far would be in the report's protocol, and have no effect."""
+    for option in (
+        "--nearest 2",
+        "--refine",
+        "--exposure auto",
+        "--depth-range 0.1 10",
+        "--precision auto",
+        "--allow-seen",
+    ):
+        name, *values = option.split()
+        assert f"{name} is for WEIGHTS" in refused("--predictions", tmp_path, name, *values)
     assert "--nearest" in refused("small", "--nearest", "0")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from scenes_on_disk import write_labelled
 from semgs.cli.commands.networks.segmenter_fit import FitSegmenter
 from semgs.cli.main import main
 from semgs.data.scenes import open_scene
-from semgs.data.tables.classes import IGNORE
+from semgs.data.tables.classes import IGNORE, SCANNET20
 
 
 @pytest.fixture
@@ -42,6 +43,15 @@ def test_frames_are_spread_over_the_whole_scene(tmp_path: Path):
         positions, views = FitSegmenter("x", tmp_path, tmp_path / "fit.json")._read(scene)
         assert positions == chosen
         assert len(views) == len(chosen)
+
+
+def test_only_labelled_frames_are_read(tmp_path: Path):
+    """Of eleven frames 1, 4, 6, 7 and 9 have labels: the four that are chosen are spread over these."""
+    scene = open_scene(write_labelled(tmp_path / "room", 8, frames=11))
+    frames = [replace(one, labels=one.labels if at in (1, 4, 6, 7, 9) else None) for at, one in enumerate(scene.frames)]
+    positions, views = FitSegmenter("x", tmp_path, tmp_path / "fit.json")._read(replace(scene, frames=tuple(frames)))
+    assert positions == [1, 4, 7, 9]
+    assert views.labels is not None
 
 
 def test_weights_are_opened_before_anything_is_segmented(room, renamed, tmp_path, monkeypatch, capsys):
@@ -95,6 +105,20 @@ def test_an_existing_file_is_kept(room: Path, renamed: Path, tmp_path: Path, cap
     assert main(["segmenters", "fit", str(renamed), "--data", str(room), "--out", str(tmp_path / "fit.json")]) == 2
     assert "expected a new file" in capsys.readouterr().err
     assert (tmp_path / "fit.json").read_text() == "mine"
+
+
+def test_the_maps_of_every_scene_must_be_in_the_classes_of_the_labels(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """The maps of the second scene list ScanNet's classes backwards: their number 0 is the labels' number 19."""
+    for name, names in (("attic", SCANNET20.names), ("hall", SCANNET20.names[::-1])):
+        write_labelled(tmp_path / "rooms" / name, 8, frames=3)
+        listed = [{"name": one, "colour": [0, 0, 0]} for one in names]
+        (tmp_path / "maps" / name).mkdir(parents=True)
+        (tmp_path / "maps" / name / "classes.json").write_text(json.dumps({"name": "backwards", "classes": listed}))
+    evaluate = ["evaluate", "small", "--data", str(tmp_path / "rooms"), "--views", "2", "--size", "32x48"]
+    assert main([*evaluate, "--segmenter", str(tmp_path / "maps"), "--out", str(tmp_path / "out")]) == 2
+    assert "answers in the classes of the labels, scannet20, found backwards" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("others", [["--workers", "1"], []])

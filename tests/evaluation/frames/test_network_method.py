@@ -4,20 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 import torch
-from mapping_walls import KnowsTheWall, cameras_at, image
+from mapping_walls import KnowsTheWall, cameras_at, encoded, image
 from torch import Tensor
 
+from semgs.data.frames import Frame
+from semgs.data.resampling import Fit
 from semgs.data.scene import Scene
+from semgs.data.tables.class_files import class_file
+from semgs.data.tables.classes import SCANNET20
 from semgs.data.views import Views
+from semgs.depth_maps.frame_maps import FrameMaps
 from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.predictions import Inputs
 from semgs.evaluation.frames.protocols import neighbours
+from semgs.evaluation.frames.reading import make_inputs, read_views
+from semgs.files.atomic import write_json
+from semgs.files.images.pictures import write_png
 from semgs.geometry.harmonics import basis
 from semgs.scene.encoding import Encoding
 from semgs.scene.exposure import ExposureChoice
+from semgs.segmenters.class_map_files import MapFiles
+from semgs.segmenters.labelling import Labelling
 
 SIZE = (24, 36)
 
@@ -49,3 +62,43 @@ def test_input_views_come_to_a_common_exposure_if_asked(make_scene: Callable[...
     torch.testing.assert_close(common, even, atol=1e-5, rtol=0)
     torch.testing.assert_close(rendered((0.8, 0.45), "auto"), common, atol=0, rtol=0)
     assert not torch.allclose(rendered((0.8, 0.45), "as-taken"), even, atol=0.01)
+
+
+def test_maps_from_elsewhere_are_stretched_as_the_photos_are(make_scene: Callable[..., Scene], tmp_path: Path) -> None:
+    """Photos of 24x96 are compared at 24x48. Class 4 is in their first 24 columns: in 12 of 48, and in none of the middle half, which a crop keeps."""
+    scene = make_scene(size=(24, 96))
+    (tmp_path / "maps").mkdir()
+    columns = np.where(np.arange(96) < 24, 4, 7).astype(np.uint8)
+    for frame in scene.frames:
+        write_png(tmp_path / "maps" / f"{Path(frame.name).stem}.png", np.tile(columns, (24, 1)))
+    write_json(tmp_path / "maps/classes.json", class_file(SCANNET20))
+    (task, *_) = make_plan("neighbours", neighbours, (scene,), (2,), (24, 48)).tasks
+    views = read_views(task)
+    read: dict[str, list[Tensor]] = {"classes": [], "depth": []}
+
+    class Flat(KnowsTheWall):
+        def __call__(self, views: Views) -> Encoding:
+            return encoded(views.cameras, torch.full((len(views), *views.size), 2.0))
+
+    class Classes(Labelling):
+        def __call__(self, *arguments: Any) -> Encoding:
+            labelled = super().__call__(*arguments)
+            read["classes"] += labelled.class_maps().argmax(1)
+            return labelled
+
+    class Depth:
+        title, made_by, meaning = "maps", None, "scaled"
+
+        def of(self, frame: Frame, size: tuple[int, int], fit: Fit = "crop") -> Tensor:
+            read["depth"].append(FrameMaps().of(frame, size, fit))
+            return read["depth"][-1]
+
+    labelling = Classes(MapFiles.opened(tmp_path / "maps", scene), fusion=False)
+    NetworkMethod(Flat(), "cpu", "flat", lambda scene: labelling, depth=lambda scene: Depth()).predict(  # type: ignore[arg-type, return-value]
+        make_inputs(task, views)
+    )
+    assert torch.equal(torch.stack(read["classes"]), torch.where(torch.arange(48) < 12, 4, 7).expand(2, 24, 48))
+    for position, found in zip(task.sample.contexts, read["depth"], strict=True):
+        true = views[position].depths
+        assert true is not None
+        assert torch.equal(found, true[0])

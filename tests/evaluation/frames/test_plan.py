@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -48,6 +49,18 @@ def test_a_plan_survives_its_file_and_a_report_serves_as_one(scenes: tuple[Scene
         assert again.protocol == "pinned: neighbours"
     assert told(read_plan(tmp_path / "frames", scenes, (3,))) == told(plan)[5:]
     assert {task.size for task in read_plan(tmp_path / "frames", scenes, size=(32, 48)).tasks} == {(32, 48)}
+
+
+def test_near_and_far_are_in_the_title_of_a_plan_and_not_in_its_list_of_frames(
+    scenes: tuple[Scene, Scene], tmp_path: Path
+):
+    """A plan that is pinned to the frames has its own near and far, so its title must not tell those of the other evaluation."""
+    plan = replace(make_plan("neighbours", neighbours, scenes, (2,)), depth_range=(0.1, 10.0))
+    assert plan.title == "neighbours, near 0.1 and far 10"
+    (tmp_path / "frames.json").write_text(json.dumps(frame_list(plan)))
+    again = read_plan(tmp_path / "frames.json", scenes)
+    assert (again.title, again.depth_range) == ("pinned: neighbours", None)
+    assert replace(again, depth_range=(0.2, 6.0)).title == "pinned: neighbours, near 0.2 and far 6"
 
 
 def test_frames_are_pinned_by_name_whatever_else_the_scene_holds(make_scene: MakeScene, tmp_path: Path):

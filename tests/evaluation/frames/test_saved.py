@@ -63,6 +63,17 @@ def test_depths_of_an_unknown_unit_are_kept_as_they_are(make_scene: MakeScene, t
     assert torch.equal(again.depths, depths)
 
 
+def test_of_scenes_without_labels_at_least_images_must_be_there(make_scene: MakeScene, tmp_path: Path):
+    plan = make_plan("neighbours", neighbours, [make_scene(frames=3, labels=False)], (2,), (36, 48))
+    (tmp_path / "N2/living").mkdir(parents=True)
+    with pytest.raises(
+        InputError, match=r"a file of colour of all 1 targets of 2 views, found none of N2/living/001.colour.png"
+    ):
+        SavedPredictions(tmp_path, "theirs").check(plan)
+    write_prediction(tmp_path, plan.tasks[0], Prediction(depths=torch.ones(36, 48)))
+    SavedPredictions(tmp_path, "theirs").check(plan)
+
+
 def test_seconds_come_from_a_file_a_number_of_views(plan: FramePlan, folder: Path):
     (folder / "N2" / "timing.json").write_text(json.dumps({"seconds_encode": 3, "seconds_render": 0.5, "gpu": "one"}))
     read = SavedPredictions(folder, "theirs").read(plan.tasks[0])

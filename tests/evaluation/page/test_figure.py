@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 import torch
+from known_scenes import write_scene
 
+from semgs.cli.main import main
 from semgs.data.scenes import open_scene
 from semgs.evaluation.frames.frame_plan import FramePlan, make_plan
 from semgs.evaluation.frames.protocols import neighbours
@@ -42,3 +46,14 @@ def test_a_map_is_torn_where_neighbours_of_one_true_class_differ():
 def test_borders_between_true_regions_do_not_count():
     truth = torch.tensor([[0, 1, 0, 1]], dtype=torch.uint8)
     assert label_noise(truth, truth) is None
+
+
+def test_a_target_of_no_folder_is_refused_and_not_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """With several folders each shows the targets of its own scenes; the second name belongs to none."""
+    for name in ("attic", "hall"):
+        write_scene(tmp_path / name, 3)
+    line = ["figure", "qualitative", "--weights", "small", "--data", str(tmp_path / "attic"), str(tmp_path / "hall")]
+    line += ["--views", "2", "--size", "36x48", "--out", str(tmp_path / "figure")]
+    assert main([*line, "--targets", "attic/001", "cellar/001"]) == 2
+    assert "--targets cellar/001: no --data folder has this scene" in capsys.readouterr().err
+    assert not (tmp_path / "figure").exists()

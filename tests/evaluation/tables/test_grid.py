@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 from semgs.evaluation.tables.table_grid import Cell, Grid, printed
 
 GRID = Grid(
@@ -67,3 +69,14 @@ def test_latex_is_a_booktabs_table_with_every_special_letter_escaped():
         r"\end{tabular}",
         r"\end{table*}",
     ]
+
+
+def test_a_marked_cell_has_the_mark_that_the_note_explains_in_every_format():
+    """A star is literal in LaTeX. In Markdown it is escaped, because a line that begins with a star is an item of a list."""
+    starred = replace(GRID, mark=" *", notes=("* clear.",))
+    text, markdown, latex = (printed(starred, form) for form in ("text", "markdown", "latex"))
+    assert "0.25 *" in text
+    assert "| a\\|b | 0.5 | **0.25 \\*** | – |" in markdown
+    assert markdown.endswith("\n\\* clear.")
+    assert r"a|b & 0.5 & \textbf{0.25 *} & -- \\" in latex
+    assert r"50 \%. * clear.}" in latex

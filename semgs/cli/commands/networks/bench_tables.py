@@ -22,11 +22,15 @@ def bench_table(bench: BenchReport) -> str:
     for reason, names in absent.items():
         few = ", ".join(names) if len(names) <= 3 else f"{len(names)} rows, from {names[0]} to {names[-1]}"
         notes.append(f"Not measured ({reason}): {few}.")
-    return printed(Grid("", ("row", "seconds", "median", "MB"), tuple(rows), notes=tuple(notes)), "text").lstrip("\n")
+    return printed(Grid("", ("row", "seconds", "median", "MB"), tuple(rows), notes=tuple(notes)), "text")
 
 
 def comparison_table(first: BenchReport, second: BenchReport, names: Sequence[str], form: Format = "text") -> str:
-    """The rows that both benches measured, with the ratio of their times."""
+    """The rows that both benches measured, with the ratio of their times.
+
+    Raises:
+        ValueError: there is no such row.
+    """
     rows = []
     for name, before in first.by_name.items():
         after = second.by_name.get(name)
@@ -35,9 +39,11 @@ def comparison_table(first: BenchReport, second: BenchReport, names: Sequence[st
         ratio = f"{after.seconds / before.seconds:.3f}"
         memory = (_megabytes(before.peak_memory_mb), _megabytes(after.peak_memory_mb))
         rows.append(tuple(map(Cell, (name, _seconds(before.seconds), _seconds(after.seconds), ratio, *memory))))
+    if not rows:
+        raise ValueError(f"{names[0]} and {names[1]} have no measured row in common")
     head = ("row", f"{names[0]} [s]", f"{names[1]} [s]", "ratio", f"{names[0]} [MB]", f"{names[1]} [MB]")
     notes = ("ratio: seconds of the second file divided by those of the first.",)
-    return printed(Grid("", head, tuple(rows), notes=notes), form).lstrip("\n")
+    return printed(Grid("", head, tuple(rows), notes=notes), form)
 
 
 def _seconds(value: float | None) -> str:

@@ -95,6 +95,8 @@ class Calibrate:
             model = load(network, path, classes=data.classes)
         with what_fits(), show_progress("Reconstructing", len(plan.tasks)) as done:
             said = collect_statements(plan, model, done=done)
+        if not all(len(said[kind].labels) for kind in KINDS):
+            raise InputError(self.data, "labels in input views and target views", "only unlabelled ones")
         known = held if self.out is None else None
         found = {kind: measure_temperature(said[kind], getattr(known, kind) if known else None) for kind in KINDS}
         if self.plot is not None:

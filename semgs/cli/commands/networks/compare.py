@@ -94,4 +94,5 @@ class Compare:
         names = [path.stem for path in self.reports]
         if names[0] == names[1]:
             names = [str(path) for path in self.reports]
-        return comparison_table(benches[0], benches[1], names, self.format)
+        with what_the_user_gave():
+            return comparison_table(benches[0], benches[1], names, self.format)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -202,12 +202,16 @@ class Evaluate:
                 self.reading.images,
             ),
         )
-        if self.nearest is not None and self.predictions is not None:
-            raise UsageError("--nearest is for WEIGHTS; --predictions are rendered already")
-        if self.refine and self.predictions is not None:
-            raise UsageError("--refine is for WEIGHTS; --predictions are rendered already")
-        if self.exposure != "as-taken" and self.predictions is not None:
-            raise UsageError("--exposure is for WEIGHTS; --predictions are rendered already")
+        of_weights = {
+            "--nearest": self.nearest is not None,
+            "--refine": bool(self.refine),
+            "--exposure": self.exposure != "as-taken",
+            "--depth-range": self.depth_range is not None,
+            "--precision": self.precision != "float32",
+            "--allow-seen": self.allow_seen,
+        }
+        if self.predictions is not None and (given := [option for option, is_given in of_weights.items() if is_given]):
+            raise UsageError(f"{given[0]} is for WEIGHTS; --predictions are rendered already")
         if self.gsnerf_distance and self.protocol[0] != "peers":
             raise UsageError("--gsnerf-distance needs --protocol peers")
         self.reading.check()
@@ -241,13 +245,12 @@ class Evaluate:
 
     def _plan(self, scenes: tuple[Scene, ...]) -> FramePlan:
         """The targets and their input views."""
-        from semgs.evaluation.frames.frame_plan import with_depth_range
         from semgs.evaluation.frames.saved import find_view_counts
         from semgs.evaluation.run import plan_targets
 
         held = find_view_counts(self.predictions) if self.predictions is not None else ()
         plan = plan_targets(self.protocol, scenes, self.views or held, self.size, self.gsnerf_distance)
-        return with_depth_range(plan, self.depth_range)
+        return replace(plan, depth_range=self.depth_range)
 
     def _candidate(
         self,
@@ -265,7 +268,8 @@ class Evaluate:
             return open_predictions(self.predictions, plan, device, self.name)
         with what_the_user_gave():
             if labelling is not None:
-                self._check_table(labelling(plan.scenes[0]).source.classes, classes)
+                for scene in plan.scenes:
+                    self._check_table(labelling(scene).source.classes, classes)
             return load_candidate(
                 self.weights,
                 classes,

@@ -93,6 +93,9 @@ class PaperFigure:
             from semgs.files.atomic import write_bytes, write_json
 
             parts = [self._part(index) for index in range(len(self.data))]
+        there = {task.truth_stem for part in parts for task in part.plan.tasks}
+        if missing := [name for name in self.targets if name not in there]:
+            raise UsageError(f"--targets {missing[0]}: no --data folder has this scene")
         tables = list(dict.fromkeys(part.classes for part in parts))
         if len(tables) > 1:
             raise InputError(self.data[-1], f"labels of table {tables[0].name}", tables[1].name)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from semgs.segmenters.names import Correspondence
 
 FRAMES = 4
-"""Frames of each scene, spread evenly."""
+"""Labelled frames of each scene, spread evenly."""
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,8 @@ class FitSegmenter:
         print(f"\nWrote {self.out}.")
 
     def _read(self, scene: Scene) -> tuple[Sequence[int], Views]:
-        """Some frames of a scene."""
-        positions = spread(range(len(scene)), FRAMES)
+        """Some labelled frames of a scene."""
+        positions = spread([place for place, frame in enumerate(scene.frames) if frame.labels is not None], FRAMES)
         return positions, scene.read(positions, self.size)
 
     def _model(self, classes: ClassTable) -> SemGS:
