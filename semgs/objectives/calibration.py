@@ -60,6 +60,7 @@ def expected_calibration_error(
     distributions: Float[Tensor, "n class"], labels: Int[Tensor, " n"], bins: int = BINS
 ) -> float:
     """Mean over pixels of |confidence - accuracy| of their bin (ECE), by torchmetrics."""
+    distributions = distributions.clamp(max=1)  # torchmetrics would take them for logits if rounding put one above 1
     return float(multiclass_calibration_error(distributions, labels.long(), distributions.shape[-1], bins, "l1"))
 
 

@@ -35,7 +35,7 @@ def counts_by_confidence(confidence: Float[Tensor, " n"], right: Bool[Tensor, " 
         confidence: the probability of their likeliest class, 0..1.
         right: whether it is the true one.
     """
-    levels = (torch.logit(confidence.double()) / STEP).round().clamp(LOWEST, HIGHEST).long() - LOWEST
+    levels = (torch.logit(confidence.double().clamp(max=1)) / STEP).round().clamp(LOWEST, HIGHEST).long() - LOWEST
     return torch.stack([torch.bincount(some, minlength=LEVELS) for some in (levels, levels[right])], 1).numpy()
 
 

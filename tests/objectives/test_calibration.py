@@ -8,6 +8,7 @@ from semgs.objectives.calibration import (
     fitted_temperature,
     reliability,
 )
+from semgs.objectives.selective import counts_by_confidence, equal_mass_calibration_error
 from semgs.rendering.temperatures import tempered
 
 CLASSES = 20
@@ -67,3 +68,13 @@ def test_reliability_of_three_pixels_by_hand():
     (low, high) = reliability(distributions, torch.tensor([0, 1, 1]), bins=2)
     assert (low.share, low.confidence, low.accuracy) == (0, 0, 0)
     assert (high.share, high.confidence, high.accuracy) == pytest.approx((1, 0.8, 2 / 3))
+
+
+def test_a_probability_that_rounding_puts_above_one_counts_as_one():
+    """Of three certain pixels two are right, so the error is 1/3."""
+    labels = torch.tensor([0, 0, 1])
+    certain = torch.tensor([[1.0, 0.0]]).repeat(3, 1)
+    for distributions in (certain, certain * (1 + 1e-6)):
+        assert expected_calibration_error(distributions, labels) == pytest.approx(1 / 3)
+        counts = counts_by_confidence(distributions[:, 0], labels == 0)
+        assert equal_mass_calibration_error(counts) == pytest.approx(1 / 3, abs=1e-4)
