@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# How the included weights were trained, in homes of the first edition (docs/rooms.md) and last of the second, in about twenty-eight core-hours and seven minutes of a GPU, without the rooms (docs/lab/experiments.md); SHARE=5 takes 5 % of the steps. `semgs recipe` runs the
+# How the included weights were trained, in homes of the first edition (docs/rooms.md) and last of the second, in about thirty core-hours and seven minutes of a GPU, without the rooms (docs/lab/experiments.md); SHARE=5 takes 5 % of the steps. `semgs recipe` runs the
 # same three stages with settings of one size each; this script keeps the exact runs.
 #
 #   scripts/recipe_small.sh FOLDER ASSETS BACKBONE [TEACHER [PHOTOS]]
@@ -7,7 +7,7 @@
 # ASSETS is a folder of meshes and images with its lock (docs/assets.md). BACKBONE is a file of published MobileNetV2 weights, or "random", the clean
 # alternative that nothing else has gone into (docs/train.md). TEACHER is a published segmentation network for scripts/teach.py, or "" for none. PHOTOS is a folder of
 # labelled images (docs/train.md) for the last run, every eighth of which is kept back. FOLDER
-# gets the rooms (eight CPU hours; those of an earlier call are kept), forty-four runs for each SEED. To resume, repeat the command. START has the weights that colour
+# gets the rooms (eight CPU hours; those of an earlier call are kept), forty-six runs for each SEED. To resume, repeat the command. START has the weights that colour
 # comes from and that depth starts from (small). SEMGS is the command (semgs). At the end it prints, in 24 rooms with held-out meshes, mIoU and accuracy of single views
 # and the depth error of input views.
 set -euo pipefail
@@ -272,9 +272,10 @@ PYTHON
         --size 176x224 --contexts 2 2 --targets 1 --batch 4 --learning-rate 4e-4 --average-decay 0.99 --sweep-rate 0.25 --augmentation.crop 0.6
     mixed="$folder/mixed_$share""_$seed.safetensors"
     average "$mixed" "$version19" "$version19" "$thirtythird/weights.safetensors"
-    python "$here/undo_class_weights.py" "$mixed" "$thirtythird" "$folder/undone_$share""_$seed.safetensors"
+    undone="$folder/undone_$share""_$seed.safetensors"
+    python "$here/undo_class_weights.py" "$mixed" "$thirtythird" "$undone"
     version20="$folder/version_20_$share""_$seed.safetensors"
-    average --start "$version19" "$version20" "$folder/undone_$share""_$seed.safetensors" "$thirtyfourth/weights.safetensors"
+    average --start "$version19" "$version20" "$undone" "$thirtyfourth/weights.safetensors"
 
     # Classes learn on in more homes, the last two sets with furniture made for them. Five runs, the last from the mean of the others with version 19, which counts as
     # much as they do together (version 21 saw only the first 460 lofts).
@@ -313,8 +314,27 @@ PYTHON
     average "$depths" "$version20" "$fortieth/weights.safetensors" "$fortyfirst/weights.safetensors"
     newest="$folder/newest_classes_$share""_$seed.safetensors"
     average "$newest" "$version19" "$thirtyeighth/weights.safetensors" "$thirtyninth/weights.safetensors"
-    python "$here/undo_class_weights.py" "$newest" "$thirtyninth" "$folder/newest_undone_$share""_$seed.safetensors"
-    average --start "$version19" "$folder/version_21_$share""_$seed.safetensors" "$folder/newest_undone_$share""_$seed.safetensors" "$depths"
+    newest_undone="$folder/newest_undone_$share""_$seed.safetensors"
+    python "$here/undo_class_weights.py" "$newest" "$thirtyninth" "$newest_undone"
+    version21="$folder/version_21_$share""_$seed.safetensors"
+    average --start "$undone" "$version21" "$newest_undone" "$depths"
+
+    # Classes learn on from their mean, and depth and colour from version 21, in more homes (depth and colour saw only the first 390 palaces). Classes of the runs 38 and 42
+    # count twice and three times as much as those of version 19; depth and colour are the mean with version 21: version 22.
+    rooms palaces 500 3 2317 240x320 --assets "$folder/furniture_4"
+    rooms castles 600 3 2318 240x320 --assets "$folder/furniture_4"
+    teach "$folder/palaces" "$folder/castles"
+    fortysecond="$folder/fortysecond_$share""_$seed"
+    fortythird="$folder/fortythird_$share""_$seed"
+    train "$fortysecond" 2400 --init "$newest" "${faster[@]}" --seed "$((seed + 654))" --learning-rate 4e-4 \
+        --data "$folder/palaces=1.5" "$folder/castles=1.5" "$folder/manors=1" "$folder/villas=0.5" "$folder/lofts=0.5" "$folder/barns=0.5" "$folder/photos/learned=2"
+    colour "$fortythird" 800 --init "$version21" --seed "$((seed + 655))" --data "$folder/manors=1" "$folder/palaces=1" "${crops[@]}"
+    last="$folder/last_classes_$share""_$seed.safetensors"
+    average "$last" "$version19" "$thirtyeighth/weights.safetensors" "$thirtyeighth/weights.safetensors" \
+        "$fortysecond/weights.safetensors" "$fortysecond/weights.safetensors" "$fortysecond/weights.safetensors"
+    python "$here/undo_class_weights.py" "$last" "$fortysecond" "$folder/last_undone_$share""_$seed.safetensors"
+    average "$folder/last_depths_$share""_$seed.safetensors" "$version21" "$fortythird/weights.safetensors"
+    average --start "$newest_undone" "$folder/version_22_$share""_$seed.safetensors" "$folder/last_undone_$share""_$seed.safetensors" "$folder/last_depths_$share""_$seed.safetensors"
 fi
 
 for run in "$first" "$second" "$third" "$fourth" "$fifth" "$sixth" "$seventh" "$eighth" "$ninth" "$tenth" "$eleventh" "$twelfth" "$thirteenth" "$fourteenth" "$fifteenth" "$sixteenth" "$seventeenth" "$eighteenth" "$nineteenth" "$twentieth" "$twentyfirst" "$twentysecond" "$twentythird" "$twentyfourth" "$twentyfifth"; do grep -h '"validation"' "$run/log.jsonl"; done
