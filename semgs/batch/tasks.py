@@ -87,7 +87,8 @@ def scene_names(paths: Sequence[Path]) -> list[str]:
         ValueError: a path is given twice.
     """
     paths = [path.absolute() for path in paths]
-    alike = len({path.stem for path in paths}) == 1 < len({path.parent for path in paths}) == len(paths)
+    apart = len({path.parent for path in paths}) == len(paths) > 1
+    alike = apart and len({path.stem for path in paths}) == 1
     if all(path.is_file() and (alike or path.name == CAMERAS) for path in paths):
         paths = [path.parent for path in paths]
     plain = [path.with_suffix("") if path.is_file() else path for path in paths]

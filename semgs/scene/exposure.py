@@ -170,8 +170,8 @@ def _partners(points: Float[Tensor, "v h w 3"], cameras: Cameras) -> list[tuple[
     count = len(points)
     thin = points[:, ::THIN, ::THIN].flatten(0, 2)
     # Camera by camera: all at once, a walk of 300 photos takes 2 GB.
-    seen = (inside(thin, cameras[one : one + 1]).reshape(count, -1).double().mean(1) for one in range(count))
-    shares = torch.stack(list(seen), 1)
+    seen = [inside(thin, cameras[one : one + 1]).reshape(count, -1).double().mean(1) for one in range(count)]
+    shares = torch.stack(seen, 1)
     shares = (shares + shares.T).fill_diagonal_(-1)
     best = shares.topk(min(PARTNERS, count - 1)).indices
     pairs = {(one, one + 1) for one in range(count - 1)}
