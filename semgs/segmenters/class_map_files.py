@@ -97,7 +97,7 @@ class MapFiles:
             table: the folder of the class table, and of the record if the maps have none; None for that of the maps.
 
         Raises:
-            InputError: its table of classes is missing or damaged.
+            InputError: its table of classes is missing or damaged, or two frames would share a map.
         """
         stems = stems_of(scene)
         labels = read_class_file((table or folder) / TABLE)
@@ -162,7 +162,17 @@ class MapFiles:
 
 
 def stems_of(scene: Scene) -> Counter[str]:
-    """How many frames of a scene have each file name, without folders and ending."""
+    """How many frames of a scene have each file name, without folders and ending.
+
+    Raises:
+        InputError: the names of two frames differ only in their endings, so one map would belong to both.
+    """
+    frames: dict[PurePosixPath, str] = {}
+    for frame in scene.frames:
+        other = frames.setdefault(place_of(frame).with_suffix(""), frame.name)
+        if other != frame.name:
+            expected = "frames whose names differ in more than their endings, as each has a map of its own"
+            raise InputError(scene.path, expected, f"{other} and {frame.name}")
     return Counter(PurePosixPath(frame.name).stem for frame in scene.frames)
 
 

@@ -17,7 +17,7 @@ from semgs.data.views import Views
 from semgs.files.errors import InputError, input_error
 from semgs.files.paths import typed_path
 from semgs.runtime.kept import kept
-from semgs.segmenters.class_map_files import RECORD, TABLE, MapFiles, save_table
+from semgs.segmenters.class_map_files import RECORD, TABLE, MapFiles, save_table, stems_of
 from semgs.segmenters.class_source import ClassSource, Translated
 from semgs.segmenters.fitting import Fit, read_fit
 from semgs.segmenters.names import Correspondence, scannet20_of
@@ -66,11 +66,12 @@ class ViewSegmenter:
             earlier: folder in which an earlier run may have saved maps; those of the same network are used again.
 
         Raises:
-            InputError: an earlier record is damaged.
+            InputError: an earlier record is damaged, or two frames would share a map.
             OSError: the folder cannot be written.
         """
         made_by = self.segmenter.made_by
         if save is not None:
+            stems_of(scene)  # refuses frames that would share a map
             save_table(save, self.segmenter.classes, made_by)
         stored = MapFiles.opened(earlier, scene) if earlier is not None and (earlier / RECORD).is_file() else None
         if stored is not None and (stored.made_by, stored.classes.names) != (made_by, self.segmenter.classes.names):

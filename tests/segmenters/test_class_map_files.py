@@ -17,6 +17,7 @@ from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError
 from semgs.segmenters.class_map_files import MadeBy, MapFiles, read_probabilities, save_class_map, save_table
+from semgs.segmenters.features.feature_files import FeatureFiles
 from semgs.segmenters.opening import open_class_sources
 from semgs.segmenters.tables import make_class_table
 
@@ -93,6 +94,17 @@ def test_maps_of_photos_outside_the_scene_stay_in_their_folder(tmp_path: Path, s
     save_class_map(out, frame, np.full((2, 6, 8), 0.5, np.float32), "0f")
     assert [path for path in tmp_path.rglob("*.npz") if not path.is_relative_to(out)] == []
     assert MapFiles.opened(out, replace(scene, frames=(frame, *scene.frames[1:]))).path_of(frame) is not None
+
+
+def test_frames_that_differ_only_in_their_ending_are_refused_for_they_would_share_a_map(folder: Path, scene: Scene):
+    first, second, *rest = scene.frames
+    same = replace(scene, frames=(replace(first, name="a/0.jpg"), replace(second, name="a/0.png"), *rest))
+    for opened in (lambda: MapFiles.opened(folder, same), lambda: FeatureFiles.opened(folder, same)):
+        with pytest.raises(InputError, match=r"differ in more than their endings.*found a/0\.jpg and a/0\.png"):
+            opened()
+    # The same name in two folders is no conflict.
+    apart = replace(scene, frames=(replace(first, name="a/0.jpg"), replace(second, name="b/0.png"), *rest))
+    assert MapFiles.opened(folder, apart).stems["0"] == 2
 
 
 def test_names_of_scannet_have_its_table(folder: Path, scene: Scene):

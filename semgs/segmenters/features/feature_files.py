@@ -47,7 +47,7 @@ class FeatureFiles:
         """The maps in a folder.
 
         Raises:
-            InputError: there is no such folder.
+            InputError: there is no such folder, or two frames would share a map.
         """
         if not folder.is_dir():
             raise InputError(folder, "a folder of feature maps", found_at(folder))
