@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
+import numpy as np
 import torch
+from jaxtyping import Float32, UInt8
 
 from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.choosing.choice import Choice
@@ -24,9 +26,9 @@ from semgs.model.memory.memory_plan import MemoryPlan
 from semgs.reconstruction.notes import collect_notes, notes_on_guesses
 from semgs.reconstruction.recording import Walk, map_walk
 from semgs.reconstruction.result import OnePassViews, PhotoRefinement, Reconstruction, RenderedViews, Role
-from semgs.reconstruction.scores import scores
+from semgs.reconstruction.scores import ViewScores, scores
 from semgs.rendering.depth_spread import render_depth_spread
-from semgs.rendering.rendering import check_may_be_unknown, confidence_maps, label_maps
+from semgs.rendering.rendering import Rendering, check_may_be_unknown, confidence_maps, label_maps
 from semgs.runtime.stopwatch import Stages
 from semgs.runtime.threads import adapt_threads
 from semgs.scene.encoding import Encoding
@@ -304,22 +306,36 @@ def render_views(
 ) -> RenderedViews:
     """Render the Gaussians from the cameras of a scene's frames, and score the renderings.
 
-    Views whose labels have another class table than the Gaussians are scored without labels.
+    Views whose labels have another class table than the Gaussians are scored without labels. One view is rendered at a time, since its
+    class distributions are larger than all that is kept of it.
     """
-    rendering = encoding.render(views.cameras)
+    semantic = encoding.classes is not None
+    renderings: list[Rendering] = []
+    scored: list[ViewScores] = []
+    labels: list[UInt8[np.ndarray, "1 h w"]] = []
+    confidences: list[Float32[np.ndarray, "1 h w"]] = []
+    for index in range(len(views)):
+        view = views.select([index])
+        rendering = encoding.render(view.cameras)
+        scored += scores(rendering, _comparable(view, encoding))
+        if semantic:
+            labels.append(label_maps(rendering, min_confidence))
+            confidences.append(confidence_maps(rendering))
+        renderings.append(replace(rendering, semantics=None))
     spread = encoding.per_gaussian(encoding.depth_spread[:, None])[:, 0]
     near = float(encoding.depth_range[:, 0].min())
-    semantic = encoding.classes is not None
     return RenderedViews(
         role,
         tuple(positions),
         tuple(scene.frames[position].name for position in positions),
         views,
-        rendering,
-        scores(rendering, _comparable(views, encoding)),
+        torch.cat([one.images for one in renderings]),
+        torch.cat([one.depths for one in renderings]),
+        torch.cat([one.alphas for one in renderings]),
+        tuple(scored),
         render_depth_spread(encoding.gaussians, spread, views.cameras, near=near),
-        label_maps(rendering, min_confidence) if semantic else None,
-        confidence_maps(rendering) if semantic else None,
+        np.concatenate(labels) if semantic else None,
+        np.concatenate(confidences) if semantic else None,
     )
 
 

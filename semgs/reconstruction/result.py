@@ -18,7 +18,6 @@ from semgs.depth_maps.map_depth import MapPlacement
 from semgs.depth_maps.sensor_depth import DepthSource, Placement
 from semgs.model.memory.memory_plan import MemoryPlan
 from semgs.reconstruction.scores import ViewScores
-from semgs.rendering.rendering import Rendering
 from semgs.scene.encoding import Encoding
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import UpDirection
@@ -38,7 +37,9 @@ class RenderedViews:
         positions: of the frames in the scene.
         names: of the frames.
         views: the true views, at the size of the reconstruction.
-        rendering: of the Gaussians from the same cameras.
+        images: of the Gaussians from the same cameras; these and the next two as in `semgs.rendering.rendering.Rendering`.
+        depths: z-depth [m].
+        alphas: how much of each pixel the Gaussians cover.
         scores: one per view.
         depth_spread: standard deviation of log depth at every pixel, as `rendered_depth_spread` gives it.
         labels: the class maps, with unseen (255) and unknown (254) pixels; None for a colour-only model.
@@ -49,7 +50,9 @@ class RenderedViews:
     positions: tuple[int, ...]
     names: tuple[str, ...]
     views: Views
-    rendering: Rendering
+    images: Float[Tensor, "v 3 h w"]
+    depths: Float[Tensor, "v h w"]
+    alphas: Float[Tensor, "v h w"]
     scores: tuple[ViewScores, ...]
     depth_spread: Float[Tensor, "v h w"]
     labels: UInt8[np.ndarray, "v h w"] | None

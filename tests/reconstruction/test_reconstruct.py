@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,12 +17,15 @@ from semgs.data.choosing.choice import choose, choose_named
 from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.files.images.pictures import read_rgb, write_png
+from semgs.geometry.cameras import Cameras
 from semgs.model.encode import Network
 from semgs.objectives.metrics import psnr
 from semgs.reconstruction.notes import strangers
 from semgs.reconstruction.output.report import Provenance, report_numbers
 from semgs.reconstruction.pipeline import reconstruct
 from semgs.reconstruction.recording import Walk
+from semgs.reconstruction.scores import scores
+from semgs.rendering.rendering import Rendering, confidence_maps, label_maps
 from semgs.robotics.rays import rays_of
 from semgs.runtime.stopwatch import COMPILE, Stages
 from semgs.scene.encoding import Encoding
@@ -43,6 +47,30 @@ def test_a_network_that_knows_the_depth_gives_the_wall_back(wall_scene: Callable
         assert score.accuracy > 0.97
         assert score.miou is not None
         assert score.miou > 0.95
+
+
+def test_views_are_rendered_one_at_a_time_as_if_together(
+    wall_scene: Callable[..., Scene], oracle: Network, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at_once: list[int] = []
+    render = Encoding.render
+
+    def counted(encoding: Encoding, cameras: Cameras, **options: Any) -> Rendering:
+        at_once.append(cameras.batch[0])
+        return render(encoding, cameras, **options)
+
+    monkeypatch.setattr(Encoding, "render", counted)
+    scene = wall_scene()
+    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle, min_confidence=0.5)
+    assert at_once == [1, 1, 1, 1]  # two input views, and frames 1 and 2 held out
+    assert result.target is not None
+    together = render(result.encoding, result.target.views.cameras)
+    assert torch.equal(together.images, result.target.images)
+    assert torch.equal(together.depths, result.target.depths)
+    assert torch.equal(together.alphas, result.target.alphas)
+    assert np.array_equal(label_maps(together, 0.5), result.target.labels)
+    assert np.array_equal(confidence_maps(together), result.target.confidences)
+    assert result.target.scores == scores(together, result.target.views)
 
 
 def test_the_views_keep_their_size_or_take_the_one_asked_for(wall_scene: Callable[..., Scene], oracle: Network) -> None:
@@ -135,7 +163,7 @@ def test_refined_gaussians_show_the_photos_better_and_the_first_held_out_frame_d
     assert [part.role for part in refinement.before] == ["context", "target"]
     assert all(new.psnr > old.psnr for old, new in zip(before.scores, after.scores, strict=True))
     assert before.scores == reconstruct(scene, choice, oracle).context.scores
-    torch.testing.assert_close(before.images, reconstruct(scene, choice, oracle).context.rendering.images)
+    torch.testing.assert_close(before.images, reconstruct(scene, choice, oracle).context.images)
     assert refinement.kept > 0
     assert any(
         f"where {scene.frames[1].name} looks best. This frame is not held out any more." in note
@@ -237,7 +265,7 @@ def test_a_pose_in_the_coordinates_of_a_far_scene_is_rendered_and_files_are_in_t
     asked = scene.cameras[3].arranged(lambda array: array[None])
     assert asked.centres[0, 0] > 5e6
     mine = result.encoding.render(asked.relative_to(scene.origin))
-    assert torch.equal(mine.images[0], result.context.rendering.images[1])
+    assert torch.equal(mine.images[0], result.context.images[1])
     save_scene(tmp_path / "a", result.saved)
     with safe_open(tmp_path / "a", "pt") as file:
         written = file.get_tensor("cameras.world_from_camera")

@@ -58,15 +58,15 @@ def per_thousand(spreads: Float[Tensor, "h w"]) -> np.ndarray:
 
 def _write(folder: Path, part: RenderedViews, classes: ClassTable | None, metric: bool) -> None:
     """Write the files of all views of one role."""
-    rendering, views = part.rendering, part.views
+    views = part.views
     held_out = part.role == "target"
     for index, position in enumerate(part.positions):
         stem = f"{part.role}_{position:03d}"
         write_png(folder / f"{stem}_{'truth' if held_out else 'input'}.png", as_bytes(views.images[index]))
-        write_png(folder / f"{stem}_image.png", as_bytes(rendering.images[index]))
-        alpha = np.rint(255 * rendering.alphas[index].clamp(0, 1).numpy()).astype(np.uint8)
+        write_png(folder / f"{stem}_image.png", as_bytes(part.images[index]))
+        alpha = np.rint(255 * part.alphas[index].clamp(0, 1).numpy()).astype(np.uint8)
         write_png(folder / f"{stem}_alpha.png", alpha)
-        _write_depth(folder / f"{stem}_depth", rendering.depths[index], metric)
+        _write_depth(folder / f"{stem}_depth", part.depths[index], metric)
         write_png(folder / f"{stem}_depth_spread.png", per_thousand(part.depth_spread[index]))
         if part.labels is not None and part.confidences is not None and classes is not None:
             write_png(folder / f"{stem}_labels.png", part.labels[index])

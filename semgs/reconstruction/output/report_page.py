@@ -99,7 +99,7 @@ def _what_was_done(result: Reconstruction) -> str:
 
 def _depth_maps(result: Reconstruction) -> list[np.ndarray]:
     """All depth maps of the page; they share one scale."""
-    maps = [part.rendering.depths for part in result.rendered_views]
+    maps = [part.depths for part in result.rendered_views]
     maps += [part.views.depths for part in result.rendered_views if part.views.depths is not None]
     return [depths.numpy() for depths in maps]
 
@@ -173,13 +173,13 @@ def _galleries(result: Reconstruction, part: RenderedViews, limits: tuple[float,
         pictures = [photo(truth.images[index], "photo (input)" if part.role == "context" else "photo (held out)")]
         if before is not None:
             pictures.append(photo(before.images[index], "render, one pass"))
-        pictures.append(photo(part.rendering.images[index], "render" if before is None else "render, refined"))
+        pictures.append(photo(part.images[index], "render" if before is None else "render, refined"))
         more = []
         if labels is not None and classes is not None:
             pictures.append(class_map(labels[index], classes))
             if truth.labels is not None and truth.classes == classes:
                 more.append(true_class_map(truth.labels[index], classes))
-        pictures.append(depth_map(part.rendering.depths[index], limits))
+        pictures.append(depth_map(part.depths[index], limits))
         if truth.depths is not None:
             more.append(depth_map(truth.depths[index], limits, "measured depth"))
         if labels is not None and classes is not None and part.confidences is not None:

@@ -32,7 +32,7 @@ def test_each_view_has_its_files_and_they_hold_what_was_rendered(
         + [f"target_001_{name}.png" for name in held_out]
     )
     assert result.target is not None
-    rendering = result.target.rendering
+    rendering = result.encoding.render(result.target.views.cameras)
     folder = tmp_path / "renders"
     image = read_rgb(folder / "target_001_image.png") / 255
     assert np.abs(image - rendering.images[0].clamp(0, 1).permute(1, 2, 0).numpy()).max() < 0.5 / 255 + 1e-6
@@ -58,7 +58,7 @@ def test_without_a_known_unit_depth_is_floating_point_and_no_millimetres_are_wri
     assert not list((tmp_path / "renders").glob("*depth.png"))
     depth = np.asarray(Image.open(tmp_path / "renders/context_000_depth.tiff"))
     assert depth.dtype == np.float32
-    assert (depth == result.context.rendering.depths[0].numpy()).all()
+    assert (depth == result.context.depths[0].numpy()).all()
 
 
 def test_a_colour_only_network_leaves_the_class_maps_out(
