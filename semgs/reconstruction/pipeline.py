@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -306,18 +306,15 @@ def render_views(
 ) -> RenderedViews:
     """Render the Gaussians from the cameras of a scene's frames, and score the renderings.
 
-    Views whose labels have another class table than the Gaussians are scored without labels. One view is rendered at a time, since its
-    class distributions are larger than all that is kept of it.
+    Views whose labels have another class table than the Gaussians are scored without labels.
     """
     semantic = encoding.classes is not None
     renderings: list[Rendering] = []
     scored: list[ViewScores] = []
     labels: list[UInt8[np.ndarray, "1 h w"]] = []
     confidences: list[Float32[np.ndarray, "1 h w"]] = []
-    for index in range(len(views)):
-        view = views.select([index])
-        rendering = encoding.render(view.cameras)
-        scored += scores(rendering, _comparable(view, encoding))
+    for rendering, score in _rendered_alone(views, encoding):
+        scored.append(score)
         if semantic:
             labels.append(label_maps(rendering, min_confidence))
             confidences.append(confidence_maps(rendering))
@@ -349,6 +346,14 @@ def _split_check(
     return scene.frames[choice.targets[0]].name, target.select([0]), replace(choice, targets=choice.targets[1:]), rest
 
 
+def _rendered_alone(views: Views, encoding: Encoding) -> Iterator[tuple[Rendering, ViewScores]]:
+    """The rendering of each view and its scores. The class distributions of a view are larger than all that is kept of it."""
+    for index in range(len(views)):
+        view = views.select([index])
+        rendering = encoding.render(view.cameras)
+        yield rendering, scores(rendering, _comparable(view, encoding))[0]
+
+
 def _comparable(views: Views, encoding: Encoding) -> Views:
     """The views, without labels if these have another class table than the Gaussians."""
     if views.labels is not None and views.classes != encoding.classes:
@@ -358,8 +363,8 @@ def _comparable(views: Views, encoding: Encoding) -> Views:
 
 def _one_pass(part: RenderedViews, encoding: Encoding) -> OnePassViews:
     """The same views, rendered from Gaussians that are not refined."""
-    rendering = encoding.render(part.views.cameras)
-    return OnePassViews(part.role, rendering.images, scores(rendering, _comparable(part.views, encoding)))
+    drawn = [(rendering.images, score) for rendering, score in _rendered_alone(part.views, encoding)]
+    return OnePassViews(part.role, torch.cat([images for images, _ in drawn]), tuple(score for _, score in drawn))
 
 
 def _saved_scene(
