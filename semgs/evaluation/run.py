@@ -246,7 +246,7 @@ def run_evaluation(
         OSError: the disk is full.
     """
     subject = job.candidate.subject
-    with own_folder(out, overwrite) as folder:
+    with own_folder(out, "evaluate", overwrite) as folder:
         rows = score_method(
             job.plan, job.candidate.method, folder, save=subject.kind == "weights", workers=job.workers, done=done
         )

@@ -78,7 +78,7 @@ def evaluate_single_images(
     """
     classes = network.classes
     assert classes is not None
-    with own_folder(out, overwrite) as folder:
+    with own_folder(out, "evaluate", overwrite) as folder:
         frames = score_single_images(network, scenes, size, folder / "predictions", done)
         device = next(network.parameters()).device.type
         numbers = single_numbers(subject, scenes, frames, classes, device)

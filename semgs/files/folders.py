@@ -1,4 +1,4 @@
-"""Output folders: a result is complete or absent, and only folders that semgs wrote are ever replaced."""
+"""Output folders: a result is complete or absent, and a command replaces only folders that it wrote itself."""
 
 from __future__ import annotations
 
@@ -29,21 +29,23 @@ FILE_ENDINGS = frozenset([
 ])  # fmt: skip
 """Endings, in lower case, of files that a user may expect instead of a folder."""
 
-_MARK_TEXT = "This folder was written by semgs, which replaces it as a whole when it is told to overwrite it.\n"
+_WRITER = "This folder was written by semgs {}. The same command replaces it as a whole if you add --overwrite.\n"
 
 
-def check_folder(path: str | Path, overwrite: bool = False, inputs: Iterable[str | Path | None] = ()) -> None:
+def check_folder(
+    path: str | Path, command: str, overwrite: bool = False, inputs: Iterable[str | Path | None] = ()
+) -> None:
     """Check that `own_folder` could create `path`, before long work starts.
 
     Args:
-        path, overwrite: as for `own_folder`.
+        path, command, overwrite: as for `own_folder`.
         inputs: what will be read, as for `check_apart`.
 
     Raises:
         InputError: as `own_folder`, or `path` is or contains an input, or has the name of a file.
     """
     with readable(path):
-        _check_free(path, overwrite, inputs)
+        _check_free(path, command, overwrite, inputs)
         check_name(path)
         target = Path(path).resolve()
         if target.is_mount():
@@ -139,7 +141,7 @@ _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP)
 """What `flock` says where locks are switched off, as on some network drives."""
 
 
-def _check_free(path: str | Path, overwrite: bool, inputs: Iterable[str | Path | None] = ()) -> None:
+def _check_free(path: str | Path, command: str, overwrite: bool, inputs: Iterable[str | Path | None] = ()) -> None:
     """Refuse what must not be replaced."""
     target = Path(path)
     if not target.exists():
@@ -165,43 +167,55 @@ def _check_free(path: str | Path, overwrite: bool, inputs: Iterable[str | Path |
             advice="name another folder; nothing was changed",
         )
     check_apart(path, inputs)
+    writer = _writer_of(target)
+    if writer not in (None, command):
+        expected = f"a new or empty folder, or one that semgs {command} wrote"
+        raise InputError(path, expected, f"one of semgs {writer}", advice="name another folder; nothing was changed")
     if not overwrite:
         raise InputError(
             path, "a new folder", "one that semgs wrote before", advice="add --overwrite to replace it or name another"
         )
 
 
+def _writer_of(folder: Path) -> str | None:
+    """The command that wrote a marked folder; None if the mark is from a version that did not say."""
+    before, after = _WRITER.split("{}")
+    text = (folder / MARK).read_text(encoding="utf-8", errors="replace")
+    return text.removeprefix(before).removesuffix(after) if text.startswith(before) and text.endswith(after) else None
+
+
 @contextlib.contextmanager
-def own_folder(path: str | Path, overwrite: bool = False) -> Iterator[Path]:
+def own_folder(path: str | Path, command: str, overwrite: bool = False) -> Iterator[Path]:
     """A folder to fill, which is renamed to `path` if the block succeeds and removed if it fails.
 
-        with own_folder("out/living", overwrite=True) as folder:
+        with own_folder("out/living", "reconstruct", overwrite=True) as folder:
             write_json(folder / "report.json", numbers)
 
-    `path` may be new or empty. A folder that an earlier run wrote (it contains the file `.semgs`) is replaced only with
+    `path` may be new or empty. A folder that the same command wrote (the file `.semgs` in it says so) is replaced only with
     `overwrite`, and stays untouched until the new one is complete. Missing parent folders are created, and stay if the block fails.
 
     Args:
         path: the folder to create.
-        overwrite: replace a folder that semgs wrote.
+        command: of semgs that writes it.
+        overwrite: replace a folder that this command wrote.
 
     Yields:
         An empty, already marked folder beside `path`, on the same disk.
 
     Raises:
-        InputError: `path` is a file, the working folder, a folder that semgs did not write, or one that it did without
+        InputError: `path` is a file, the working folder, a folder that this command did not write, or one that it did without
             `overwrite`; or the folder cannot be created or renamed (a mount point).
         OSError: the disk is full.
     """
     with readable(path):
-        _check_free(path, overwrite)
+        _check_free(path, command, overwrite)
         target = Path(path).resolve()  # a link stays; its target is replaced
     staging = partial_name(target)
     _make(path, staging)
     try:
-        (staging / MARK).write_text(_MARK_TEXT)
+        (staging / MARK).write_text(_WRITER.format(command))
         yield staging
-        _check_free(path, overwrite)  # again, as time has passed
+        _check_free(path, command, overwrite)  # again, as time has passed
         _swap(staging, target)
     except BaseException:
         shutil.rmtree(staging, ignore_errors=True)

@@ -207,7 +207,7 @@ def test_an_output_folder_that_is_not_ours(refused: Refused, scene: Path, tmp_pa
 
 
 def test_a_folder_of_ours_without_overwrite(refused: Refused, scene: Path, tmp_path: Path) -> None:
-    with own_folder(tmp_path / "out") as folder:
+    with own_folder(tmp_path / "out", "reconstruct") as folder:
         (folder / "report.json").write_text("{}")
     assert "--overwrite" in refused(scene)
 
@@ -216,7 +216,7 @@ def test_a_folder_of_ours_without_overwrite(refused: Refused, scene: Path, tmp_p
 def test_a_full_disk(
     refused: Refused, scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, full_at: str
 ) -> None:
-    with own_folder(tmp_path / "out") as folder:
+    with own_folder(tmp_path / "out", "reconstruct") as folder:
         (folder / "report.json").write_text("{}")
     replace = Path.replace
 

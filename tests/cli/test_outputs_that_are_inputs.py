@@ -59,7 +59,7 @@ def test_it_is_refused_in_one_line_and_nothing_is_lost(
     command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in ("own", "other"):
-        with own_folder(tmp_path / name) as folder:
+        with own_folder(tmp_path / name, "reconstruct") as folder:
             (folder / "images").mkdir()
             for file in ("a.ply", "a.npy", "a.npz", "a.json", "a.txt", "a.safetensors", "transforms.json"):
                 (folder / file).write_text(name)
@@ -88,6 +88,7 @@ REFERRED = (
 def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("referred") / "rooms"
     write_dataset(folder, RoomSettings(78, (32, 48), 3), 1)
+    (folder / "scene_00000" / MARK).write_text("")  # does not say which command may replace the folder
     return folder
 
 

@@ -22,14 +22,14 @@ def tree(folder: Path) -> dict[str, str]:
 
 
 def fill(path: Path, text: str, overwrite: bool = False) -> None:
-    with own_folder(path, overwrite) as folder:
+    with own_folder(path, "export", overwrite) as folder:
         (folder / "renders").mkdir()
         (folder / "renders" / "a.txt").write_text(text)
 
 
 def test_a_new_folder_appears_only_when_it_is_complete(tmp_path: Path) -> None:
     target = tmp_path / "deep" / "er" / "out"
-    with own_folder(target) as folder:
+    with own_folder(target, "export") as folder:
         (folder / "a.txt").write_text("a")
         assert not target.exists()
         assert folder.parent == target.parent
@@ -58,10 +58,26 @@ def test_our_own_folder_is_replaced_as_a_whole_and_only_when_told(tmp_path: Path
     assert list(tmp_path.iterdir()) == [target]
 
 
+def test_a_folder_of_another_command_is_not_replaced(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    fill(target, "old")
+    mark = "This folder was written by semgs export. The same command replaces it as a whole if you add --overwrite.\n"
+    assert (target / MARK).read_text() == mark
+    expected = "expected a new or empty folder, or one that semgs label-splat wrote, found one of semgs export"
+    with pytest.raises(InputError, match=expected):
+        check_folder(target, "label-splat", overwrite=True)
+    with pytest.raises(InputError, match=expected), own_folder(target, "label-splat", overwrite=True):
+        pass
+    assert (target / "renders" / "a.txt").read_text() == "old"
+    # Marks did not always name the command.
+    (target / MARK).write_text("This folder was written by semgs, which replaces it as a whole.\n")
+    check_folder(target, "label-splat", overwrite=True)
+
+
 def test_an_old_folder_stays_until_the_new_one_is_complete(tmp_path: Path) -> None:
     target = tmp_path / "out"
     fill(target, "old")
-    with own_folder(target, overwrite=True) as folder:
+    with own_folder(target, "export", overwrite=True) as folder:
         (folder / "a.txt").write_text("new")
         assert (target / "renders" / "a.txt").read_text() == "old"
 
@@ -74,7 +90,7 @@ def test_a_failure_leaves_what_was_there_and_nothing_else(tmp_path: Path, error:
     before = tree(tmp_path)
 
     def work(name: str, overwrite: bool) -> None:
-        with own_folder(tmp_path / name, overwrite) as folder:
+        with own_folder(tmp_path / name, "export", overwrite) as folder:
             (folder / "half.txt").write_text("half")
             raise error
 
@@ -115,7 +131,7 @@ def test_a_folder_that_stops_being_free_meanwhile_is_not_touched(tmp_path: Path)
     target = tmp_path / "out"
 
     def work(folder: Path) -> None:
-        with own_folder(folder):
+        with own_folder(folder, "export"):
             target.mkdir()
             (target / "a.txt").write_text("someone else's")
 
@@ -127,19 +143,19 @@ def test_a_folder_that_stops_being_free_meanwhile_is_not_touched(tmp_path: Path)
 def test_a_file_or_a_file_above_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("a")
     with pytest.raises(InputError, match="found a file"):
-        check_folder(tmp_path / "file", overwrite=True)
+        check_folder(tmp_path / "file", "export", overwrite=True)
     with pytest.raises(InputError, match="is a file"):
-        check_folder(tmp_path / "file" / "out")
+        check_folder(tmp_path / "file" / "out", "export")
     assert tree(tmp_path) == {"file": "a"}
 
 
 def test_the_working_folder_and_a_broken_link_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match="the folder you are in"):
-        check_folder(".")
+        check_folder(".", "export")
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
     with pytest.raises(InputError, match="a broken link"):
-        check_folder("link")
+        check_folder("link", "export")
 
 
 def test_a_link_to_one_of_ours_stays_a_link(tmp_path: Path) -> None:
@@ -158,13 +174,15 @@ def test_what_is_read_is_never_replaced_and_a_folder_inside_it_may_be(tmp_path: 
     for out in (tmp_path / "room", tmp_path / "link"):
         for read in (tmp_path / "room", tmp_path / "link", tmp_path / "room" / "renders" / ".."):
             with pytest.raises(InputError, match="apart from the input, found the input itself"):
-                check_folder(out, overwrite=True, inputs=[None, read])
+                check_folder(out, "export", overwrite=True, inputs=[None, read])
         with pytest.raises(InputError, match=re.escape(f"found one that contains the input {inside}")):
-            check_folder(out, overwrite=True, inputs=[str(inside)])
-    check_folder(tmp_path / "room" / "out", overwrite=True, inputs=[tmp_path / "room", inside, tmp_path / "absent"])
+            check_folder(out, "export", overwrite=True, inputs=[str(inside)])
+    check_folder(
+        tmp_path / "room" / "out", "export", overwrite=True, inputs=[tmp_path / "room", inside, tmp_path / "absent"]
+    )
     (tmp_path / "room" / "out" / "linked").symlink_to(tmp_path)  # a name that would go, too
     with pytest.raises(InputError, match="one that contains"):
-        check_folder(tmp_path / "room" / "out", overwrite=True, inputs=[tmp_path / "room" / "out" / "linked"])
+        check_folder(tmp_path / "room" / "out", "export", overwrite=True, inputs=[tmp_path / "room" / "out" / "linked"])
     with pytest.raises(InputError, match="the input itself"):
         check_apart(inside, [inside])
 
@@ -172,9 +190,9 @@ def test_what_is_read_is_never_replaced_and_a_folder_inside_it_may_be(tmp_path: 
 def test_a_folder_with_the_name_of_a_file_is_refused_and_other_dots_are_not(tmp_path: Path) -> None:
     for name in ("a.ply", "report.JSON", *(f"a{ending}" for ending in FILE_ENDINGS)):
         with pytest.raises(InputError, match=re.escape(f"one that ends with .{name.partition('.')[2]}; leave out")):
-            check_folder(tmp_path / name)
+            check_folder(tmp_path / name, "export")
     for name in ("office.v2", "2024.05.17", ".hidden", "a.ply.d"):
-        check_folder(tmp_path / name)
+        check_folder(tmp_path / name, "export")
 
 
 def test_names_are_exchanged_in_one_step_where_the_system_can(tmp_path: Path) -> None:
@@ -201,7 +219,7 @@ def replaced_then_killed(source, target, replace=Path.replace):
     replace(source, target)
     killed()
 
-with own_folder(sys.argv[1], overwrite=True) as folder:
+with own_folder(sys.argv[1], "export", overwrite=True) as folder:
     (folder / "a.txt").write_text("new")
     Path.replace, shutil.rmtree = replaced_then_killed, killed
 """
@@ -228,16 +246,18 @@ def test_where_nothing_can_be_written_is_told_before_the_work(tmp_path: Path) ->
             with pytest.raises(
                 InputError, match=r"a folder that can be created, found Permission denied \(.*(closed|kept)\)$"
             ):
-                check_folder(path, overwrite=True)
+                check_folder(path, "export", overwrite=True)
         with pytest.raises(InputError, match="found Permission denied"):
             check_writable(tmp_path / "closed")
         (tmp_path / "closed").chmod(0o600)
         with pytest.raises(InputError, match="found Permission denied"):  # a folder that may not be entered
-            check_folder(tmp_path / "closed" / "out")
+            check_folder(tmp_path / "closed" / "out", "export")
         (tmp_path / "closed").chmod(0o700)
     with pytest.raises(InputError, match="found File name too long"):
-        check_folder(tmp_path / ("n" * 250))  # the name by itself would do, the one beside it is 15 bytes longer
-    check_folder(tmp_path / "closed" / "deep" / "er")
+        check_folder(
+            tmp_path / ("n" * 250), "export"
+        )  # the name by itself would do, the one beside it is 15 bytes longer
+    check_folder(tmp_path / "closed" / "deep" / "er", "export")
     check_writable(tmp_path / "closed" / "deep" / "er")
     assert list((tmp_path / "closed").iterdir()) == []
     assert tree(tmp_path)["kept/out/renders/a.txt"] == "old"
@@ -246,15 +266,15 @@ def test_where_nothing_can_be_written_is_told_before_the_work(tmp_path: Path) ->
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="a file system of Linux")
 def test_a_file_system_that_takes_no_folders_is_told_before_the_work() -> None:
     with pytest.raises(InputError, match=r"found No such file or directory \(/proc\)"):
-        check_folder("/proc/out")
+        check_folder("/proc/out", "export")
 
 
 def test_a_mount_point_is_told_before_the_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fill(tmp_path / "out", "old")
     monkeypatch.setattr(Path, "is_mount", lambda path: path == tmp_path / "out")
     with pytest.raises(InputError, match="found a mount point; name a folder inside it"):
-        check_folder(tmp_path / "out", overwrite=True)
-    check_folder(tmp_path / "out" / "inside")
+        check_folder(tmp_path / "out", "export", overwrite=True)
+    check_folder(tmp_path / "out" / "inside", "export")
 
 
 def test_one_process_at_a_time_has_a_folder(tmp_path: Path) -> None:

@@ -126,7 +126,7 @@ def write_scene(folder: str | Path, settings: RoomSettings, index: int = 0) -> N
     }  # fmt: skip
     if settings.library is not None:
         record["assets"] = list(walk.files)
-    with own_folder(folder) as fresh:
+    with own_folder(folder, "rooms") as fresh:
         write_views(fresh, walk.views)
         write_json(fresh / ROOM, record)
 

@@ -191,6 +191,7 @@ class Evaluate:
             raise InputError(self.predictions, "a folder of predictions", found_at(self.predictions))
         check_folder(
             self.out,
+            "evaluate",
             self.overwrite,
             (
                 self.data,

@@ -117,7 +117,7 @@ class PaperFigure:
                     }
                 )
                 shown += frames
-        with own_folder(self.out, self.overwrite) as folder:
+        with own_folder(self.out, "figure", self.overwrite) as folder:
             files = comparison(
                 blocks, comparison_legend(shown), beside=self.kind == "generalisation", forms=("png", "pdf")
             )
@@ -152,6 +152,7 @@ class PaperFigure:
         self.reading.check()
         check_folder(
             self.out,
+            "figure",
             self.overwrite,
             (
                 *self.data,

@@ -133,7 +133,7 @@ class Export:
             )
         if is_splat(self.scene):
             self._check_splat()
-        check_folder(self.out, self.overwrite, (self.scene, self.cameras))
+        check_folder(self.out, "export", self.overwrite, (self.scene, self.cameras))
         with show_stage("Reading the scene"):
             from semgs.export.export_record import write_record
             from semgs.export.scene_export import SceneExport
@@ -163,7 +163,7 @@ class Export:
                 things = things_of(scene, found_up)
                 things = things.only(classes=self.classes, min_confidence=self.min_confidence)
         export = SceneExport(scene, keep, found_up if self.frame == "upright" else None, things, self.labels)
-        with own_folder(self.out, self.overwrite) as folder, show_stage("Writing"):
+        with own_folder(self.out, "export", self.overwrite) as folder, show_stage("Writing"):
             files = []
             for name in dict.fromkeys(self.formats):
                 files += self._write(folder, name, export, opened, notes)

@@ -110,7 +110,7 @@ class LabelSplat:
             check_apart(self.out, scene.places)
             gaussians = in_frame_of(self.splat, splat.gaussians, scene)
         voting, held = hold_out(len(range(0, len(scene), self.every)), self.hold_out)
-        with own_folder(self.out, self.overwrite) as folder:
+        with own_folder(self.out, "label-splat", self.overwrite) as folder:
             labelling, origin = self._labelling(scene, folder, device, stages)
             try:
                 result = label_splat(
@@ -138,6 +138,7 @@ class LabelSplat:
         existing_folder(self.cameras)
         check_folder(
             self.out,
+            "label-splat",
             self.overwrite,
             (
                 self.splat,

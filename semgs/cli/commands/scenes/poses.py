@@ -54,7 +54,7 @@ class Poses:
             UsageError: an option is invalid, or needs COLMAP.
         """
         existing_folder(self.photos, "a folder of photos, or a video")
-        check_folder(self.out, self.overwrite, (self.photos, self.predictions))
+        check_folder(self.out, "poses", self.overwrite, (self.photos, self.predictions))
         solution = self._estimated() if self.predictions is None else self._predicted(self.predictions)
         for note in solution.notes:
             print(note)
@@ -70,7 +70,7 @@ class Poses:
 
         check_folder_of_photos(self.photos)
         known = self.posing.known()
-        with own_folder(self.out, self.overwrite) as folder, what_the_user_gave():
+        with own_folder(self.out, "poses", self.overwrite) as folder, what_the_user_gave():
             return write_photo_scene(self.photos, folder, known, colmap=self.form == "colmap")
 
     def _predicted(self, predictions: Path) -> Solution:
@@ -81,5 +81,5 @@ class Poses:
         with show_stage("Starting"):
             from semgs.sfm.predicted_cameras import write_predicted_scene
 
-        with own_folder(self.out, self.overwrite) as folder, what_the_user_gave():
+        with own_folder(self.out, "poses", self.overwrite) as folder, what_the_user_gave():
             return write_predicted_scene(self.photos, predictions, folder, known.distance)

@@ -71,7 +71,7 @@ class Query:
             raise InputError(
                 self.scene, "a scene with features", "a splat of another program, which has none", advice="reconstruct its photos with --features"
             )  # fmt: skip
-        check_folder(self.out, self.overwrite, (self.scene, self.embedding))
+        check_folder(self.out, "query", self.overwrite, (self.scene, self.embedding))
         with show_stage("Reading the scene"):
             from semgs.scene.scene_file import load_scene
             from semgs.segmenters.features.scene_features import FILE_NAME, load_features
@@ -82,7 +82,7 @@ class Query:
                 wanted = f"the features of {len(scene.gaussians)} Gaussians, as in the scene"
                 raise InputError(self.scene / FILE_NAME, wanted, f"{len(features.codes)}")
             embedding = read_embedding(self.embedding, features.numbers)
-        with own_folder(self.out, self.overwrite) as folder, show_stage("Comparing"):
+        with own_folder(self.out, "query", self.overwrite) as folder, show_stage("Comparing"):
             numbers = self._write(folder, scene, features, embedding)
         print(_summary(numbers, self.out))
 

@@ -181,7 +181,7 @@ class Reconstruct:
             scene, frames, notes = self._choose_frames(scene, stages)
         with stages("load", "Loading the network"):
             network, origin = self._load_network(device)
-        with own_folder(self.out, self.overwrite) as folder:
+        with own_folder(self.out, "reconstruct", self.overwrite) as folder:
             labelling = self._open_segmenter(scene, folder, stages)
             depth = self.placing.source(scene, stages)
             with what_fits(), what_the_user_gave():
@@ -248,6 +248,7 @@ class Reconstruct:
         existing_folder(self.scene)
         check_folder(
             self.out,
+            "reconstruct",
             self.overwrite,
             (
                 self.scene,

@@ -116,7 +116,7 @@ class Render:
         if video:
             check_new_file(self.out, self.overwrite)
         else:
-            check_folder(self.out, self.overwrite, (self.scene, self.cameras, *self._camera_file()))
+            check_folder(self.out, "render", self.overwrite, (self.scene, self.cameras, *self._camera_file()))
         with show_stage("Reading the scene"):
             from semgs.export.video import check_video_library
 
@@ -224,7 +224,10 @@ class Render:
         from semgs.export.camera_files import write_camera_file
         from semgs.files.images.pictures import write_png
 
-        with own_folder(self.out, self.overwrite) as folder, show_progress("Rendering", cameras.batch[0]) as done:
+        with (
+            own_folder(self.out, "render", self.overwrite) as folder,
+            show_progress("Rendering", cameras.batch[0]) as done,
+        ):
             for index, images in enumerate(stills.images(cameras)):
                 for show, image in zip(stills.shows, images, strict=True):
                     write_png(folder / f"{index:04d}_{show}.png", image)
