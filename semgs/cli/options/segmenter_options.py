@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from semgs.cli.options.types import optional
 from semgs.cli.usage_errors import UsageError
 from semgs.segmenters.tables import make_word_table
 
@@ -22,14 +23,12 @@ if TYPE_CHECKING:
 class AnswerOptions:
     """What a segmenter's answers are, and what they mean."""
 
-    classes: Annotated[
-        Literal["scannet20", "own"] | None, tyro.conf.arg(metavar="{scannet20,own}", help_behavior_hint="")
-    ] = None
+    classes: Annotated[Literal["scannet20", "own"] | None, optional("{scannet20,own}")] = None
     """The segmenter's classes become ScanNet's 20, found by name, or stay its own. By default class maps keep their own, and networks give
     ScanNet's 20."""
-    words: Annotated[tuple[str, ...], tyro.conf.arg(metavar="WORD [WORD ...]", help_behavior_hint="")] = ()
+    words: Annotated[tuple[str, ...], optional("WORD [WORD ...]")] = ()
     """Classes to look for with a text-prompted model: chair mug "power socket". What none of them describes becomes "none of these"."""
-    correspondence: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    correspondence: Annotated[Path | None, optional("FILE")] = None
     """What the segmenter's classes mean, from semgs segmenters fit; by default class names decide."""
 
     def check(self) -> None:
@@ -55,7 +54,7 @@ class AnswerOptions:
 class SegmenterOptions:
     """Classes from a 2D segmenter instead of the model's own."""
 
-    segmenter: Annotated[str | None, tyro.conf.arg(metavar="SEGMENTER", help_behavior_hint="")] = None
+    segmenter: Annotated[str | None, optional("SEGMENTER")] = None
     """Take the classes from a 2D segmenter: a folder of class maps, an exported network (.onnx, .tflite), a model folder of
     transformers, or hf:OWNER/NAME; see docs/segmenters.md. Its answers are made consistent between the input views."""
     answers: Annotated[AnswerOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=AnswerOptions)

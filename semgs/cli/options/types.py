@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Annotated, Any, Literal
 
+import tyro
 from tyro.constructors import PrimitiveConstructorSpec
 
 from semgs.cli.usage_errors import UsageError
@@ -34,6 +35,11 @@ def one_word(
         is_instance=lambda value: True,
         str_from_instance=lambda value: [shown(value)],
     )
+
+
+def optional(metavar: str | None = None) -> Any:
+    """An option whose help shows no default: without it, there is nothing, or its text says what happens."""
+    return tyro.conf.arg(metavar=metavar, help_behavior_hint="")
 
 
 def several(metavar: str, read: Callable[[str], Any]) -> PrimitiveConstructorSpec[Any]:

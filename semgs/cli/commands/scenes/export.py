@@ -10,7 +10,7 @@ import tyro
 
 from semgs.cli.arguments import did_you_mean
 from semgs.cli.opened_scene import check_for_robots, open_given
-from semgs.cli.options.types import Probability, at_least, one_word
+from semgs.cli.options.types import Probability, at_least, one_word, optional
 from semgs.cli.progress import show_stage
 from semgs.cli.terminal import aligned
 from semgs.cli.usage_errors import UsageError
@@ -80,7 +80,7 @@ class Export:
     needs scene, and poses with +Z up."""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
     """The direction that is up in the scene's coordinates. auto finds it from floors and walls; for a splat without --cameras, near to what is usual in its format."""
-    cameras: Annotated[Path | None, tyro.conf.arg(metavar="SCENE", help_behavior_hint="")] = None
+    cameras: Annotated[Path | None, optional("SCENE")] = None
     """For a splat: the scene with its cameras, in its coordinates."""
     colour: tuple[Literal["photo", "classes"], ...] = ("photo",)
     """Colours of --as ply; with both, two files."""
@@ -91,7 +91,7 @@ class Export:
     """Leave out Gaussians that are more transparent than this."""
     min_confidence: Probability = 0.0
     """Leave out Gaussians whose likeliest class is less likely than this. For scenes without classes, it is the confidence of the depth."""
-    classes: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
+    classes: Annotated[tuple[str, ...], optional("NAME [NAME ...]")] = ()
     """Write only Gaussians whose likeliest class is one of these. By default, all. Maps always use all Gaussians."""
     resolution: Metres = 0.05
     """Side of the cells of --as occupancy, in metres."""
