@@ -78,9 +78,8 @@ class Calibrate:
             from semgs.model.weights.weights_file import is_ours, read_header, restate
             from semgs.rendering.temperatures import Temperatures
 
-            data = open_labelled_scenes(self.data, self.reading.as_peers, self.reading.asked)
-            if data.classes is None:
-                raise InputError(self.data, "labelled scenes", "none with labels")
+            data = open_labelled_scenes(self.data, self.reading.as_peers, self.reading.asked, needs_labels=True)
+            assert data.classes is not None
             with what_the_user_gave():
                 network, path = find(self.weights)
             if not is_ours(path) or read_header(path).classes is None:

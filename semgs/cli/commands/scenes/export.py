@@ -172,20 +172,23 @@ class Export:
 
     def _check_splat(self) -> None:
         """Check what a splat of another program can never give, before it is read and up is searched."""
-        for_classes = {
-            "--as objects": "objects" in self.formats,
-            "--classes": self.classes,
-            "--labels": self.labels,
-            "--colour classes": "classes" in self.colour,
-        }
-        if missing := [option for option, wanted in for_classes.items() if wanted]:
-            raise lacks_classes(self.scene, missing[0])
+        if given := [*(["--as objects"] if "objects" in self.formats else []), *self._for_classes()]:
+            raise lacks_classes(self.scene, given[0])
         if self.cameras is None and "colmap" in self.formats:
             raise UsageError("--as colmap is for training on photos; give the scene that has them with --cameras")
         if self.cameras is None and "occupancy" in self.formats:
             raise UsageError(
                 "--as occupancy needs metres, which a splat has not; give a scene in metres with --cameras"
             )
+
+    def _for_classes(self) -> list[str]:
+        """The given options that need classes."""
+        options = {
+            "--classes": self.classes,
+            "--labels": self.labels,
+            "--colour classes": "classes" in self.colour,
+        }
+        return [option for option, wanted in options.items() if wanted]
 
     def _write(
         self, folder: Path, name: Format, export: SceneExport, opened: OpenedScene, notes: list[str]
@@ -227,15 +230,10 @@ class Export:
         """The Gaussians to write."""
         from semgs.scene.selection import selected
 
-        if self.classes and scene.classes is None:
-            raise InputError(self.scene, "a scene with classes for --classes", "one with colour and depth only")
-        if self.labels and scene.classes is None:
-            raise InputError(self.scene, "a scene with classes for --labels", "one with colour and depth only")
-        if "classes" in self.colour and scene.classes is None:
-            raise InputError(self.scene, "a scene with classes for --colour classes", "one with colour and depth only")
-        unknown = [name for name in self.classes if scene.classes and name not in scene.classes.names]
-        if unknown and scene.classes:
-            known = scene.classes.names
+        if scene.classes is None and (given := self._for_classes()):
+            raise InputError(self.scene, f"a scene with classes for {given[0]}", "one with colour and depth only")
+        known = () if scene.classes is None else scene.classes.names
+        if unknown := [name for name in self.classes if name not in known]:
             raise UsageError(
                 f"--classes: there is no class {unknown[0]!r}{did_you_mean(unknown[0], known)}; expected some of {', '.join(known)}"
             )
