@@ -16,7 +16,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from semgs.data.scene import Scene
+    from semgs.runtime.stopwatch import Stages
     from semgs.segmenters.labelling import Labelling
+
+FOLDER = "segmenter"
+"""Folder in the output for the maps of a segmentation network."""
 
 
 @dataclass(frozen=True)
@@ -109,3 +113,11 @@ class SegmenterOptions:
         )
         votes = None if answers.correspondence is None else read_fit(answers.correspondence).votes
         return lambda scene: Labelling(opened(scene), self.with_own_classes, votes)
+
+    def load(self, scene: Scene, folder: Path, out: Path, stages: Stages) -> Labelling | None:
+        """As `labelling` for one scene, as a stage. A network's maps are saved in the new output folder; those of an earlier run are in `out`."""
+        if self.segmenter is None:
+            return None
+        with stages("load", f"Loading {self.segmenter}"):
+            opened = self.labelling(folder / FOLDER, out / FOLDER)
+            return opened and opened(scene)

@@ -43,11 +43,7 @@ if TYPE_CHECKING:
     from semgs.reconstruction.output.report import Provenance
     from semgs.reconstruction.recording import Walk
     from semgs.reconstruction.result import Reconstruction
-    from semgs.segmenters.labelling import Labelling
 
-
-SEGMENTER = "segmenter"
-"""Folder in the output for the maps of a segmentation network."""
 
 MOST_VIEWS = 4
 """The models were trained with at most this many input views."""
@@ -183,7 +179,7 @@ class Reconstruct:
         with stages("load", "Loading the network"):
             network, origin = self._load_network(device)
         with own_folder(self.out, self.overwrite) as folder:
-            labelling = self._open_segmenter(scene, folder, stages)
+            labelling = self.segmenting.load(scene, folder, self.out, stages)
             depth = self.placing.source(scene, stages)
             with what_fits(), what_the_user_gave():
                 result = reconstruct(
@@ -340,14 +336,6 @@ class Reconstruct:
             network = kept(load, *self._network_and_weights()).eval().to(device)
         network.precision = chosen_precision(self.precision, device)
         return network
-
-    def _open_segmenter(self, scene: Scene, folder: Path, stages: Stages) -> Labelling | None:
-        """What gives the Gaussians their classes; None for the network's own."""
-        if self.segmenting.segmenter is None:
-            return None
-        with stages("load", f"Loading {self.segmenting.segmenter}"):
-            labelling_of = self.segmenting.labelling(folder / SEGMENTER, self.out / SEGMENTER)
-            return labelling_of and labelling_of(scene)
 
     def _network_and_weights(self) -> tuple[str, str | None]:
         """The network, and its weights unless they are the included ones, as `load` takes them."""
