@@ -31,6 +31,7 @@ from semgs.training.ablation_rows import (
 from semgs.training.data.data_sources import ROOMS
 from semgs.training.presets import PRESETS
 from semgs.training.run.execution import Execution
+from semgs.training.training_settings import WEIGHTS
 
 if TYPE_CHECKING:
     from semgs.evaluation.frames.frame_plan import FramePlan
@@ -231,8 +232,6 @@ class Ablate:
 
     def _base_weights(self, stage: str) -> Path:
         """The weights that a finished training of the base leaves."""
-        from semgs.training.run.run_folder import WEIGHTS
-
         return self._base(stage) / WEIGHTS
 
     def _train_base(self, execution: Execution, ends: float | None) -> bool:
@@ -293,7 +292,6 @@ class Ablate:
         """Evaluate a trained variant on some scenes, unless that was done before with the same weights."""
         from semgs.evaluation.run import Job, load_candidate, run_evaluation
         from semgs.files.hashes import sha256
-        from semgs.training.run.run_folder import WEIGHTS
 
         folder = self._folder(row, settings.seed) / name
         weights = self._run(row, settings.seed) / WEIGHTS
