@@ -31,6 +31,8 @@ ASPECT_TOLERANCE = 0.02
 SATURATED = 65535
 """The largest count of a 16-bit depth map. It means unknown, like 0: nothing was measured, or something too far away."""
 
+MILLIMETRE = 0.001
+"""Metres per count of most depth maps [m]."""
 VISIBLE = 128
 """Masks are 255 where the image is visible and 0 where it is hidden; compressed masks have values in between."""
 
@@ -104,7 +106,7 @@ class DepthMap:
     """
 
     path: Stored
-    unit: float = 0.001
+    unit: float = MILLIMETRE
     rotated: bool = False
     confidence: Stored | None = None
     stored: ClassVar[bool] = True

@@ -37,9 +37,11 @@ class Raycaster:
             raise ValueError(
                 f"faces refer to vertices {faces.min()}..{faces.max()}, but the mesh has vertices 0..{len(vertices) - 1}"
             )
-        scene_type, mesh_type = _embree()
-        self._scene = scene_type()
-        self._mesh = mesh_type(
+        with needs_extra("raycast", "casting rays needs embreex", "embreex"):
+            from embreex.mesh_construction import TriangleMesh
+            from embreex.rtcore_scene import EmbreeScene
+        self._scene = EmbreeScene()
+        self._mesh = TriangleMesh(
             self._scene,
             np.ascontiguousarray(vertices, dtype=np.float32),
             np.ascontiguousarray(faces, dtype=np.int32),
@@ -84,11 +86,3 @@ class Raycaster:
         """What Embree finds for some rays."""
         origins, directions = (np.ascontiguousarray(rays, dtype=np.float32) for rays in (origins, directions))
         return self._scene.run(origins, directions, dists=reach, **options)
-
-
-def _embree() -> tuple[type, type]:
-    """Embree's scene and mesh types."""
-    with needs_extra("raycast", "casting rays needs embreex", "embreex"):
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-    return EmbreeScene, TriangleMesh

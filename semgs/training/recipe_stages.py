@@ -9,7 +9,7 @@ from pathlib import Path
 from semgs.objectives.loss_weights import LossWeights
 from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.presets import PRESETS
-from semgs.training.training_settings import TrainingSettings
+from semgs.training.training_settings import WEIGHTS, TrainingSettings
 
 STAGES = ("classes", "depth", "joint")
 """The stages of a recipe, in order."""
@@ -57,8 +57,6 @@ def folder(out: Path, stage: str) -> Path:
 
 def weights_of(out: Path, stage: str) -> Path:
     """The weights that a finished stage leaves."""
-    from semgs.training.run.run_folder import WEIGHTS
-
     return folder(out, stage) / WEIGHTS
 
 

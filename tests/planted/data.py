@@ -167,7 +167,8 @@ DATA = (
     ),
     Mutant(
         "COLMAP's model 15 is another one", "semgs/data/layouts/colmap/colmap_files.py",
-        '"DIVISION", "SIMPLE_FISHEYE", "FISHEYE", "EUCM"', '"DIVISION", "FISHEYE", "SIMPLE_FISHEYE", "EUCM"',
+        '"SIMPLE_FISHEYE": ("f", "cx", "cy"),\n    "FISHEYE": ("fx", "fy", "cx", "cy"),',
+        '"FISHEYE": ("fx", "fy", "cx", "cy"),\n    "SIMPLE_FISHEYE": ("f", "cx", "cy"),',
         ("tests/data/layouts/colmap/test_colmap_files.py",),
     ),
     Mutant(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from semgs.cli.options.types import optional
 from semgs.cli.usage_errors import UsageError
 from semgs.files.paths import typed_path
 
@@ -19,10 +20,7 @@ if TYPE_CHECKING:
 OWN = "maps"
 MEASURED: tuple[DepthSource, ...] = ("network", "sensor", "both")
 
-DepthMeaning = Annotated[
-    Literal["metric", "scaled", "inverse"] | None,
-    tyro.conf.arg(metavar="{metric,scaled,inverse}", help_behavior_hint=""),
-]
+DepthMeaning = Annotated[Literal["metric", "scaled", "inverse"] | None, optional("{metric,scaled,inverse}")]
 """What the numbers of depth maps are."""
 
 

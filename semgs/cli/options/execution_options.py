@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
 from semgs.cli.device import chosen_device
-from semgs.cli.options.types import Count, Device, Minutes, PrecisionOrAuto, Workers, at_least, one_word
+from semgs.cli.options.types import Count, Device, Minutes, PrecisionOrAuto, Workers, at_least, one_word, optional
 from semgs.cli.usage_errors import UsageError
 
 if TYPE_CHECKING:
@@ -28,7 +26,7 @@ class ExecutionOptions:
     Gaussians and losses always use float32 or better."""
     accumulate: Count = 1
     """Split each process's share of a step into this many pieces, computed one after the other, to save memory."""
-    minutes: Annotated[Minutes, tyro.conf.arg(help_behavior_hint="")] = None
+    minutes: Annotated[Minutes, optional()] = None
     """Stop after this time, with a checkpoint. The schedule is unchanged. By default training runs to its last step."""
     workers: Workers = 1
     """Processes that load scenes ahead, for each device; 0 loads them between steps."""

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
+from semgs.cli.options.types import optional
 from semgs.files.errors import InputError
 from semgs.files.paths import found_at
 
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 class FeatureOptions:
     """Features from any network, to search the scene with semgs query."""
 
-    features: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = None
+    features: Annotated[Path | None, optional("DIR")] = None
     """Give the Gaussians features: DIR/FRAME.npy (or .npz) has those of an input photo, [numbers height width], of any floating-point type;
     see docs/segmenters.md. They are compressed to at most 32 numbers for each Gaussian and made consistent between the input views."""
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
-from semgs.cli.options.types import at_least, one_word, several
+from semgs.cli.options.types import at_least, one_word, optional, several
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 
 if TYPE_CHECKING:
@@ -18,11 +16,9 @@ if TYPE_CHECKING:
 class PosingOptions:
     """Photos without poses: details that help to estimate the cameras."""
 
-    focal: Annotated[float | None, one_word("PX", at_least(0.0, more=True)), tyro.conf.arg(help_behavior_hint="")] = (
-        None
-    )
+    focal: Annotated[float | None, one_word("PX", at_least(0.0, more=True)), optional()] = None
     """Focal length in pixels of the full-size photos. By default it is from EXIF, or solved for, or with two photos a guess."""
-    scale_from: Annotated[tuple[str, ...], several("A B METRES", str), tyro.conf.arg(help_behavior_hint="")] = ()
+    scale_from: Annotated[tuple[str, ...], several("A B METRES", str), optional()] = ()
     """Distance in metres between the cameras of photos A and B, such as 0001.jpg 0004.jpg 1.25. Without it the unit of length is unknown."""
     clip_frames: Annotated[int, one_word("INT", at_least(2))] = 24
     """Largest number of frames to use from a clip."""

@@ -7,8 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal
 
-import tyro
-
+from semgs.cli.options.types import optional
 from semgs.cli.usage_errors import what_the_user_gave
 from semgs.data.paper_variants import check_readings
 from semgs.data.scene_details import SceneDetails
@@ -19,29 +18,25 @@ from semgs.files.paths import existing_folder
 class SceneOptions:
     """Details that the files may not state. You rarely need these."""
 
-    camera: Annotated[str | None, tyro.conf.arg(metavar="TOPIC", help_behavior_hint="")] = None
+    camera: Annotated[str | None, optional("TOPIC")] = None
     """ROS bags: topic prefix of the camera to use, such as /camera/color."""
-    world: Annotated[str | None, tyro.conf.arg(metavar="FRAME", help_behavior_hint="")] = None
+    world: Annotated[str | None, optional("FRAME")] = None
     """ROS bags: frame for the poses (map, odom), or the topic to read them from."""
-    body: Annotated[str | None, tyro.conf.arg(metavar="FRAME", help_behavior_hint="")] = None
+    body: Annotated[str | None, optional("FRAME")] = None
     """ROS bags: the frame that a PoseStamped topic describes; by default the camera's."""
-    intrinsics: Annotated[
-        tuple[float, float, float, float] | None, tyro.conf.arg(metavar="FX FY CX CY", help_behavior_hint="")
-    ] = None
+    intrinsics: Annotated[tuple[float, float, float, float] | None, optional("FX FY CX CY")] = None
     """RGB-D frames, Replica, phone captures and ROS bags: fx fy cx cy of the full-size images, in pixels; the image centre is (W/2, H/2).
     Overrides the files."""
-    depth_unit: Annotated[float | None, tyro.conf.arg(metavar="METRES", help_behavior_hint="")] = None
+    depth_unit: Annotated[float | None, optional("METRES")] = None
     """RGB-D frames and transforms.json: metres per unit of the depth maps, such as 0.001."""
-    images: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = None
+    images: Annotated[Path | None, optional("DIR")] = None
     """COLMAP models: the folder that the names of the images are relative to, if it is not beside the model."""
-    unit: Annotated[
-        Literal["metric", "unknown"] | None, tyro.conf.arg(metavar="{metric,unknown}", help_behavior_hint="")
-    ] = None
+    unit: Annotated[Literal["metric", "unknown"] | None, optional("{metric,unknown}")] = None
     """Whether lengths are metres, if the files do not say so or are wrong about it."""
-    scenezoo: Annotated[str | None, tyro.conf.arg(metavar="DATASET:SCENE", help_behavior_hint="")] = None
+    scenezoo: Annotated[str | None, optional("DATASET:SCENE")] = None
     """A scene of arkitscenes, matterport3d, multiscan, 3rscan or structured3d: SCENE is then the folder of the data set. A third part is
     the room or the camera: structured3d:scene_00000:485142, arkitscenes:41069021:vga_wide. Needs the extra scenezoo; see docs/data.md."""
-    as_peers: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
+    as_peers: Annotated[tuple[str, ...], optional("NAME [NAME ...]")] = ()
     """Read files the way another paper's code does: rows-972 and gsnerf-labels (ScanNet), toolbox-undistortion (ScanNet++),
     row-229.5 (Replica); see docs/data.md."""
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
+from semgs.cli.options.types import optional
 from semgs.cli.usage_errors import UsageError
 from semgs.segmenters.tables import make_word_table
 
@@ -15,21 +16,23 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from semgs.data.scene import Scene
+    from semgs.runtime.stopwatch import Stages
     from semgs.segmenters.labelling import Labelling
+
+FOLDER = "segmenter"
+"""Folder in the output for the maps of a segmentation network."""
 
 
 @dataclass(frozen=True)
 class AnswerOptions:
     """What a segmenter's answers are, and what they mean."""
 
-    classes: Annotated[
-        Literal["scannet20", "own"] | None, tyro.conf.arg(metavar="{scannet20,own}", help_behavior_hint="")
-    ] = None
+    classes: Annotated[Literal["scannet20", "own"] | None, optional("{scannet20,own}")] = None
     """The segmenter's classes become ScanNet's 20, found by name, or stay its own. By default class maps keep their own, and networks give
     ScanNet's 20."""
-    words: Annotated[tuple[str, ...], tyro.conf.arg(metavar="WORD [WORD ...]", help_behavior_hint="")] = ()
+    words: Annotated[tuple[str, ...], optional("WORD [WORD ...]")] = ()
     """Classes to look for with a text-prompted model: chair mug "power socket". What none of them describes becomes "none of these"."""
-    correspondence: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    correspondence: Annotated[Path | None, optional("FILE")] = None
     """What the segmenter's classes mean, from semgs segmenters fit; by default class names decide."""
 
     def check(self) -> None:
@@ -55,7 +58,7 @@ class AnswerOptions:
 class SegmenterOptions:
     """Classes from a 2D segmenter instead of the model's own."""
 
-    segmenter: Annotated[str | None, tyro.conf.arg(metavar="SEGMENTER", help_behavior_hint="")] = None
+    segmenter: Annotated[str | None, optional("SEGMENTER")] = None
     """Take the classes from a 2D segmenter: a folder of class maps, an exported network (.onnx, .tflite), a model folder of
     transformers, or hf:OWNER/NAME; see docs/segmenters.md. Its answers are made consistent between the input views."""
     answers: Annotated[AnswerOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=AnswerOptions)
@@ -110,3 +113,11 @@ class SegmenterOptions:
         )
         votes = None if answers.correspondence is None else read_fit(answers.correspondence).votes
         return lambda scene: Labelling(opened(scene), self.with_own_classes, votes)
+
+    def load(self, scene: Scene, folder: Path, out: Path, stages: Stages) -> Labelling | None:
+        """As `labelling` for one scene, as a stage. A network's maps are saved in the new output folder; those of an earlier run are in `out`."""
+        if self.segmenter is None:
+            return None
+        with stages("load", f"Loading {self.segmenter}"):
+            opened = self.labelling(folder / FOLDER, out / FOLDER)
+            return opened and opened(scene)

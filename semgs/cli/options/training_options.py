@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from semgs.cli.options.types import height_and_width, one_word, shown_size
+from semgs.cli.options.types import height_and_width, one_word, optional, shown_size
 from semgs.data.tables.class_files import read_class_file
 from semgs.data.tables.classes import ClassTable
 from semgs.training.presets import PRESETS
@@ -33,7 +33,7 @@ class TypedSettings(TrainingSettings):
     model: Annotated[str, tyro.conf.Suppress]
     data: Annotated[tuple[str, ...], tyro.conf.arg(help_behavior_hint=show_default)] = TrainingSettings.data
     size: Annotated[tuple[int, int], one_word("HxW", height_and_width, shown_size)] = TrainingSettings.size
-    classes: Annotated[ClassTable | None, CLASS_FILE, tyro.conf.arg(help_behavior_hint="")] = TrainingSettings.classes
+    classes: Annotated[ClassTable | None, CLASS_FILE, optional()] = TrainingSettings.classes
     class_weights: Annotated[
         tuple[float, ...] | Literal["inverse_root_frequency", "inverse_fourth_root_frequency"] | None,
         tyro.conf.arg(help_behavior_hint=show_default),

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Annotated, Any, Literal
 
+import tyro
 from tyro.constructors import PrimitiveConstructorSpec
 
 from semgs.cli.usage_errors import UsageError
@@ -36,6 +37,11 @@ def one_word(
     )
 
 
+def optional(metavar: str | None = None) -> Any:
+    """An option whose help shows no default: without it, there is nothing, or its text says what happens."""
+    return tyro.conf.arg(metavar=metavar, help_behavior_hint="")
+
+
 def several(metavar: str, read: Callable[[str], Any]) -> PrimitiveConstructorSpec[Any]:
     """An option of any number of words, each read as for `one_word`."""
     return PrimitiveConstructorSpec(
@@ -44,23 +50,6 @@ def several(metavar: str, read: Callable[[str], Any]) -> PrimitiveConstructorSpe
         instance_from_str=lambda typed: tuple(map(read, typed)),
         is_instance=lambda value: True,
         str_from_instance=lambda values: list(map(str, values)),
-    )
-
-
-def optional_number(metavar: str, read: Callable[[str], Any], default: int) -> PrimitiveConstructorSpec[Any]:
-    """An option with or without a number: without, it means `default`."""
-
-    def value(typed: list[str]) -> Any:
-        if len(typed) > 1:
-            raise ValueError(f"expected at most one number, found {' '.join(typed)!r}")
-        return read(typed[0]) if typed else default
-
-    return PrimitiveConstructorSpec(
-        nargs=(0, 1),
-        metavar=f"[{metavar}]",
-        instance_from_str=value,
-        is_instance=lambda value: True,
-        str_from_instance=lambda value: [str(value)],
     )
 
 
@@ -126,6 +115,12 @@ def _protocol(typed: list[str]) -> tuple[str, ...]:
     if file and not typed_path(file[0]).is_file():
         raise UsageError(f"{file[0]}: expected a frames.json or report.json, found no such file")
     return tuple(typed)
+
+
+def _passes(typed: list[str]) -> int | float:
+    if len(typed) > 1:
+        raise ValueError(f"expected at most one number, found {' '.join(typed)!r}")
+    return at_least(1)(typed[0]) if typed else -1
 
 
 Size = Annotated[tuple[int, int], one_word("HxW", _size, shown_size)]
@@ -198,5 +193,14 @@ Minutes = Annotated[float | None, one_word("FLOAT", at_least(0.0, more=True))]
 """More than 0; None for no limit."""
 
 
-Passes = Annotated[int, optional_number("PASSES", at_least(1), -1)]
+Passes = Annotated[
+    int,
+    PrimitiveConstructorSpec(
+        nargs=(0, 1),
+        metavar="[PASSES]",
+        instance_from_str=_passes,
+        is_instance=lambda value: True,
+        str_from_instance=lambda value: [str(value)],
+    ),
+]
 """How often to pass over the photos: a number, or -1 for the default."""

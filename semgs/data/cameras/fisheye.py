@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import cv2
 import numpy as np
@@ -28,16 +28,13 @@ class FisheyeLens(AbstractOpenCVLens):
 
     fisheye: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     as_toolbox: bool = False
+    is_pinhole: ClassVar[bool] = False
+    _model: ClassVar[Any] = cv2.fisheye
 
     @property
     def coefficients(self) -> tuple[float, ...]:
         """(k1, k2, k3, k4)."""
         return self.fisheye
-
-    @property
-    def is_pinhole(self) -> bool:
-        """False, even if all k are 0."""
-        return False
 
     @property
     def intrinsics(self) -> np.ndarray:
@@ -64,11 +61,6 @@ class FisheyeLens(AbstractOpenCVLens):
     def invents_nothing(self) -> bool:
         """The toolbox allows unseen pixels."""
         return not self.as_toolbox
-
-    @property
-    def _model(self) -> Any:
-        """The fisheye functions."""
-        return cv2.fisheye
 
     @property
     def _half(self) -> float:

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import final
+from typing import ClassVar, final
 
 import numpy as np
 
@@ -118,6 +118,8 @@ class FormulaLens(AbstractLens):
 
     model: str = "FULL_OPENCV"
     values: tuple[float, ...] = (0.0,) * 8
+    is_pinhole: ClassVar[bool] = False
+    invents_nothing: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         if self.model not in FORMULAS or len(self.values) != FORMULAS[self.model][0]:
@@ -131,16 +133,6 @@ class FormulaLens(AbstractLens):
     def coefficients(self) -> tuple[float, ...]:
         """The coefficients."""
         return self.values
-
-    @property
-    def is_pinhole(self) -> bool:
-        """False, whatever the coefficients are."""
-        return False
-
-    @property
-    def invents_nothing(self) -> bool:
-        """True."""
-        return True
 
     @property
     def intrinsics(self) -> np.ndarray:

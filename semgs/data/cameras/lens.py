@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import cv2
 import numpy as np
@@ -192,21 +192,9 @@ class Lens(AbstractOpenCVLens):
     """
 
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
-
-    @property
-    def invents_nothing(self) -> bool:
-        """True."""
-        return True
-
-    @property
-    def _model(self) -> Any:
-        """The radial-tangential functions."""
-        return cv2
-
-    @property
-    def _half(self) -> float:
-        """Half a pixel."""
-        return HALF
+    invents_nothing: ClassVar[bool] = True
+    _model: ClassVar[Any] = cv2
+    _half: ClassVar[float] = HALF
 
     @property
     def coefficients(self) -> tuple[float, ...]:

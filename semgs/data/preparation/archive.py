@@ -29,7 +29,7 @@ import numpy as np
 
 from semgs._version import __version__
 from semgs.data.frames import Frame
-from semgs.data.maps import SATURATED
+from semgs.data.maps import MILLIMETRE, SATURATED
 from semgs.data.origin.licences import labeller_of, terms_of_photos
 from semgs.data.origin.prepared_record import RECORD
 from semgs.data.resampling import reframed
@@ -42,7 +42,6 @@ from semgs.files.atomic import new_file
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import jpeg_bytes, png_bytes
 
-MILLIMETRE = 0.001
 OWN_TABLE = "classes.json"
 """The file of a class table that is not one of semgs."""
 _MIDNIGHT = (1980, 1, 1, 0, 0, 0)

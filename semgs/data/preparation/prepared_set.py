@@ -28,6 +28,7 @@ from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.data.scene_lists import SceneList, scenes_by_name
 from semgs.data.scenes import open_with_details, scene_paths
+from semgs.data.spread import spread
 from semgs.files.atomic import remove_parts, write_json, write_text
 from semgs.files.claims import is_begun
 from semgs.files.errors import InputError
@@ -172,9 +173,9 @@ class PreparedSet:
         missing = [source for source in found if not self._archive(source).is_file()]
         sizes: list[int] = []
         errors: list[InputError] = []
-        for index in sorted({round(at) for at in np.linspace(0, len(missing) - 1, min(len(missing), SAMPLED_SCENES))}):
+        for source in spread(missing, SAMPLED_SCENES):
             try:
-                sizes.append(estimate_bytes(self.reading.open(missing[index]), self.settings))
+                sizes.append(estimate_bytes(self.reading.open(source), self.settings))
             except InputError as error:
                 errors.append(error)
         if errors and not sizes:

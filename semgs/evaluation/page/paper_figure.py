@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 from jaxtyping import UInt8
 from torch import Tensor
 
+from semgs.data.spread import spread
 from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.data.views import Views
 from semgs.evaluation.frames.frame_plan import FramePlan, Task
@@ -63,8 +63,7 @@ def choose_tasks(plan: FramePlan, rows: int, wanted: Sequence[str] = ()) -> tupl
             if name not in known:
                 raise ValueError(f"there is no target {name!r}; the first one is {next(iter(known))!r}")
         return tuple(known[name] for name in wanted)
-    places = np.linspace(0, len(plan.tasks) - 1, min(rows, len(plan.tasks))).round().astype(int)
-    return tuple(plan.tasks[place] for place in dict.fromkeys(places.tolist()))
+    return tuple(spread(plan.tasks, rows))
 
 
 def compare_methods(

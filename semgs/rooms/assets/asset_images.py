@@ -12,6 +12,7 @@ from jaxtyping import Float32, Float64, Int64, UInt8
 
 from semgs.files.errors import InputError
 from semgs.rooms.pieces import shell_kernels
+from semgs.rooms.pieces.picture_kernels import LINEAR
 
 LONGEST = 1024
 """Larger images are reduced to this [px]."""
@@ -109,18 +110,13 @@ def pack(pyramids: Sequence[Pyramid]) -> Pack:
     return Pack(pixels, np.array(table, dtype=np.int64).reshape(-1, 4), means.astype(np.float64))
 
 
-def _srgb_to_linear() -> np.ndarray:
-    value = np.arange(256) / 255
-    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4).astype(np.float32)
-
-
 def _linear_to_srgb() -> np.ndarray:
     value = (np.arange(4096) + 0.5) / 4096
     coded = np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
     return np.round(255 * coded).astype(np.uint8)
 
 
-_LINEAR, _CODED = _srgb_to_linear(), _linear_to_srgb()
+_LINEAR, _CODED = LINEAR.astype(np.float32), _linear_to_srgb()
 
 
 def _encoded(light: np.ndarray) -> UInt8[np.ndarray, "h w 3"]:

@@ -224,12 +224,12 @@ class Builder:
                 return wall, left
         return None
 
-    def in_the_open(self, zone: Zone, piece: Piece, tries: int = 12) -> tuple[float, float, float] | None:
+    def in_the_open(self, zone: Zone, piece: Piece) -> tuple[float, float, float] | None:
         """Put a piece somewhere on the floor, trying the middle first; returns x, y and yaw, None if there is no room."""
         rng = self.rng
         centre = (np.array(zone.low) + zone.high) / 2
         sides = np.array(zone.high) - zone.low
-        for number in range(tries):
+        for number in range(12):
             along = 0.0 if (sides[0] > sides[1]) == (piece.size[0] > piece.size[1]) else np.pi / 2
             yaw = along + float(rng.choice([0.0, np.pi])) + (rng.uniform(-0.3, 0.3) if self.chance(0.2) else 0.0)
             middle = centre + (sides - 1.2) * rng.uniform(-0.5, 0.5, 2) * min(1.0, number / 4)

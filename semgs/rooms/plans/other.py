@@ -214,10 +214,10 @@ class _Loft:
         """Distance along a long wall of places with this x [m]."""
         return x + self.size[0] / 2 if side == ALONG else self.size[0] / 2 - x
 
-    def at_wall(self, maker: Maker | Piece, middle: float, side: int, off: float = 0.04) -> Piece | None:
+    def at_wall(self, maker: Maker | Piece, middle: float, side: int) -> Piece | None:
         """Put a piece with its back to a long wall, centred at x = `middle`; None if there is no room."""
         piece = maker if isinstance(maker, Piece) else maker(self.rng)
-        off += 0.1 if piece.name in ("bed", "sofa") else 0.0
+        off = 0.04 + (0.1 if piece.name in ("bed", "sofa") else 0.0)
         wall = self.walls[side]
         along = self.along(middle, side) - piece.size[0] / 2
         if not wall.free(along, along + piece.size[0], 0.0, piece.size[2]):

@@ -105,7 +105,8 @@ def _missing(folder: Path, scenes: int) -> list[int]:
 
 def _surplus(folder: Path, scenes: int) -> list[str]:
     """The scenes that are more than these."""
-    return [path.name for path in folder.glob("scene_*") if int(_number(path.name)) >= scenes]
+    found = (re.fullmatch(r"scene_(\d{5,})", path.name) for path in folder.glob("scene_*"))
+    return [match[0] for match in found if match and int(match[1]) >= scenes]
 
 
 def scene_name(index: int) -> str:
@@ -133,11 +134,6 @@ def claim(folder: Path, settings: RoomSettings, scenes: int) -> None:
             shutil.rmtree(path, ignore_errors=True)
         remove_parts(folder, folder / SETTINGS)
         check_writable(folder)
-
-
-def _number(name: str) -> str:
-    found = re.fullmatch(r"scene_(\d{5,})", name)
-    return found[1] if found else "-1"
 
 
 def _draw(folder: Path, settings: RoomSettings, index: int) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 
 from semgs._version import __version__
+from semgs.data.maps import MILLIMETRE
 from semgs.data.origin.licences import ROOM
 from semgs.data.tables.classes import IGNORE
 from semgs.data.views import Views
@@ -23,8 +24,6 @@ from semgs.rooms.plans.style import STYLES, Style
 from semgs.rooms.sets.carried_cameras import draw_camera, draw_habit, draw_path
 from semgs.rooms.sets.room_stream import generator, keep_overlap, shoot
 
-MILLIMETRE = 0.001
-"""Unit of depth files [m]."""
 SHADED = "shaded"
 """Lighting method. Earlier releases also had another one and wrote this entry, so files still contain it."""
 

@@ -13,7 +13,7 @@ from semgs.cli.commands.networks.ablation_rooms import Drawn, draw_rooms
 from semgs.cli.commands.networks.training_runs import deadline, train_or_resume
 from semgs.cli.options.execution_options import ExecutionOptions
 from semgs.cli.options.training_options import PresetSettings
-from semgs.cli.options.types import Count, SeveralViews
+from semgs.cli.options.types import Count, SeveralViews, optional
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.files.errors import InputError
@@ -31,6 +31,7 @@ from semgs.training.ablation_rows import (
 from semgs.training.data.data_sources import ROOMS
 from semgs.training.presets import PRESETS
 from semgs.training.run.execution import Execution
+from semgs.training.training_settings import WEIGHTS
 
 if TYPE_CHECKING:
     from semgs.evaluation.frames.frame_plan import FramePlan
@@ -78,23 +79,23 @@ class Ablate:
     """whole: train every variant from its first step. semantic: only its semantic branch, on the same depth and colour; far cheaper."""
     rooms: Count = 1600
     """With --stage semantic: rooms to train on, drawn once for all variants, without --data."""
-    test: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = None
+    test: Annotated[Path | None, optional("DIR")] = None
     """Scenes to evaluate on, at the training size. By default, 48 generated rooms that training never sees, and with --stage semantic also 48
     rooms in another style."""
-    test_scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
+    test_scenes: Annotated[str, optional("LIST")] = ""
     """Only evaluate on the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line."""
-    transfer: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="DIR [DIR ...]", help_behavior_hint="")] = ()
+    transfer: Annotated[tuple[Path, ...], optional("DIR [DIR ...]")] = ()
     """Scenes of other worlds to evaluate on as well."""
     protocol: Literal["neighbours", "peers"] = "neighbours"
     """Which frames to evaluate, as for semgs evaluate."""
-    views: Annotated[SeveralViews, tyro.conf.arg(help_behavior_hint="")] = ()
+    views: Annotated[SeveralViews, optional()] = ()
     """Input views in the evaluation; by default 4, as in the paper's table, and 2 and 3 with --stage semantic."""
-    seeds: Annotated[tuple[int, ...], tyro.conf.arg(metavar="SEED [SEED ...]", help_behavior_hint="")] = ()
+    seeds: Annotated[tuple[int, ...], optional("SEED [SEED ...]")] = ()
     """Train all variants once per seed; by default, once with the seed of the settings."""
-    rows: Annotated[tuple[str, ...], tyro.conf.arg(metavar="ROW [ROW ...]", help_behavior_hint="")] = ()
+    rows: Annotated[tuple[str, ...], optional("ROW [ROW ...]")] = ()
     """Only train and evaluate these variants, named as their folders; by default all. Processes can share the work: with --stage semantic,
     first train depth and colour (--rows base), then the variants side by side, each by a command of its own with the same OUT."""
-    full: Annotated[Path | None, tyro.conf.arg(metavar="RUN", help_behavior_hint="")] = None
+    full: Annotated[Path | None, optional("RUN")] = None
     """A finished semgs train run of the full method with these settings. It is evaluated but not trained again."""
     train_only: tyro.conf.FlagCreatePairsOff[bool] = False
     """Evaluate nothing. To evaluate, repeat the command without this, also on another machine with a copy of OUT."""
@@ -231,8 +232,6 @@ class Ablate:
 
     def _base_weights(self, stage: str) -> Path:
         """The weights that a finished training of the base leaves."""
-        from semgs.training.run.run_folder import WEIGHTS
-
         return self._base(stage) / WEIGHTS
 
     def _train_base(self, execution: Execution, ends: float | None) -> bool:
@@ -293,7 +292,6 @@ class Ablate:
         """Evaluate a trained variant on some scenes, unless that was done before with the same weights."""
         from semgs.evaluation.run import Job, load_candidate, run_evaluation
         from semgs.files.hashes import sha256
-        from semgs.training.run.run_folder import WEIGHTS
 
         folder = self._folder(row, settings.seed) / name
         weights = self._run(row, settings.seed) / WEIGHTS

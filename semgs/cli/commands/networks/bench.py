@@ -7,9 +7,8 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
 from semgs.bench.rows import BenchRow, chosen_rows, every_row
+from semgs.cli.options.types import optional
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError
 from semgs.files.atomic import check_file
@@ -37,9 +36,9 @@ class Bench:
     - semgs compare before.json after.json
     """
 
-    json: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    json: Annotated[Path | None, optional("FILE")] = None
     """Write the numbers to this file."""
-    only: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
+    only: Annotated[tuple[str, ...], optional("NAME [NAME ...]")] = ()
     """Only measure these."""
     quick: bool = False
     """Only the quick measurements, in under a minute."""

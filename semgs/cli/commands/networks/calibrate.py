@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from semgs.cli.options.scene_options import SceneOptions
-from semgs.cli.options.types import AutoSize, Protocol, Views, Weights
+from semgs.cli.options.types import AutoSize, Protocol, Views, Weights, optional
 from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import what_fits, what_the_user_gave
@@ -47,9 +47,9 @@ class Calibrate:
     """"small" for the included weights, a weights file, or hf://OWNER/NAME on the hub."""
     data: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """A labelled scene, or a folder of scenes."""
-    out: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    out: Annotated[Path | None, optional("FILE")] = None
     """Output file: the same tensors, with the temperatures in the header."""
-    plot: Annotated[Path | None, tyro.conf.arg(metavar="PNG", help_behavior_hint="")] = None
+    plot: Annotated[Path | None, optional("PNG")] = None
     """Write a reliability plot."""
     protocol: Protocol = ("neighbours",)
     """Which frames, as for semgs evaluate: neighbours, peers, or pinned FILE."""
@@ -78,9 +78,8 @@ class Calibrate:
             from semgs.model.weights.weights_file import is_ours, read_header, restate
             from semgs.rendering.temperatures import Temperatures
 
-            data = open_labelled_scenes(self.data, self.reading.as_peers, self.reading.asked)
-            if data.classes is None:
-                raise InputError(self.data, "labelled scenes", "none with labels")
+            data = open_labelled_scenes(self.data, self.reading.as_peers, self.reading.asked, needs_labels=True)
+            assert data.classes is not None
             with what_the_user_gave():
                 network, path = find(self.weights)
             if not is_ours(path) or read_header(path).classes is None:

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import tyro
 
 from semgs.bench.bench_file import is_bench, read_bench
+from semgs.cli.options.types import optional
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError
 
@@ -36,8 +37,7 @@ class Compare:
     """paper: the columns of the paper's tables. difference: each report minus the first, with paired 95 % bootstrap intervals. data:
     reports of different data, one below the other. card: as data, with intervals and a table of classes, for a model card."""
     published: Annotated[
-        Literal["scannet", "scannetpp", "ablation"] | None,
-        tyro.conf.arg(metavar="{scannet,scannetpp,ablation}", help_behavior_hint=""),
+        Literal["scannet", "scannetpp", "ablation"] | None, optional("{scannet,scannetpp,ablation}")
     ] = None
     """With --layout paper: add the numbers that the paper published, with a note on what is unknown about them."""
     format: Literal["text", "markdown", "latex"] = "text"

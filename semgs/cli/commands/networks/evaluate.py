@@ -23,6 +23,7 @@ from semgs.cli.options.types import (
     SeveralViews,
     Weights,
     Workers,
+    optional,
 )
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
@@ -77,26 +78,26 @@ class Evaluate:
     """A scene or a folder of scenes."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
-    weights: Annotated[tyro.conf.Positional[Weights], tyro.conf.arg(metavar="[WEIGHTS]", help_behavior_hint="")] = ""
+    weights: Annotated[tyro.conf.Positional[Weights], optional("[WEIGHTS]")] = ""
     """"small" for the included weights, a weights file, or hf://OWNER/NAME on the hub."""
-    scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
+    scenes: Annotated[str, optional("LIST")] = ""
     """Only the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line; see docs/reproduce.md."""
-    predictions: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = None
+    predictions: Annotated[Path | None, optional("DIR")] = None
     """Score another method's label maps instead of WEIGHTS: DIR/N2/SCENE/STEM.png, class number per pixel, 255 = no prediction."""
     protocol: Protocol = ("neighbours",)
     """neighbours, peers, or pinned FILE."""
-    views: Annotated[SeveralViews, tyro.conf.arg(help_behavior_hint="")] = ()
+    views: Annotated[SeveralViews, optional()] = ()
     """Numbers of input views. By default 2, 3 and 4, or those in the pinned file or the predictions."""
     size: AutoSize = None
     """Height x width for the comparison. By default 240x320, 320x240 for portrait scenes, or that of the pinned file."""
-    depth_range: Annotated[tuple[float, float] | None, tyro.conf.arg(metavar="NEAR FAR", help_behavior_hint="")] = None
+    depth_range: Annotated[tuple[float, float] | None, optional("NEAR FAR")] = None
     """Depth bounds for the network, in the scenes' unit. By default they come from the scene; 0.5 10 if it is metric. Other papers use
     0.1 10 for ScanNet and 0.1 6 for Replica."""
     gsnerf_distance: bool = False
     """With --protocol peers: rank input frames as GSNeRF's code does, by world-to-camera translations."""
-    nearest: Annotated[Count | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
+    nearest: Annotated[Count | None, optional("INT")] = None
     """Render each target view with the Gaussians of only this many input views, those nearest to it. By default, with all."""
-    refine: Annotated[Passes, tyro.conf.arg(help_behavior_hint="")] = 0
+    refine: Annotated[Passes, optional()] = 0
     """Refine the Gaussians on the input views before rendering, with PASSES steps for each, by default 15. Tables then also have the scores
     before. See docs/refine.md."""
     exposure: Exposure = "as-taken"
@@ -105,7 +106,7 @@ class Evaluate:
     """Score the classes of each image by itself."""
     allow_seen: bool = False
     """Also score rooms that the weights were trained in, and say so; by default they are refused."""
-    name: Annotated[str, tyro.conf.arg(help_behavior_hint="")] = ""
+    name: Annotated[str, optional()] = ""
     """Name in the tables; by default that of the network or of the predictions folder."""
     workers: Workers = 0
     """Worker processes, one thread each; 0 for none, using all threads."""
@@ -115,7 +116,7 @@ class Evaluate:
     """Precision of the network's layers; auto is as for semgs reconstruct, and then scores depend a little on the machine."""
     overwrite: bool = False
     """Replace an output folder from an earlier run, once the new result is complete."""
-    depth: Annotated[str | None, tyro.conf.arg(metavar="SOURCE", help_behavior_hint="")] = None
+    depth: Annotated[str | None, optional("SOURCE")] = None
     """Add depth maps from elsewhere, aligned to the network's depth: a folder of depth maps, an exported network, a model folder of transformers, or
     hf:OWNER/NAME, as for semgs reconstruct."""
     depth_meaning: DepthMeaning = None

@@ -11,7 +11,7 @@ import tyro
 
 from semgs.cli.device import chosen_device
 from semgs.cli.options.scene_options import SceneOptions
-from semgs.cli.options.types import AutoSize, Count, Device, Protocol, SeveralWeights, Views
+from semgs.cli.options.types import AutoSize, Count, Device, Protocol, SeveralWeights, Views, optional
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.figures.plotting import check_plotting
@@ -57,9 +57,9 @@ class PaperFigure:
     """A scene or a folder of scenes. Each DIR becomes one part of the figure."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
-    predictions: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=DIR ...", help_behavior_hint="")] = ()
+    predictions: Annotated[tuple[str, ...], optional("NAME=DIR ...")] = ()
     """Label maps of other methods, in the format of semgs evaluate; one column each."""
-    scenes: Annotated[tuple[str, ...], tyro.conf.arg(metavar="LIST ...", help_behavior_hint="")] = ()
+    scenes: Annotated[tuple[str, ...], optional("LIST ...")] = ()
     """For each DIR, only the scenes of a list; see docs/reproduce.md."""
     protocol: Protocol = ("neighbours",)
     """neighbours, peers, or pinned FILE."""
@@ -67,9 +67,9 @@ class PaperFigure:
     """Number of input views."""
     rows: Count = 4
     """Frames from each DIR."""
-    targets: Annotated[tuple[str, ...], tyro.conf.arg(metavar="SCENE/FRAME ...", help_behavior_hint="")] = ()
+    targets: Annotated[tuple[str, ...], optional("SCENE/FRAME ...")] = ()
     """Show these frames instead, named like prediction files: scene0160_00/22."""
-    names: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME ...", help_behavior_hint="")] = ()
+    names: Annotated[tuple[str, ...], optional("NAME ...")] = ()
     """Titles of the parts; by default the folder names."""
     size: AutoSize = None
     """Height x width for the comparison; by default 240x320, or 320x240 for portrait scenes."""

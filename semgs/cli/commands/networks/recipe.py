@@ -10,7 +10,7 @@ import tyro
 
 from semgs.cli.commands.networks.training_runs import deadline, train_or_resume
 from semgs.cli.options.execution_options import ExecutionOptions
-from semgs.cli.options.types import Count, Size
+from semgs.cli.options.types import Count, Size, optional
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.training.data.data_sources import ROOMS
 from semgs.training.recipe_stages import STAGES, Start, folder, settings_of, weights_of
@@ -42,14 +42,14 @@ class Recipe:
     """Where scenes come from, as for semgs train: rooms, or folders of scenes with labels and depth, with at least six frames each."""
     validation: Annotated[str, tyro.conf.arg(metavar="SOURCE")] = ROOMS
     """Validation scenes: rooms, or a folder of scenes that you do not train on."""
-    assets: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(help_behavior_hint="")] = ()
+    assets: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, optional()] = ()
     """Folder of meshes and images for the rooms; see semgs rooms --help. Repeatable."""
-    init: Annotated[str, tyro.conf.arg(help_behavior_hint="")] = ""
+    init: Annotated[str, optional()] = ""
     """Where colour and depth start: included weights, a file, or random. By default small starts from the included weights, base from random
     ones."""
-    backbone: Annotated[str, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = ""
+    backbone: Annotated[str, optional("FILE")] = ""
     """Published MobileNetV2 weights to start the class backbone from; see docs/train.md."""
-    teacher: Annotated[str, tyro.conf.arg(metavar="DIR", help_behavior_hint="")] = ""
+    teacher: Annotated[str, optional("DIR")] = ""
     """Folder with another network's class probabilities for the training images, from scripts/teach.py."""
     seed: int = 0
     """Random seed of the first stage; each further stage adds one."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from semgs.cli.options.scene_options import SceneOptions
-from semgs.cli.options.types import AutoSize, Weights
+from semgs.cli.options.types import AutoSize, Weights, optional
 from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
@@ -49,7 +49,7 @@ class FitSegmenter:
     """A labelled scene, or a folder of scenes."""
     out: Annotated[Path, tyro.conf.arg(metavar="FILE")]
     """Output file (JSON)."""
-    weights: Annotated[Weights, tyro.conf.arg(help_behavior_hint="")] = ""
+    weights: Annotated[Weights, optional()] = ""
     """Also fit the votes of these weights: "small", a weights file, or hf://OWNER/NAME."""
     size: AutoSize = None
     """Height x width; by default at most 76,800 pixels."""

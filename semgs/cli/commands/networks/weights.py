@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from semgs.cli.options.types import optional
 from semgs.cli.usage_errors import what_the_user_gave
 from semgs.files.paths import typed_path
 
@@ -29,7 +30,7 @@ class Weights:
     - semgs weights verify
     """
 
-    weights: Annotated[tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="[WEIGHTS ...]", help_behavior_hint="")] = ()  # fmt: skip
+    weights: Annotated[tyro.conf.Positional[tuple[str, ...]], optional("[WEIGHTS ...]")] = ()
     """Names, files, or hf://OWNER/NAME on the hub; by default all included weights."""
 
     def run(self) -> None:
@@ -61,7 +62,7 @@ class Verify:
     - semgs weights verify downloads/small.safetensors
     """
 
-    weights: Annotated[tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="[NAME or FILE ...]", help_behavior_hint="")] = ()  # fmt: skip
+    weights: Annotated[tyro.conf.Positional[tuple[str, ...]], optional("[NAME or FILE ...]")] = ()
     """Names or files to check; by default all included weights."""
 
     def run(self) -> None:

@@ -14,7 +14,7 @@ import tyro
 from semgs.app.jobs import Jobs
 from semgs.app.limits import Limits
 from semgs.app.page import check_page_library
-from semgs.cli.options.types import at_least, one_word
+from semgs.cli.options.types import at_least, one_word, optional
 from semgs.cli.progress import show_stage
 from semgs.cli.usage_errors import UsageError
 from semgs.files.cache import cache_folder
@@ -54,9 +54,9 @@ class App:
     """Rooms are deleted after this time."""
     minutes: Annotated[float, one_word("MINUTES", at_least(0.0, more=True))] = 15.0
     """A room may take this long."""
-    segmenter: Annotated[tuple[str, ...], tyro.conf.arg(metavar="SEGMENTER [...]", help_behavior_hint="")] = ()
+    segmenter: Annotated[tuple[str, ...], optional("SEGMENTER [...]")] = ()
     """Segmenters that the page offers beside the included classes, as for semgs reconstruct."""
-    depth: Annotated[tuple[str, ...], tyro.conf.arg(metavar="SOURCE [...]", help_behavior_hint="")] = ()
+    depth: Annotated[tuple[str, ...], optional("SOURCE [...]")] = ()
     """Sources of depth that the page offers, as for semgs reconstruct."""
 
     def run(self) -> None:

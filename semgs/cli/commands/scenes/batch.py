@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from semgs.cli.arguments import parse
-from semgs.cli.options.types import CountOrAuto, one_word
+from semgs.cli.options.types import CountOrAuto, one_word, optional
 from semgs.cli.progress import show_progress
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError
@@ -97,15 +97,15 @@ class Batch:
     """Scenes, or folders of scenes; for poses, folders of photos and clips; for export, reconstructions; for label-splat, splats."""
     out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
     """Folder for the results: new, empty, or that of an earlier call."""
-    scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
+    scenes: Annotated[str, optional("LIST")] = ""
     """Only the scenes of a list: an included one (scannet-val), or a text file with one name per line; see docs/reproduce.md."""
-    workers: Annotated[CountOrAuto, tyro.conf.arg(help_behavior_hint="")] = None
+    workers: Annotated[CountOrAuto, optional()] = None
     """Scenes at a time, each with one thread. By default one per core, or fewer if memory is short."""
     retry_failed: bool = False
     """Also try scenes again that failed."""
-    shard: Annotated[Shard, tyro.conf.arg(help_behavior_hint="")] = None
+    shard: Annotated[Shard, optional()] = None
     """Only part I of N, counted from 1: for job arrays of a cluster. All parts write to the same OUT."""
-    ray: Annotated[str, tyro.conf.arg(metavar="auto|ADDRESS", help_behavior_hint="")] = ""
+    ray: Annotated[str, optional("auto|ADDRESS")] = ""
     """Run on a Ray cluster instead of this machine alone: the one that it belongs to (auto), or the one at HOST:PORT. Needs the extra cluster."""
 
     @classmethod

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from semgs.cli.options.scene_options import SceneOptions
+from semgs.cli.options.types import optional
 from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_stage
 from semgs.cli.terminal import aligned
@@ -44,10 +45,10 @@ class Doctor:
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """The scene: a folder, or a single file."""
-    fix: Annotated[Path | None, tyro.conf.arg(metavar="OUT.json", help_behavior_hint="")] = None
+    fix: Annotated[Path | None, optional("OUT.json")] = None
     """Write the corrected cameras to this transforms.json, which every semgs command reads as a scene. It lists the images and depth maps where
     they are, without labels."""
-    page: Annotated[Path | None, tyro.conf.arg(metavar="OUT.html", help_behavior_hint="")] = None
+    page: Annotated[Path | None, optional("OUT.html")] = None
     """Write a page with the verdict, matches and epipolar lines on the images, and the cameras from above and from the side."""
     overwrite: bool = False
     """Replace the files of --fix and --page if they exist."""

@@ -10,7 +10,7 @@ import tyro
 
 from semgs.cli.arguments import did_you_mean
 from semgs.cli.opened_scene import check_for_robots, open_given
-from semgs.cli.options.types import Probability, at_least, one_word
+from semgs.cli.options.types import Probability, at_least, one_word, optional
 from semgs.cli.progress import show_stage
 from semgs.cli.terminal import aligned
 from semgs.cli.usage_errors import UsageError
@@ -80,7 +80,7 @@ class Export:
     needs scene, and poses with +Z up."""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
     """The direction that is up in the scene's coordinates. auto finds it from floors and walls; for a splat without --cameras, near to what is usual in its format."""
-    cameras: Annotated[Path | None, tyro.conf.arg(metavar="SCENE", help_behavior_hint="")] = None
+    cameras: Annotated[Path | None, optional("SCENE")] = None
     """For a splat: the scene with its cameras, in its coordinates."""
     colour: tuple[Literal["photo", "classes"], ...] = ("photo",)
     """Colours of --as ply; with both, two files."""
@@ -91,7 +91,7 @@ class Export:
     """Leave out Gaussians that are more transparent than this."""
     min_confidence: Probability = 0.0
     """Leave out Gaussians whose likeliest class is less likely than this. For scenes without classes, it is the confidence of the depth."""
-    classes: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]", help_behavior_hint="")] = ()
+    classes: Annotated[tuple[str, ...], optional("NAME [NAME ...]")] = ()
     """Write only Gaussians whose likeliest class is one of these. By default, all. Maps always use all Gaussians."""
     resolution: Metres = 0.05
     """Side of the cells of --as occupancy, in metres."""
@@ -172,20 +172,23 @@ class Export:
 
     def _check_splat(self) -> None:
         """Check what a splat of another program can never give, before it is read and up is searched."""
-        for_classes = {
-            "--as objects": "objects" in self.formats,
-            "--classes": self.classes,
-            "--labels": self.labels,
-            "--colour classes": "classes" in self.colour,
-        }
-        if missing := [option for option, wanted in for_classes.items() if wanted]:
-            raise lacks_classes(self.scene, missing[0])
+        if given := [*(["--as objects"] if "objects" in self.formats else []), *self._for_classes()]:
+            raise lacks_classes(self.scene, given[0])
         if self.cameras is None and "colmap" in self.formats:
             raise UsageError("--as colmap is for training on photos; give the scene that has them with --cameras")
         if self.cameras is None and "occupancy" in self.formats:
             raise UsageError(
                 "--as occupancy needs metres, which a splat has not; give a scene in metres with --cameras"
             )
+
+    def _for_classes(self) -> list[str]:
+        """The given options that need classes."""
+        options = {
+            "--classes": self.classes,
+            "--labels": self.labels,
+            "--colour classes": "classes" in self.colour,
+        }
+        return [option for option, wanted in options.items() if wanted]
 
     def _write(
         self, folder: Path, name: Format, export: SceneExport, opened: OpenedScene, notes: list[str]
@@ -227,15 +230,10 @@ class Export:
         """The Gaussians to write."""
         from semgs.scene.selection import selected
 
-        if self.classes and scene.classes is None:
-            raise InputError(self.scene, "a scene with classes for --classes", "one with colour and depth only")
-        if self.labels and scene.classes is None:
-            raise InputError(self.scene, "a scene with classes for --labels", "one with colour and depth only")
-        if "classes" in self.colour and scene.classes is None:
-            raise InputError(self.scene, "a scene with classes for --colour classes", "one with colour and depth only")
-        unknown = [name for name in self.classes if scene.classes and name not in scene.classes.names]
-        if unknown and scene.classes:
-            known = scene.classes.names
+        if scene.classes is None and (given := self._for_classes()):
+            raise InputError(self.scene, f"a scene with classes for {given[0]}", "one with colour and depth only")
+        known = () if scene.classes is None else scene.classes.names
+        if unknown := [name for name in self.classes if name not in known]:
             raise UsageError(
                 f"--classes: there is no class {unknown[0]!r}{did_you_mean(unknown[0], known)}; expected some of {', '.join(known)}"
             )

@@ -11,7 +11,7 @@ import tyro
 from semgs.cli.commands.scenes.prepare import prepared
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.options.segmenter_options import AnswerOptions
-from semgs.cli.options.types import Count, Probability, Size
+from semgs.cli.options.types import Count, Probability, Size, optional
 from semgs.cli.progress import show_stage
 from semgs.files.paths import existing_folder
 
@@ -50,7 +50,7 @@ class Label:
     """Height x width of the images, in pixels; swapped for portrait images. Other aspect ratios are centre-cropped."""
     every: Count = 1
     """Keep each n-th frame."""
-    scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
+    scenes: Annotated[str, optional("LIST")] = ""
     """Only the scenes of a list, as for semgs prepare."""
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 

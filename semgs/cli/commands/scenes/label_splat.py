@@ -35,9 +35,6 @@ if TYPE_CHECKING:
     from semgs.reconstruction.output.report import Provenance
     from semgs.segmenters.labelling import Labelling
 
-SEGMENTER = "segmenter"
-"""Folder in the output for the maps of a segmentation network."""
-
 
 @dataclass(frozen=True)
 class LabelSplat:
@@ -170,11 +167,8 @@ class LabelSplat:
         from semgs.segmenters.labelling import Labelling
 
         software = f"semgs {__version__}"
-        if self.segmenting.segmenter is not None:
-            with stages("load", f"Loading {self.segmenting.segmenter}"):
-                opened = self.segmenting.labelling(folder / SEGMENTER, self.out / SEGMENTER)
-                assert opened is not None
-                return opened(scene), Provenance(software, "", 0, device)
+        if (labelling := self.segmenting.load(scene, folder, self.out, stages)) is not None:
+            return labelling, Provenance(software, "", 0, device)
         with stages("load", "Loading the network"), what_the_user_gave():
             name = self.weights or "small"
             model = kept(load, "small", "random") if name == "random" else kept(load, name)

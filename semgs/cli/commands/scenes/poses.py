@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from semgs.cli.options.posing_options import PosingOptions
+from semgs.cli.options.types import optional
 from semgs.cli.progress import show_stage
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.folders import check_folder, own_folder
@@ -40,7 +41,7 @@ class Poses:
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
     form: Annotated[Literal["transforms", "colmap"], tyro.conf.arg(name="as")] = "transforms"
     """transforms.json with sparse_pc.ply, as nerfstudio has them, or a COLMAP model in sparse/0. A COLMAP model does not say that its unit is metres."""
-    predictions: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    predictions: Annotated[Path | None, optional("FILE")] = None
     """Take the cameras from this file of Depth Anything 3, VGGT, MapAnything or DUSt3R instead of COLMAP. PHOTOS are those that it was made from."""
     overwrite: bool = False
     """Replace an OUT from an earlier run, once the new one is complete."""

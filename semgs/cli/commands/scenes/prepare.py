@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from semgs.cli.options.scene_options import SceneOptions
-from semgs.cli.options.types import Count, Size, WorkersOrCores
+from semgs.cli.options.types import Count, Size, WorkersOrCores, optional
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.paths import existing_folder
@@ -49,9 +49,9 @@ class Prepare:
     """Height x width of the images, in pixels; swapped for portrait images. Other aspect ratios are centre-cropped."""
     every: Count = 1
     """Keep each n-th frame."""
-    scenes: Annotated[str, tyro.conf.arg(metavar="LIST", help_behavior_hint="")] = ""
+    scenes: Annotated[str, optional("LIST")] = ""
     """Only the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line; see docs/reproduce.md."""
-    workers: Annotated[WorkersOrCores, tyro.conf.arg(help_behavior_hint="")] = None
+    workers: Annotated[WorkersOrCores, optional()] = None
     """Worker processes; by default one per core, 0 for none."""
     reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from semgs._version import __version__
+from semgs.cli.options.types import optional
 from semgs.cli.progress import show_stage
 from semgs.cli.terminal import aligned
 from semgs.cli.usage_errors import UsageError
@@ -53,7 +54,7 @@ class Query:
     """The embedding: a .npy file with as many numbers as a feature has."""
     out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
-    threshold: Annotated[float | None, tyro.conf.arg(metavar="FLOAT", help_behavior_hint="")] = None
+    threshold: Annotated[float | None, optional("FLOAT")] = None
     """Write the Gaussians whose similarity is above this, from -1 to 1. By default, the tenth of them that is most similar."""
     overwrite: bool = False
     """Replace an output folder from an earlier run, once the new result is complete."""

@@ -23,6 +23,7 @@ from semgs.cli.options.types import (
     Probability,
     Views,
     WeightsOrRandom,
+    optional,
 )
 from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import say_compiling, show_progress, show_stage
@@ -42,11 +43,7 @@ if TYPE_CHECKING:
     from semgs.reconstruction.output.report import Provenance
     from semgs.reconstruction.recording import Walk
     from semgs.reconstruction.result import Reconstruction
-    from semgs.segmenters.labelling import Labelling
 
-
-SEGMENTER = "segmenter"
-"""Folder in the output for the maps of a segmentation network."""
 
 MOST_VIEWS = 4
 """The models were trained with at most this many input views."""
@@ -102,7 +99,7 @@ class Reconstruct:
     all: bool = False
     """Use the whole recording: keyframes are chosen along the walk, encoded in windows of --views frames, and merged into one scene;
     see docs/recordings.md."""
-    context: Annotated[tuple[int | str, ...], tyro.conf.arg(metavar="FRAME [FRAME ...]", help_behavior_hint="")] = ()
+    context: Annotated[tuple[int | str, ...], optional("FRAME [FRAME ...]")] = ()
     """Use these frames as input views, by position or name, instead of choosing them automatically."""
     size: AutoSize = None
     """Resize the images to height x width, such as 240x320; other aspect ratios are centre-cropped. By default, images are reduced
@@ -110,7 +107,7 @@ class Reconstruct:
     weights: Annotated[WeightsOrRandom, tyro.conf.arg(help_behavior_hint="(default: small)")] = None
     """"small" for the included weights, a weights file, hf://OWNER/NAME[@REVISION] to download from the Hugging Face hub, or "random".
     A file says which network it is for; MVSplat's checkpoints give colour and depth only."""
-    model: Annotated[NetworkName | None, tyro.conf.arg(metavar=f"{{{','.join(NAMES)}}}", help_behavior_hint="")] = None
+    model: Annotated[NetworkName | None, optional(f"{{{','.join(NAMES)}}}")] = None
     """Network for --weights random, or base to fill it from MVSplat's checkpoint. Otherwise the weights decide. small runs on a laptop,
     base has the paper's sizes, mvsplat has colour and depth only."""
     exposure: Exposure = "auto"
@@ -119,7 +116,7 @@ class Reconstruct:
     refine_poses: bool = False
     """First correct slightly wrong cameras of the input and held-out frames, by up to a few degrees, so that they fit matches between the
     images. Cameras that fit already stay as they are; the report says what moved. See docs/poses.md."""
-    refine: Annotated[Passes, tyro.conf.arg(help_behavior_hint="")] = 0
+    refine: Annotated[Passes, optional()] = 0
     """Then refine the Gaussians on the input photos, which makes images sharp: PASSES steps for each photo, by default 15, with --all 7. The
     first held-out frame decides when to stop, and is held out no longer. Not in the paper; see docs/refine.md."""
     min_confidence: Probability = 0.0
@@ -132,7 +129,7 @@ class Reconstruct:
     docs/benchmarks.md."""
     html: bool = False
     """Also write scene.html, which shows the scene in 3D; semgs view --html has options for it. Needs the extra viewer."""
-    rerun: Annotated[Path | None, tyro.conf.arg(metavar="FILE.rrd", help_behavior_hint="")] = None
+    rerun: Annotated[Path | None, optional("FILE.rrd")] = None
     """Also write a recording for Rerun: photos, cameras, class maps, Gaussians, boxes of things and free floor, on a timeline of frames. Needs
     the extra rerun."""
     drop_photos: bool = False
@@ -182,7 +179,7 @@ class Reconstruct:
         with stages("load", "Loading the network"):
             network, origin = self._load_network(device)
         with own_folder(self.out, "reconstruct", self.overwrite) as folder:
-            labelling = self._open_segmenter(scene, folder, stages)
+            labelling = self.segmenting.load(scene, folder, self.out, stages)
             depth = self.placing.source(scene, stages)
             with what_fits(), what_the_user_gave():
                 result = reconstruct(
@@ -340,14 +337,6 @@ class Reconstruct:
             network = kept(load, *self._network_and_weights()).eval().to(device)
         network.precision = chosen_precision(self.precision, device)
         return network
-
-    def _open_segmenter(self, scene: Scene, folder: Path, stages: Stages) -> Labelling | None:
-        """What gives the Gaussians their classes; None for the network's own."""
-        if self.segmenting.segmenter is None:
-            return None
-        with stages("load", f"Loading {self.segmenting.segmenter}"):
-            labelling_of = self.segmenting.labelling(folder / SEGMENTER, self.out / SEGMENTER)
-            return labelling_of and labelling_of(scene)
 
     def _network_and_weights(self) -> tuple[str, str | None]:
         """The network, and its weights unless they are the included ones, as `load` takes them."""

@@ -10,7 +10,7 @@ import tyro
 
 from semgs.cli.arguments import did_you_mean
 from semgs.cli.opened_scene import open_given
-from semgs.cli.options.types import Count, Probability, Size
+from semgs.cli.options.types import Count, Probability, Size, optional
 from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
@@ -77,13 +77,13 @@ class Render:
         tyro.conf.arg(metavar="FLOAT", help_behavior_hint="(default: 24; 360 for a splat without --cameras)"),
     ] = None
     """Angle of the orbit: half of it to each side, or 360 for a full circle. The further from the input views, the more holes there are."""
-    size: Annotated[Size | None, tyro.conf.arg(metavar="HxW", help_behavior_hint="")] = None
+    size: Annotated[Size | None, optional("HxW")] = None
     """Height x width of the images, in pixels; by default that of the reconstruction. The height of the view stays; more or less is seen to both sides."""
     fps: Count = 30
     """Images per second of a video."""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
     """The direction that is up in the scene's coordinates, for the orbit."""
-    cameras: Annotated[Path | None, tyro.conf.arg(metavar="SCENE", help_behavior_hint="")] = None
+    cameras: Annotated[Path | None, optional("SCENE")] = None
     """For a splat: the scene with its cameras, in its coordinates. Without it, cameras are put around the splat, or inside if it is a room."""
     min_confidence: Probability = 0.0
     """Pixels whose likeliest class is less likely than this are unknown: grey in the class map."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from semgs.cli.options.types import Count, Size, WorkersOrCores, shown_size
+from semgs.cli.options.types import Count, Size, WorkersOrCores, optional, shown_size
 from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
@@ -45,7 +45,7 @@ class Rooms:
     - python -m tools.furniture furniture --pieces 100 makes furniture for --assets, in a clone of the repository
     """
 
-    out: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="OUT", help_behavior_hint="")] = None
+    out: Annotated[Path | None, tyro.conf.Positional, optional("OUT")] = None
     """Output folder: new, empty, or one with the same settings to resume."""
     scenes: Count = 10
     """Number of rooms."""
@@ -61,9 +61,9 @@ class Rooms:
     assets: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="DIR")] = ()
     """Folder of meshes and images, verified against its lock. Half of the homes use its meshes, most use its images. Repeatable.
     Without it, built-in furniture only."""
-    workers: Annotated[WorkersOrCores, tyro.conf.arg(help_behavior_hint="")] = None
+    workers: Annotated[WorkersOrCores, optional()] = None
     """Worker processes; by default one per core, 0 for none."""
-    sheet: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png", help_behavior_hint="")] = None
+    sheet: Annotated[Path | None, optional("FILE.png")] = None
     """Write a contact sheet of 48 random frames and their labels. Needs no OUT."""
 
     def run(self) -> None:

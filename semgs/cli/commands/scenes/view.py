@@ -16,7 +16,7 @@ import tyro
 
 from semgs.cli.commands.scenes.reconstruct import Reconstruct
 from semgs.cli.opened_scene import check_for_robots, open_given
-from semgs.cli.options.types import Count, Probability, Views, WeightsOrRandom, at_least, one_word
+from semgs.cli.options.types import Count, Probability, Views, WeightsOrRandom, at_least, one_word, optional
 from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_stage
 from semgs.cli.usage_errors import UsageError
@@ -54,7 +54,7 @@ class View:
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """Folder from semgs reconstruct, a scene file, a splat, or posed photos."""
-    html: Annotated[Path | None, tyro.conf.arg(metavar="FILE.html", help_behavior_hint="")] = None
+    html: Annotated[Path | None, optional("FILE.html")] = None
     """Write the scene as one page and exit."""
     max_gaussians: Annotated[
         Count | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: all; 100,000 for --html)")
@@ -66,7 +66,7 @@ class View:
     """Show things: the boxes of pieces of furniture, and a colour for each. The scene must be in metres; needs pip install -e '.[objects]'."""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
     """The direction that is up in the scene's coordinates."""
-    cameras: Annotated[Path | None, tyro.conf.arg(metavar="SCENE", help_behavior_hint="")] = None
+    cameras: Annotated[Path | None, optional("SCENE")] = None
     """A splat: the scene with its cameras, in its coordinates. Without it, cameras are put around the splat, or inside if it is a room."""
     port: Annotated[int, one_word("INT", at_least(1))] = 8080
     """Port of the viewer; if it is taken, the next free one."""

@@ -47,16 +47,12 @@ PARAMETERS = {
     "FISHEYE": ("fx", "fy", "cx", "cy"),
     "EUCM": ("fx", "fy", "cx", "cy", "alpha", "beta"),
 }  # fmt: skip
-"""The supported camera models and their parameters: all of COLMAP 4.2 but EQUIRECTANGULAR."""
+"""The supported camera models, in the order of their ids, and their parameters: all of COLMAP 4.2 but EQUIRECTANGULAR."""
 
 EQUIDISTANT = ("SIMPLE_FISHEYE", "FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "OPENCV_FISHEYE")
 """Models of fisheye lenses with up to four radial coefficients, which are 0 in those that lack them."""
 
-NAMES = (
-    "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV",
-    "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE", "SIMPLE_DIVISION",
-    "DIVISION", "SIMPLE_FISHEYE", "FISHEYE", "EUCM", "EQUIRECTANGULAR",
-)  # fmt: skip
+NAMES = (*PARAMETERS, "EQUIRECTANGULAR")
 """COLMAP's camera models, in the order of their ids."""
 
 UNDISTORT = "undistort with `colmap image_undistorter` first"
@@ -171,18 +167,17 @@ class ColmapPoints:
     seen: dict[int, np.ndarray]
 
 
-def read_cameras(path: Path, models: Collection[str]) -> dict[int, ColmapCamera]:
+def read_cameras(path: Path) -> dict[int, ColmapCamera]:
     """The cameras of a model by their ids.
 
     Args:
         path: `cameras.bin` or `cameras.txt`.
-        models: the camera models that the caller supports, from `PARAMETERS`.
 
     Raises:
-        InputError: the file cannot be read or is damaged, or a camera has another model.
+        InputError: the file cannot be read or is damaged, or a camera model is not supported.
     """
     cameras: dict[int, ColmapCamera] = {}
-    for number, camera in (_binary_cameras if path.suffix == ".bin" else _text_cameras)(path, models):
+    for number, camera in (_binary_cameras if path.suffix == ".bin" else _text_cameras)(path):
         if number in cameras:
             raise InputError(path, "each camera once", f"camera {number} twice")
         cameras[number] = camera
@@ -254,20 +249,20 @@ class _Listed:
     place: str
 
 
-def _binary_cameras(path: Path, models: Collection[str]) -> Iterator[tuple[int, ColmapCamera]]:
+def _binary_cameras(path: Path) -> Iterator[tuple[int, ColmapCamera]]:
     """The cameras of a binary file with their ids."""
     with _mapped(path) as data:
         at = _COUNT.size
         for _ in range(_count(path, data, _CAMERA.size)):
             number, model, width, height = _CAMERA.unpack_from(data, at)
             place, name = f"camera {number}", NAMES[model] if 0 <= model < len(NAMES) else f"number {model}"
-            values = struct.Struct(f"<{len(_parameters(path, place, name, models))}d")
+            values = struct.Struct(f"<{len(_parameters(path, place, name))}d")
             yield number, _camera(path, place, name, (height, width), values.unpack_from(data, at + _CAMERA.size))
             at += _CAMERA.size + values.size
         _check_end(path, data, at)
 
 
-def _text_cameras(path: Path, models: Collection[str]) -> Iterator[tuple[int, ColmapCamera]]:
+def _text_cameras(path: Path) -> Iterator[tuple[int, ColmapCamera]]:
     """The cameras of a text file with their ids."""
     for line, text in _lines(path):
         place, words = f"line {line}", text.split()
@@ -275,16 +270,16 @@ def _text_cameras(path: Path, models: Collection[str]) -> Iterator[tuple[int, Co
             raise InputError(path, "CAMERA_ID MODEL WIDTH HEIGHT PARAMS", _shown(text), place)
         number, width, height = _wholes(path, place, (words[0], *words[2:4]))
         name, values = _decoded(words[1]), _numbers(path, place, words[4:])
-        wanted = len(_parameters(path, place, name, models))
+        wanted = len(_parameters(path, place, name))
         if len(values) != wanted:
             raise InputError(path, f"{wanted} parameters of {name}", f"{len(values)}", place)
         yield number, _camera(path, place, name, (height, width), values)
 
 
-def _parameters(path: Path, place: str, model: str, models: Collection[str]) -> tuple[str, ...]:
+def _parameters(path: Path, place: str, model: str) -> tuple[str, ...]:
     """The parameters of a camera model."""
-    if model not in models:
-        raise InputError(path, "a camera model of " + ", ".join(models), model, place, ADVICE.get(model, UNDISTORT))
+    if model not in PARAMETERS:
+        raise InputError(path, "a camera model of " + ", ".join(PARAMETERS), model, place, ADVICE.get(model, UNDISTORT))
     return PARAMETERS[model]
 
 

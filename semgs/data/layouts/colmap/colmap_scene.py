@@ -13,7 +13,7 @@ import numpy as np
 
 from semgs.data.cameras.lens import AbstractLens
 from semgs.data.frames import Frame
-from semgs.data.layouts.colmap.colmap_files import PARAMETERS, ColmapPoints, read_cameras, read_images, read_points
+from semgs.data.layouts.colmap.colmap_files import ColmapPoints, read_cameras, read_images, read_points
 from semgs.data.layouts.parts.pose_files import checked_poses
 from semgs.data.layouts.parts.sentences import note_damaged_points, note_lacking, note_transparent
 from semgs.data.scene import Scene
@@ -70,7 +70,7 @@ def open_colmap(path: Path, details: SceneDetails) -> Scene:
     model = _model(path) or path
     ending = _ending(model) or ".bin"
     file = model / f"cameras{ending}"
-    cameras = read_cameras(file, PARAMETERS)
+    cameras = read_cameras(file)
     lenses = {number: camera.lens(file, f"camera {number}") for number, camera in cameras.items()}
     list_file = model / f"images{ending}"
     images = sorted(read_images(list_file, cameras), key=lambda image: image.name)

@@ -7,6 +7,7 @@ import errno
 import io
 from dataclasses import dataclass
 from importlib.util import find_spec
+from typing import ClassVar
 
 import numpy as np
 
@@ -32,16 +33,12 @@ class LzfseFile:
     compressed: Stored
     size: tuple[int, int]
     dtype: str = "<f4"
+    suffix: ClassVar[str] = ".npy"
 
     @property
     def name(self) -> str:
         """The name without folders."""
         return self.compressed.name
-
-    @property
-    def suffix(self) -> str:
-        """That of NumPy's files."""
-        return ".npy"
 
     def is_file(self) -> bool:
         """Whether it exists."""

@@ -25,11 +25,7 @@ class StoredImage:
 
     name: str
     pixels: np.ndarray = field(repr=False)
-
-    @property
-    def suffix(self) -> str:
-        """That of PNGs."""
-        return ".png"
+    suffix: ClassVar[str] = ".png"
 
     def is_file(self) -> bool:
         """True."""

@@ -19,7 +19,7 @@ from semgs.data.cameras.lens import Lens
 from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details, read_calibration
 from semgs.data.layouts.parts.trajectories import read_pose
 from semgs.data.layouts.parts.usable_frames import PICTURES, Shot, ShotList, first_file, numbered_files, sequence_name
-from semgs.data.maps import DepthMap, DepthThroughLens, MapSource
+from semgs.data.maps import MILLIMETRE, DepthMap, DepthThroughLens, MapSource
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
@@ -33,7 +33,6 @@ OF_DEPTH_TOO = ("info.txt", "_info.txt")
 """Files that also have the unit of depth, and perhaps the depth camera: given intrinsics are those of the images alone."""
 CALIBRATIONS = ("camera-intrinsics.txt", *OF_DEPTH_TOO)
 
-MILLIMETRE = 0.001
 KINECT_SIZE = (480, 640)
 KINECT_CENTRE = (320.0, 240.0)
 KINECT_COLOUR = Calibration((525.0, 525.0), KINECT_CENTRE, KINECT_SIZE, of_a_sensor=True)

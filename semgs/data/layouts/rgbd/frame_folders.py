@@ -26,7 +26,7 @@ from semgs.data.layouts.parts.association import associate
 from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details, read_calibration
 from semgs.data.layouts.parts.trajectories import FoundPose, Trajectory, read_pose, read_trajectory
 from semgs.data.layouts.parts.usable_frames import PICTURES, Shot, ShotList, first_file, sequence_name
-from semgs.data.maps import DepthMap
+from semgs.data.maps import MILLIMETRE, DepthMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
@@ -60,7 +60,6 @@ CALIBRATIONS = (
 SCANNET = ("intrinsic/intrinsic_color.txt", "intrinsics_color.txt", "intrinsic_color.txt", "_info.txt", "label-filt")
 """Files that only ScanNet's exporters write; folders with one of them are read as ScanNet's."""
 
-MILLIMETRE = 0.001
 PRIMESENSE = Calibration((525.0, 525.0), (319.5 + HALF, 239.5 + HALF), (480, 640), of_a_sensor=True)
 """The camera of Redwood's recordings, which is not in their files. http://redwood-data.org/indoor/dataset.html"""
 

@@ -19,7 +19,7 @@ from semgs.data.layouts.ros.camera import choose_pictures, find_lens
 from semgs.data.layouts.ros.image_messages import depth_fault, is_depth
 from semgs.data.layouts.ros.motions import poses_along
 from semgs.data.layouts.ros.route import find_route
-from semgs.data.maps import DepthMap
+from semgs.data.maps import MILLIMETRE, DepthMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
@@ -32,7 +32,6 @@ LAYOUT = "ROS bag"
 DETAILS = ("camera", "world", "body", "intrinsics")
 ENDINGS = (".mcap", ".db3", ".bag")
 
-MILLIMETRE = 0.001
 DEPTH_TOLERANCE = 0.02
 """Largest time difference between a depth map and its image [s]."""
 

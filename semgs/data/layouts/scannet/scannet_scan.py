@@ -36,8 +36,6 @@ LAYOUT = "ScanNet"
 LOOKED_FOR = "a ScanNet scan (SCAN.sens, or color/ and pose/)"
 APPLICABLE = (ROWS_972, GSNERF_LABELS)
 
-MILLIMETRE = 0.001
-
 
 @dataclass(frozen=True)
 class _Dialect:
@@ -152,7 +150,7 @@ def _extracted(folder: Path, dialect: _Dialect, as_peers: Collection[str]) -> Sc
         names={number: picture.relative_to(folder).as_posix() for number, picture in pictures.items()},
         poses=poses,
         camera=camera,
-        depths={number: DepthMap(held, MILLIMETRE) for number, held in depths.items()},
+        depths={number: DepthMap(held) for number, held in depths.items()},
         depth_lens=depth_camera.lens if depth_camera else None,
         labels=read_scan_labels(folder, GSNERF_LABELS in as_peers),
         notes=notes,

@@ -15,7 +15,7 @@ import numpy as np
 
 from semgs.data.cameras.fisheye import FisheyeLens
 from semgs.data.cameras.lens import AbstractLens
-from semgs.data.layouts.colmap.colmap_files import PARAMETERS, ColmapCamera, read_cameras, read_images
+from semgs.data.layouts.colmap.colmap_files import ColmapCamera, read_cameras, read_images
 from semgs.data.layouts.parts.fields import Fields, read_fields
 from semgs.data.layouts.parts.pose_files import checked_poses, listed_poses
 from semgs.files.errors import input_error
@@ -113,7 +113,7 @@ def read_posed(folder: Path, device: Device, as_toolbox: bool) -> Posed:
 
 def _from_colmap(folder: Path, device: Device, as_toolbox: bool) -> Posed:
     """The cameras from COLMAP's text files."""
-    cameras = read_cameras(folder / CAMERAS, PARAMETERS)
+    cameras = read_cameras(folder / CAMERAS)
     lenses = {
         number: _lens(folder / CAMERAS, f"camera {number}", camera, as_toolbox) for number, camera in cameras.items()
     }

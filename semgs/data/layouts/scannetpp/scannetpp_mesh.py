@@ -36,28 +36,18 @@ class LabelledMesh:
 
     Attributes:
         folder: `scans/` of the scan.
-        scene: the scan's name, for the cache.
+        kept_in: the scan's name, as `StoredMesh.kept_in`.
         labels: (name, label) of each object name; other names have no label.
     """
 
     folder: Path
-    scene: str
+    kept_in: str
     labels: tuple[tuple[str, int], ...]
-
-    @property
-    def path(self) -> Path:
-        """The file of the triangles."""
-        return self.folder / MESH
 
     @property
     def annotations(self) -> Path | None:
         """The file of the objects, None if there is none."""
         return self.folder / ANNOTATIONS if (self.folder / ANNOTATIONS).is_file() else None
-
-    @property
-    def kept_in(self) -> str:
-        """As `StoredMesh.kept_in`."""
-        return self.scene
 
     def key(self) -> tuple:
         """As `StoredMesh.key`."""

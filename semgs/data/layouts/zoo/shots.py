@@ -37,16 +37,12 @@ class ZooFrame:
     scene: str
     index: int
     keywords: Mapping[str, str]
+    suffix: ClassVar[str] = ".png"
 
     @property
     def name(self) -> str:
         """A name for errors."""
         return f"{self.scene} {self.index}"
-
-    @property
-    def suffix(self) -> str:
-        """PNG, as which the image is passed on."""
-        return ".png"
 
     def __str__(self) -> str:
         return f"{self.path}: {self.name}"

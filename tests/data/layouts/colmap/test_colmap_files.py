@@ -24,7 +24,7 @@ BINARIES = {"cameras": CAMERA, "images": IMAGE, "points3D": POINT}
 
 def read(folder: Path, ending: str):
     """All three files of a folder."""
-    cameras = read_cameras(folder / f"cameras{ending}", PARAMETERS)
+    cameras = read_cameras(folder / f"cameras{ending}")
     images = read_images(folder / f"images{ending}", cameras)
     return cameras, images, read_points(folder / f"points3D{ending}", {image.number for image in images}, 50)
 
