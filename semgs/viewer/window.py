@@ -280,7 +280,7 @@ class Window:
             camera = camera_seen_from(seen.wxyz, np.array(event.ray_origin), seen.fov, size, scale)
             pixel = pixel_of(np.array(event.ray_direction), camera)
             hit = pick(scene, camera, pixel, self._find_visible(), self._min_confidence, self._splats.instances)
-            self._click_text.content = texts.hit_text(hit, self._metric, self._things)
+            self._click_text.content = texts.hit_text(hit, self._metric, self._things, self._splats.decimals)
             if hit is None:
                 self._server.scene.remove_by_name("/clicked")
                 return
