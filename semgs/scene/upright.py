@@ -95,6 +95,9 @@ LEVEL_FLOOR, FLOOR_PART = 0.4, 0.01
 """A direction is also certain if this share of the floor is within 15 degrees of level, of normals at random 0.03 are, and the floor is at least this share of the
 surfaces."""
 
+LEAST_MEAN = 1e-6
+"""Directions whose mean is shorter cancel."""
+
 EVERY = 8
 """One surface in so many is used: neighbours say the same."""
 
@@ -348,9 +351,9 @@ def _to_origin(scene: SavedScene) -> Float64[Tensor, "4 4"]:
 def _cues(scene: SavedScene) -> Cues:
     """What says which way is up in a scene."""
     poses = scene.cameras.world_from_camera
-    up = _unit(-poses[:, :3, 1].sum(0))
-    right = poses[:, :3, 0].sum(0)
-    right = _unit(right - (right @ up) * up)
+    up = _mean_direction(-poses[:, :3, 1])
+    rights = poses[:, :3, 0]
+    right = _mean_direction(rights - (rights @ up)[:, None] * up)
     normals, may_be_level, may_be_upright = _surfaces(scene)
     return Cues(
         lines=lines(scene),
@@ -381,6 +384,12 @@ def _surfaces(scene: SavedScene) -> tuple[Float64[Tensor, "n 3"], Bool[Tensor, "
             for name in ("wall", "floor")
         )
     return normals, ~wall, ~floor
+
+
+def _mean_direction(vectors: Float64[Tensor, "v 3"]) -> Float64[Tensor, " 3"]:
+    """The mean of directions at unit length; if they cancel, as of cameras at the front and the back of a robot, the longest of them."""
+    mean = vectors.mean(0)
+    return _unit(mean if mean.norm() > LEAST_MEAN else vectors[vectors.norm(dim=-1).argmax()])
 
 
 def _unit(vector: Float64[Tensor, " 3"]) -> Float64[Tensor, " 3"]:

@@ -92,6 +92,25 @@ def test_floor_and_walls_say_which_way_is_up_whatever_the_pitch(classes: bool) -
     assert off_degrees(found.direction, up) < 1.5, "the mean roll of 1 degree may be taken for level"
 
 
+@pytest.mark.parametrize("walls", [True, False])
+def test_cameras_that_look_in_opposite_directions_say_which_way_is_up(walls: bool) -> None:
+    """The axes to the right of a front and a rear camera cancel to the bit; nothing was left but NaN."""
+    front, rear = looking(40), looking(40)
+    rear[:2, :3] = -rear[:2, :3]  # half a turn about z
+    assert (front[:3, 0] + rear[:3, 0]).abs().max() == 0
+    found = up_of(scene_of(front, rear, walls=walls))
+    assert off_degrees(found.direction, torch.tensor([0.0, 0, 1], dtype=torch.float64)) < 1.5
+
+
+@pytest.mark.parametrize("upside_down", [0, 1])
+def test_a_camera_that_hangs_upside_down_does_not_undo_the_other(upside_down: int) -> None:
+    """Their own up directions cancel; the scene is upright or upside down by the first, and level in any case."""
+    poses = [looking(40), looking(40)]
+    poses[upside_down][:3, :2] = -poses[upside_down][:3, :2]  # half a turn about its axis
+    found = up_of(scene_of(*poses))
+    assert off_degrees(found.direction.abs(), torch.tensor([0.0, 0, 1], dtype=torch.float64)) < 3
+
+
 @pytest.mark.parametrize("at_once", [1, 10_000])
 def test_how_many_directions_are_scored_at_a_time_decides_nothing(
     at_once: int, monkeypatch: pytest.MonkeyPatch
