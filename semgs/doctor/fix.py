@@ -94,8 +94,9 @@ def _entry(frame: Frame, rig: Rig, index: int, folder: Path) -> dict[str, Any]:
 
 def _listed(depth: MapSource | None) -> DepthMap | None:
     """A depth map that a `transforms.json` can list: a file with a number of metres per count, and nothing else to say about it."""
-    plain = isinstance(depth, DepthMap) and not depth.rotated and depth.confidence is None
-    return depth if plain and isinstance(depth.path, Path) else None
+    if not isinstance(depth, DepthMap) or depth.rotated or depth.confidence is not None:
+        return None
+    return depth if isinstance(depth.path, Path) else None
 
 
 def _relative(path: Path, folder: Path) -> str:
