@@ -122,6 +122,7 @@ def _page(
     views = _views(folder, report)
     data = {
         "metric": record["metric"],
+        "decimals": page.decimals,
         "classes": [{"name": printable(entry["name"])} for entry in record["classes"]],
         "things": record["things"],
         "camera": (scene.cameras.centres[0] + scene.cameras.centres.new_tensor(scene.origin)).tolist(),

@@ -85,8 +85,9 @@ class MapPlacement:
 
 
 def fits(fit: MapFit) -> bool:
-    """Whether a map shows the same scene."""
-    return fit.scale > 0 and not fit.residual > POOR
+    """Whether a map shows the same scene. One that shares nothing with the reference and other views has a scale of theirs, which nothing confirms."""
+    compared = not (math.isnan(fit.residual) and math.isnan(fit.disagreement))
+    return compared and fit.scale > 0 and not fit.residual > POOR
 
 
 def read_maps(

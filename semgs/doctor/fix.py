@@ -10,7 +10,7 @@ import numpy as np
 
 from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
-from semgs.data.maps import DepthMap, MaskMap
+from semgs.data.maps import DepthMap, MapSource, MaskMap
 from semgs.data.scene import Scene
 from semgs.doctor.rig import FLIP, Rig
 from semgs.files.atomic import write_json
@@ -37,7 +37,8 @@ def check_fixable(scene: Scene) -> None:
 def fixed_transforms(scene: Scene, rig: Rig, folder: Path) -> dict[str, Any]:
     """The content of a `transforms.json` with other cameras.
 
-    Frames without a pose are left out. Labels are not listed. Masks are, and depth maps unless the correction is to ignore them.
+    Frames without a pose are left out. Labels are not listed. Masks are, and depth maps unless the correction is to ignore them or the file cannot say how they
+    are stored (`note_on_depth`).
 
     Args:
         scene: what `check_fixable` has passed.
@@ -49,6 +50,17 @@ def fixed_transforms(scene: Scene, rig: Rig, folder: Path) -> dict[str, Any]:
         if np.isfinite(rig.poses[index]).all():
             frames.append(_entry(frame, rig, index, folder))
     return {"camera_model": "OPENCV", "metric": scene.unit == "metric", "frames": frames}
+
+
+def note_on_depth(scene: Scene) -> str:
+    """Which depth maps of a scene a `transforms.json` cannot list, in a sentence; "" if it can list them all."""
+    missing = sum(frame.depth is not None and _listed(frame.depth) is None for frame in scene.frames)
+    if not missing:
+        return ""
+    return (
+        f"The depth maps of {missing} of {len(scene)} frames are not in the new file, because a transforms.json cannot say how they are stored: "
+        "by another camera than the images, with confidences, in rotated bits or in an archive."
+    )
 
 
 def write_fixed(path: Path, scene: Scene, rig: Rig) -> None:
@@ -67,13 +79,26 @@ def _entry(frame: Frame, rig: Rig, index: int, folder: Path) -> dict[str, Any]:
     height, width = lens.size
     (fx, fy), (cx, cy) = rig.focal[index].tolist(), rig.centre[index].tolist()
     entry = {
-        "file_path": os.path.relpath(str(frame.picture), folder), "w": width, "h": height,
+        "file_path": _relative(Path(str(frame.picture)), folder), "w": width, "h": height,
         "fl_x": fx, "fl_y": fy, "cx": cx, "cy": cy, **dict(zip(DISTORTION, lens.distortion, strict=True)),
         "transform_matrix": (rig.poses[index] @ FLIP).tolist(),
     }  # fmt: skip
     if isinstance(frame.mask, MaskMap):
-        entry["mask_path"] = os.path.relpath(str(frame.mask.path), folder)
-    if isinstance(frame.depth, DepthMap) and not frame.depth.rotated and np.isfinite(rig.depth_unit):
-        entry["depth_file_path"] = os.path.relpath(str(frame.depth.path), folder)
-        entry["depth_unit_scale_factor"] = frame.depth.unit * rig.depth_unit
+        entry["mask_path"] = _relative(Path(str(frame.mask.path)), folder)
+    depth = _listed(frame.depth)
+    if depth is not None and np.isfinite(rig.depth_unit):
+        entry["depth_file_path"] = _relative(Path(str(depth.path)), folder)
+        entry["depth_unit_scale_factor"] = depth.unit * rig.depth_unit
     return entry
+
+
+def _listed(depth: MapSource | None) -> DepthMap | None:
+    """A depth map that a `transforms.json` can list: a file with a number of metres per count, and nothing else to say about it."""
+    if not isinstance(depth, DepthMap) or depth.rotated or depth.confidence is not None:
+        return None
+    return depth if isinstance(depth.path, Path) else None
+
+
+def _relative(path: Path, folder: Path) -> str:
+    """The path of a file from a folder. If the folder is a link, `..` leads out of what it links to; the file may be a link with its own name."""
+    return os.path.relpath(path.parent.resolve() / path.name, folder.resolve())

@@ -10,12 +10,12 @@ UNKNOWN = "–"
 
 def decibels(value: float | None) -> str:
     """A PSNR [dB]: "21.23 dB"; infinite is "equal"."""
-    return UNKNOWN if value is None else "equal" if value == math.inf else f"{value:.2f} dB"
+    return UNKNOWN if value is None or math.isnan(value) else "equal" if value == math.inf else f"{value:.2f} dB"
 
 
 def percent(share: float | None) -> str:
     """A share of 0..1: "12 %", or "under 1 %" for a small share above 0."""
-    if share is None:
+    if share is None or math.isnan(share):
         return UNKNOWN
     return f"{100 * share:.0f} %" if share >= 0.01 or share == 0 else "under 1 %"
 
@@ -27,4 +27,6 @@ def duration(seconds: float) -> str:
 
 def length(value: float, metric: bool) -> str:
     """A length: "2.20 m"; three significant digits if the unit is unknown."""
+    if math.isnan(value):
+        return UNKNOWN
     return f"{value:.2f} m" if metric else f"{value:.3g}"

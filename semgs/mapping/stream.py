@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import inf, isnan
 from time import perf_counter
+from typing import Any
 
 import torch
 
@@ -165,7 +166,7 @@ class FrameReader:
             )
         image, pose, intrinsics = frame[:3]
         if len(frame) == 4:
-            before, self._time = self._time, float(frame[3])  # type: ignore[arg-type]
+            before, self._time = self._time, _seconds(frame[3])
             if isnan(self._time) or self._time <= before:
                 ignore("its time is not later than the one before")
                 return None
@@ -180,6 +181,20 @@ class FrameReader:
             self._size = self._size or default_size(view.size)
         self.resized += view.size != self._first
         return view if view.size == self._size else reframed(view, self._size or view.size)
+
+
+def _seconds(time: Any) -> float:
+    """A frame's time.
+
+    Raises:
+        TypeError: it is no number.
+    """
+    try:
+        return float(time)
+    except (TypeError, ValueError) as error:
+        raise TypeError(
+            f"a frame's time is {time!r:.60} ({type(time).__name__}); expected seconds, or a frame of three parts"
+        ) from error
 
 
 def _scene(merged: Merged, mapper: Mapper, resized: int, seconds: float) -> StreamedScene:

@@ -87,6 +87,7 @@ def collect_notes(
         notes.append(
             "The model predicts colour only, so there are no class maps, no semantics.ply and no class scores."
         )
+    notes.append(note_on_other_table([context, *([target] if target else [])], classes))
     if refinement is not None:
         notes.append(note_on_refinement(refinement))
     if not choice.targets:
@@ -103,6 +104,21 @@ def collect_notes(
     if not up.certain:
         notes.append(f"Which way is up is uncertain ({up.reason}): if the PLY files are tilted, use semgs export --up.")
     return tuple(note for note in notes if note)
+
+
+def note_on_other_table(parts: Sequence[Views], classes: ClassTable | None) -> str:
+    """That labels of views are not compared, because they are in another class table than the Gaussians; "" if they are, or if there are none."""
+    others = {
+        part.classes.name
+        for part in parts
+        if part.labels is not None and part.classes is not None and part.classes != classes
+    }
+    if classes is None or not others:
+        return ""
+    return (
+        f"The labels of the scene are in the class table {', '.join(sorted(others))}, and the classes of the Gaussians in {classes.name}, so they "
+        "are not compared: there are no class scores and no true class maps."
+    )
 
 
 def notes_on_guesses(names: Sequence[str], context: Views) -> list[str]:

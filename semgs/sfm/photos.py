@@ -9,7 +9,7 @@ import hashlib
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -79,11 +79,13 @@ class UprightPhoto:
         name: of the copy.
         size: (height, width) [px].
         focal_px: focal length in its own pixels, from EXIF or from the user; None if unknown.
+        original: the photo that it is a copy of, relative to the folder that the user named; "" for frames of a clip.
     """
 
     name: str
     size: tuple[int, int]
     focal_px: float | None = None
+    original: str = ""
 
 
 @dataclass(frozen=True)
@@ -246,7 +248,7 @@ def copy_photos(path: Path, folder: Path) -> PhotoSet:
             if any(photo.name.lower() == name.lower() for photo in photos):  # in another folder of the camera
                 name = f"{file.parent.name}_{name}"
             write_bytes(folder / name, data)
-            photos.append(UprightPhoto(name, (height, width), optics.focal_px))
+            photos.append(UprightPhoto(name, (height, width), optics.focal_px, file.relative_to(path).as_posix()))
             sharpness.append(sharpness_of(grey))
         seen.add(key)
     count, kinds = len(files), ", ".join(sorted({file.suffix.lower() for file in unread}))
@@ -293,7 +295,7 @@ def with_focal(photos: PhotoSet, focal_px: float) -> Sequence[UprightPhoto]:
         raise ValueError(
             f"--focal is for photos of one size; {photos.path} has {', '.join('x'.join(map(str, one)) for one in sizes)}"
         )
-    return tuple(UprightPhoto(photo.name, photo.size, focal_px) for photo in photos.photos)
+    return tuple(replace(photo, focal_px=focal_px) for photo in photos.photos)
 
 
 def counted(names: Sequence[str], count: int, what: str) -> list[str]:

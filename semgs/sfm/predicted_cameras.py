@@ -49,7 +49,7 @@ def write_predicted_scene(
         assert isinstance(frame.lens, Lens)
         name, data = upright_copy(frame.picture, pixels, pictures)
         write_bytes(images / name, data)
-        posed.append(PosedPhoto(name, frame.lens, frame.world_from_camera))
+        posed.append(PosedPhoto(name, frame.lens, frame.world_from_camera, frame.picture.name))
         places, inside = _points(frame, MOST_POINTS // len(scene))
         points.append(places)
         colours.append(pixels[inside[:, 0], inside[:, 1]])

@@ -8,6 +8,7 @@ from pathlib import PurePath
 
 import numpy as np
 
+from semgs.files.text import listed
 from semgs.sfm.pycolmap_library import pycolmap
 from semgs.sfm.solving import PosedPhoto, Solution
 
@@ -17,7 +18,7 @@ class KnownDistance:
     """The distance between the cameras of two photos.
 
     Attributes:
-        first, second: the photos, by name, stem, or position among the registered ones from 0.
+        first, second: the photos, as for `named_photo`.
         metres: between their cameras [m].
 
     Raises:
@@ -63,21 +64,35 @@ def scaled(world_from_camera: np.ndarray, scale: float) -> np.ndarray:
 
 
 def named_photo(photos: Sequence[PosedPhoto], name: str) -> PosedPhoto:
-    """The photo that a user named: by name, stem or position, or a converted HEIC by its own name.
+    """The photo that a user named: by the name that it had or that its copy has, with or without ending, or by its position among these from 0.
+
+    Copies have other names than photos that were converted: a photo on its side, DSC_1.JPG, becomes DSC_1.jpg.
 
     Raises:
-        ValueError: it is not among these.
+        ValueError: it is not among these, or several have the name.
     """
-    path = PurePath(name)
-    wanted = (
-        path.stem if path.suffix.lower() == ".heic" else path.name
-    )  # a HEIC is converted, so its name ends otherwise
-    for key in (lambda one: one.name, lambda one: PurePath(one.name).stem):
-        found = [photo for photo in photos if key(photo) == wanted]
-        if len(found) == 1:
-            return found[0]
+    for alike in (str, str.casefold):
+        wanted = PurePath(alike(name))
+        for called in (
+            lambda one: PurePath(one.original or one.name),
+            lambda one: PurePath(one.original or one.name).with_suffix(""),
+            lambda one: PurePath(one.name),
+            lambda one: PurePath(one.name).with_suffix(""),
+        ):
+            found = [photo for photo in photos if _ends_alike(PurePath(alike(str(called(photo)))), wanted)]
+            if len(found) == 1:
+                return found[0]
+            if found:
+                names = listed([photo.name for photo in found])
+                raise ValueError(f"--scale-from: {len(found)} photos are called {name!r}; their copies are {names}")
     if name.isdecimal() and int(name) < len(photos):
         return photos[int(name)]
     raise ValueError(
         f"--scale-from: no camera was estimated for {name!r}; there are {photos[0].name} to {photos[-1].name}, or 0 to {len(photos) - 1}"
     )
+
+
+def _ends_alike(path: PurePath, wanted: PurePath) -> bool:
+    """Whether two paths have the same name and, as far as both say, the same folders."""
+    pairs = list(zip(reversed(path.parts), reversed(wanted.parts), strict=False))
+    return bool(pairs) and all(one == other for one, other in pairs)

@@ -85,11 +85,13 @@ class PosedPhoto:
         name: as of `UprightPhoto`.
         lens: focal length, principal point in the middle, radial distortion.
         world_from_camera: pose [4 4], OpenCV axes.
+        original: as of `UprightPhoto`.
     """
 
     name: str
     lens: Lens
     world_from_camera: np.ndarray
+    original: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,9 +229,9 @@ def _fits_better(model: Any, other: Any) -> bool:
     )
 
 
-def posed_photos(model: Any, names: Sequence[str]) -> tuple[PosedPhoto, ...]:
-    """The registered photos of a pycolmap model. Its pixels and camera axes are ours; its poses are world to camera."""
-    found = {}
+def posed_photos(model: Any, upright: Sequence[UprightPhoto]) -> tuple[PosedPhoto, ...]:
+    """The registered ones of some photos in a pycolmap model. Its pixels and camera axes are ours; its poses are world to camera."""
+    found, originals = {}, {photo.name: photo.original for photo in upright}
     for image in model.images.values():
         if image.has_pose:
             camera, world_from_camera = model.cameras[image.camera_id], np.eye(4)
@@ -237,8 +239,8 @@ def posed_photos(model: Any, names: Sequence[str]) -> tuple[PosedPhoto, ...]:
             focal, cx, cy, *radial = camera.params.tolist()
             size = camera.height, camera.width
             lens = Lens(size, (focal, focal), (cx, cy), (*radial, 0.0, 0.0, 0.0, 0.0, 0.0)[:5])
-            found[image.name] = PosedPhoto(image.name, lens, world_from_camera)
-    return tuple(found[name] for name in names if name in found)
+            found[image.name] = PosedPhoto(image.name, lens, world_from_camera, originals.get(image.name, ""))
+    return tuple(found[name] for name in originals if name in found)
 
 
 def _extract(database: Path, folder: Path, upright: Sequence[UprightPhoto]) -> None:
@@ -383,7 +385,7 @@ def _solution(
     """
     model = equal[0]
     try:
-        posed = posed_photos(model, [photo.name for photo in upright])
+        posed = posed_photos(model, upright)
     except ValueError as error:
         # A lens as wide as those of action cameras, with a distortion that one number does not describe.
         raise InputError(

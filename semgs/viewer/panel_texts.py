@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import UInt8
 
-from semgs.figures.number_texts import length, percent
+from semgs.figures.number_texts import percent
 from semgs.files.images.colours import Colour
 from semgs.files.text import printable
 from semgs.robotics.objects import Objects
@@ -149,13 +149,14 @@ def scale_bar(palette: UInt8[np.ndarray, "n 3"], ticks: Sequence[str], label: st
     )
 
 
-def hit_text(hit: Hit | None, metric: bool, things: Mapping[int, str] = MappingProxyType({})) -> str:
+def hit_text(hit: Hit | None, metric: bool, things: Mapping[int, str] = MappingProxyType({}), decimals: int = 2) -> str:
     """What a click met.
 
     Args:
         hit: what it met.
         metric: whether positions are in metres.
         things: the name of each thing by its number.
+        decimals: digits after the point of positions, if they are not in metres.
     """
     if hit is None:
         return paragraph(WORDS["nothing"])
@@ -164,9 +165,15 @@ def hit_text(hit: Hit | None, metric: bool, things: Mapping[int, str] = MappingP
         rows.append((WORDS["class"], hit_label(hit)))
     if hit.thing in things:
         rows.append((WORDS["thing"], things[hit.thing]))
-    numbers = ", ".join(length(side, metric).removesuffix(" m") for side in hit.position)
+    numbers = ", ".join(f"{side:.2f}" if metric else _shortest(side, decimals) for side in hit.position)
     rows.append((WORDS["position"], f"{numbers} m" if metric else numbers))
     return BOX.format("<br>".join(f"{name}: {escape(printable(text))}" for name, text in rows))
+
+
+def _shortest(number: float, decimals: int) -> str:
+    """A number with at most some digits after the point, as String(Number(number.toFixed(decimals))) in panel.js."""
+    text = f"{number:z.{decimals}f}"
+    return text.rstrip("0").rstrip(".") if decimals else text
 
 
 def hit_label(hit: Hit) -> str:

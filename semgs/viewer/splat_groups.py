@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import ceil, log10
 from typing import Literal
 
 import numpy as np
@@ -139,6 +140,11 @@ class SceneSplats:
         modes: tuple[Mode, ...] = ("colour", "classes", "confidence", "depth", "things")
         missing = {"classes": self.scene.classes is None, "things": self.instances is None}
         return tuple(mode for mode in modes if not missing.get(mode, False))
+
+    @property
+    def decimals(self) -> int:
+        """Digits after the point of positions: centimetres, or, if the unit is unknown, at least a thousandth of the typical depth."""
+        return 2 if self.scene.unit == "metric" else max(0, ceil(log10(1000 * self.scale / TYPICAL_DEPTH)))
 
     @property
     def depth_limits(self) -> tuple[float, float]:

@@ -39,11 +39,13 @@ class ScenePage:
         html: the page.
         groups: the classes, the most frequent first.
         shown: Gaussians in the page.
+        decimals: digits after the point of positions.
     """
 
     html: str
     groups: tuple[Group, ...]
     shown: int
+    decimals: int = 2
 
 
 def scene_page(
@@ -102,6 +104,7 @@ def scene_page(
         "near": near_photos,
         "metric": scene.unit == "metric",
         "scale": splats.scale,
+        "decimals": splats.decimals,
         "origin": list(scene.origin),
         "views": view_data(views),
         "modes": modes,
@@ -116,7 +119,7 @@ def scene_page(
     }
     page = page.replace(TITLE, f"<title>{escape(printable(scene.source))}</title>", 1)
     page = page.replace("<body>", f"<body>{_inside(data, script or web_text('panel.js'))}", 1)
-    return ScenePage(page, splats.groups, sum(map(len, order)))
+    return ScenePage(page, splats.groups, sum(map(len, order)), splats.decimals)
 
 
 def web_text(name: str) -> str:

@@ -168,7 +168,7 @@ class Window:
                 texts.scale_bar(
                     heat_picture(np.linspace(0, 1, 256)[None], (0.0, 1.0))[0],
                     ("0 %", "50 %", "100 %"),
-                    "probability of the class",
+                    "probability of the class" if self._splats.scene.classes else "probability of the depth",
                 ),
                 visible=False,
             ),
@@ -280,7 +280,7 @@ class Window:
             camera = camera_seen_from(seen.wxyz, np.array(event.ray_origin), seen.fov, size, scale)
             pixel = pixel_of(np.array(event.ray_direction), camera)
             hit = pick(scene, camera, pixel, self._find_visible(), self._min_confidence, self._splats.instances)
-            self._click_text.content = texts.hit_text(hit, self._metric, self._things)
+            self._click_text.content = texts.hit_text(hit, self._metric, self._things, self._splats.decimals)
             if hit is None:
                 self._server.scene.remove_by_name("/clicked")
                 return
@@ -323,7 +323,9 @@ class Window:
             rendering = scene.render(cameras)
             labels = label_maps(rendering, self._min_confidence)[0]
             return overlay(as_bytes(rendering.images[0]), labels, scene.classes, self._tint)
-        content = (
-            "classes" if self._mode == "things" else self._mode
-        )  # things are a property of Gaussians, and are not rendered
+        content = self._mode
+        if content == "things":  # a property of Gaussians, which is not rendered
+            content = "classes"
+        elif content == "confidence" and scene.classes is None:  # that of depth, which is one, too
+            content = "colour"
         return next(Stills(scene, (content,), self._min_confidence).images(cameras))[0]

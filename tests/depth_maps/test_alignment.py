@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from semgs.depth_maps.alignment import LEAST_SPREAD, Reference, align, inverses
+from semgs.depth_maps.map_depth import MapPlacement, fits
 from semgs.geometry.cameras import Cameras, pixel_centres
 
 SIZE = (60, 80)
@@ -82,6 +83,23 @@ def test_a_view_without_a_reference_is_aligned_to_the_other_views(cameras: Camer
     assert math.isnan(fits[1].residual)
     assert fits[1].disagreement < 0.01
     assert float((depths[1] / truth[1] - 1).abs().median()) < 0.01
+
+
+def test_a_map_that_nothing_confirms_is_not_used_and_its_difference_is_unknown(cameras: Cameras, truth: torch.Tensor):
+    """The third camera looks the other way, and has no reference: its scale is that of the others."""
+    poses = cameras.world_from_camera.clone()
+    poses[2, :3, :3] = torch.diag(torch.tensor([-1.0, 1.0, -1.0]))
+    only_two = truth.clone()
+    only_two[2] = 0
+    around = Cameras(poses, cameras.intrinsics, SIZE)
+    _, found = align(3 * truth, "scaled", known(only_two), around)
+    assert found[2].scale == pytest.approx(3.0, rel=1e-3)
+    assert math.isnan(found[2].residual)
+    assert math.isnan(found[2].disagreement)
+    assert [fits(fit) for fit in found] == [True, True, False]
+    placement = MapPlacement("maps", "scaled", "the truth", found)
+    assert "typical difference –" in placement.lines(["a", "b", "c"])[2]
+    assert placement.notes(["a", "b", "c"])[0].endswith("(typical difference): c (–).")
 
 
 def test_a_third_of_outliers_has_no_vote(cameras: Cameras, truth: torch.Tensor):

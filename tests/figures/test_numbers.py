@@ -25,4 +25,6 @@ def test_an_unknown_unit_may_be_of_any_size() -> None:
 
 def test_what_is_unknown_is_a_dash_and_equal_pictures_are_called_equal() -> None:
     assert decibels(None) == percent(None) == "–"
+    nan = float("nan")
+    assert decibels(nan) == percent(nan) == length(nan, metric=True) == length(nan, metric=False) == "–"
     assert decibels(float("inf")) == "equal"

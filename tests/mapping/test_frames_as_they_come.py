@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -124,6 +125,16 @@ def test_frames_of_which_none_is_valid_are_an_error_with_the_counted_reasons():
     said = r"no frame could be used: its image, pose or intrinsics are not valid \(3\), its time is not later than the one before \(1\); the first: .*intrinsics"
     with pytest.raises(ValueError, match=said):
         streamed(frames)
+
+
+@pytest.mark.parametrize(
+    ("time", "named"), [(None, "None (NoneType)"), ("12:30", "'12:30' (str)"), ([1, 2], "[1, 2] (list)")]
+)
+def test_a_time_that_is_no_number_is_named(time: object, named: str):
+    """Such as the stamp of a message, which has seconds and nanoseconds. Python's own error said nothing of frames."""
+    frame = (image(0.0), pose(0.0), INTRINSICS, time)
+    with pytest.raises(TypeError, match=re.escape(f"a frame's time is {named}; expected seconds")):
+        next(semgs.stream([frame], KnowsTheWall()))
 
 
 def test_a_frame_needs_three_or_four_parts():

@@ -96,9 +96,10 @@ def test_photos_are_turned_as_exif_says(tmp_path: Path, orientation: int):
 
 
 def test_copies_are_upright_and_read_without_their_exif(folder: Path, tmp_path: Path):
-    save(folder / "IMG_3.jpg", pixels(3), orientation=6, xA405=26)
+    save(folder / "IMG_3.JPG", pixels(3), orientation=6, xA405=26)
     found = copied(folder, tmp_path)
     assert [photo.name for photo in found.photos] == ["IMG_2.jpg", "IMG_3.jpg", "IMG_10.jpg"]
+    assert [photo.original for photo in found.photos] == ["IMG_2.jpg", "IMG_3.JPG", "IMG_10.jpg"]
     assert found.photos[1].size == (WIDTH, HEIGHT)
     assert found.photos[1].focal_px == pytest.approx(26 * 100 / 43.2666, abs=0.01)
     assert read_rgb(tmp_path / "copies" / "IMG_3.jpg").shape == (WIDTH, HEIGHT, 3)

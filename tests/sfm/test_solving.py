@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from pycolmap_photos import FOCAL, PLANES, Taken, poses_of, take
 
+from semgs.data.cameras.lens import Lens
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import write_png
@@ -21,7 +22,7 @@ from semgs.sfm.photos import PhotoSet, UprightPhoto
 from semgs.sfm.pycolmap_library import pycolmap
 from semgs.sfm.scale import KnownDistance, in_metres, named_photo, scaled
 from semgs.sfm.scene_folder import PhotoDetails, write_photo_scene
-from semgs.sfm.solving import Solution, best, expected_seconds, posed_photos
+from semgs.sfm.solving import PosedPhoto, Solution, best, expected_seconds, posed_photos
 from semgs.sfm.writing import write_colmap
 
 DISTANCE = float(np.linalg.norm(poses_of(3)[2, :3, 3]))
@@ -144,7 +145,7 @@ def one_point_model(size: tuple[int, int] = (80, 100), values: tuple[float, ...]
 
 
 def test_colmaps_pixels_and_axes_are_ours_and_its_poses_are_inverted():
-    (photo,) = posed_photos(one_point_model(), ["a.png"])
+    (photo,) = posed_photos(one_point_model(), [UprightPhoto("a.png", (80, 100))])
     np.testing.assert_allclose(photo.world_from_camera[:3, 3], [1, 2, 3], atol=1e-12)
     np.testing.assert_allclose(photo.world_from_camera[:3, 2], [1, 0, 0], atol=1e-12)  # forward
     # The middle of a picture of 100 x 80 is (50, 40) here and in COLMAP; OpenCV would have (49.5, 39.5).
@@ -197,11 +198,42 @@ def test_a_distance_names_photos_that_were_registered(in_two_metres: Solved):
         KnownDistance("p0", "p1", -1.0)
 
 
-def test_a_heic_has_its_name_although_it_was_converted(in_two_metres: Solved):
-    photos = in_two_metres.solution.photos
-    assert named_photo(photos, "p1.HEIC").name == "p1.png"
-    with pytest.raises(ValueError, match=r"no camera was estimated for 'p1\.jpg'"):
-        named_photo(photos, "p1.jpg")
+def named(*names: tuple[str, str]) -> list[PosedPhoto]:
+    """Photos with the names of their copies and of the originals."""
+    lens = Lens((80, 100), (120.0, 120.0), (50.0, 40.0))
+    return [PosedPhoto(copy, lens, np.eye(4), original) for copy, original in names]
+
+
+@pytest.mark.parametrize(
+    ("typed", "copy"),
+    [
+        ("DSC_1.JPG", "DSC_1.jpg"),  # on its side, so it was turned upright and written again
+        ("photos/DSC_1.JPG", "DSC_1.jpg"),
+        ("dsc_1", "DSC_1.jpg"),
+        ("IMG_2.HEIC", "IMG_2_HEIC.jpg"),  # phones write both
+        ("IMG_2.jpg", "IMG_2.jpg"),
+        ("IMG_2_HEIC.jpg", "IMG_2_HEIC.jpg"),
+        ("3", "100CANON_IMG_4.jpg"),
+    ],
+)
+def test_photos_whose_copies_have_other_names_have_their_own(typed: str, copy: str):
+    photos = named(
+        ("DSC_1.jpg", "DSC_1.JPG"),
+        ("IMG_2.jpg", "IMG_2.jpg"),
+        ("IMG_2_HEIC.jpg", "IMG_2.HEIC"),
+        ("100CANON_IMG_4.jpg", "IMG_4.jpg"),
+    )
+    assert named_photo(photos, typed).name == copy
+    with pytest.raises(ValueError, match=r"no camera was estimated for 'DSC_1\.png'"):
+        named_photo(photos, "DSC_1.png")
+
+
+def test_photos_of_one_name_in_two_folders_of_a_camera_are_named_with_the_folder():
+    photos = named(("IMG_1.jpg", "100CANON/IMG_1.JPG"), ("101CANON_IMG_1.jpg", "101CANON/IMG_1.JPG"))
+    assert named_photo(photos, "DCIM/101CANON/IMG_1.JPG").name == "101CANON_IMG_1.jpg"
+    assert named_photo(photos, "100CANON/IMG_1").name == "IMG_1.jpg"
+    with pytest.raises(ValueError, match=r"2 photos are called 'IMG_1\.JPG'; their copies are IMG_1\.jpg"):
+        named_photo(photos, "IMG_1.JPG")
 
 
 def refused(folder: Path, tmp_path: Path) -> str:

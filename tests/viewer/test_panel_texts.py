@@ -118,6 +118,13 @@ def test_a_click_has_class_thing_and_position():
         "Position: 1, -2, 0.5",
     ]
     assert lines(hit_text(Hit((1.0, 2.0, 3.0), None, None), False)) == ["Position: 1, 2, 3"]
+    # Coordinates of a map in an unknown unit, where what is seen is about 2 away: to a thousandth of that.
+    far = Hit((500123.4567, -5400000.0001, 100.0), None, None)
+    assert lines(hit_text(far, False, decimals=3)) == ["Position: 500123.457, -5400000, 100"]
+    assert lines(hit_text(far, False, decimals=0)) == ["Position: 500123, -5400000, 100"]
+    assert lines(hit_text(Hit((0.000123, -0.0000001, 0.0), None, None), False, decimals=6)) == [
+        "Position: 0.000123, 0, 0"
+    ]
     assert lines(hit_text(None, True)) == ["Nothing is shown here: no photo saw it, or its class is hidden."]
 
 

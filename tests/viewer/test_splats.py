@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -32,6 +34,14 @@ def test_a_scene_of_millimetres_looks_like_one_of_metres():
     assert np.allclose(
         np.sqrt(np.linalg.eigvalsh(small.covariances[-1].astype(float))[-1]), 4 * 0.7 * 2 / 45, rtol=1e-3
     )
+
+
+@pytest.mark.parametrize(("scale", "decimals"), [(1.0, 3), (0.001, 6), (1000.0, 0), (1e6, 0)])
+def test_positions_in_an_unknown_unit_are_to_a_thousandth_of_the_typical_depth(scale: float, decimals: int):
+    """Of 2.5 units, 0.0025, so three digits after the point; of 2,500 units, 2.5, so none. Metres are to the centimetre."""
+    scene = wall_and_chair((8, 10), scale=scale)
+    assert SceneSplats.of(replace(scene, unit="unknown")).decimals == decimals
+    assert SceneSplats.of(replace(scene, unit="metric")).decimals == 2
 
 
 def test_covariances_stay_below_the_largest_float16():

@@ -64,6 +64,12 @@ def test_a_page_is_named_after_its_scene_as_text():
     assert data_of(page)["title"] == "<b>wall</b></script>"
 
 
+def test_a_page_knows_how_exact_positions_are():
+    """A thousandth of 0.0025 units, the median depth, is 2.5e-6: six digits after the point."""
+    page = scene_page(replace(wall_and_chair((4, 5), scale=0.001), unit="unknown"))
+    assert data_of(page.html)["decimals"] == page.decimals == 6
+
+
 def test_a_page_of_a_scene_without_classes_has_no_group_of_classes():
     page = scene_page(wall_and_chair((4, 5), classes=False)).html
     names = {message["name"] for message in messages(page) if message["type"] == "GaussianSplatsMessage"}

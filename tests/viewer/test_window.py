@@ -8,6 +8,7 @@ import torch
 from wall_and_chair import wall_and_chair
 
 from semgs.scene.selection import part_of
+from semgs.viewer.pick import pick
 from semgs.viewer.window import open_window
 
 
@@ -26,3 +27,24 @@ def test_a_scene_with_hidden_pixels_is_rendered_without_the_classes_that_are_not
     assert green[1] > 100 > green[0], "the chair"
     assert wall[4, 2, 0] > 100
     assert wall[4, 8, 1] < 20, "the chair is gone"
+
+
+def test_each_mode_of_a_scene_without_classes_can_be_rendered():
+    """The confidence of its Gaussians is that of their depth: the scale says so, and their colours are rendered (nothing was)."""
+    scene = wall_and_chair((8, 10), classes=False)
+    with open_window(scene, up="z") as window:
+        colour = window._render_image(scene.cameras[0])
+        assert colour[4, 2, 0] > 100 > colour[4, 2, 1], "the wall is red"
+        assert "probability of the depth" in window._scales["confidence"].content
+        for mode in window._splats.modes:
+            window._mode = mode
+            picture = window._render_image(scene.cameras[0])
+            assert (mode == "depth") or (picture == colour).all()
+
+
+def test_with_all_classes_hidden_a_render_is_empty_and_a_click_meets_nothing():
+    scene = wall_and_chair((8, 10))
+    with open_window(scene, up="z") as window:
+        window._toggle_all_classes(False)
+        assert (window._render_image(scene.cameras[0]) == 0).all()
+        assert pick(scene, scene.cameras[0], (2.5, 4.5), window._find_visible()) is None

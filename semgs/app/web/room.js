@@ -9,7 +9,7 @@
   const send = (message) => frame.contentWindow.postMessage({ semgs: "room", ...message }, "*");
   const change = () => send({ state });
   const unit = room.metric ? "m" : "units";
-  const number = (value) => (Math.abs(value) >= 100 ? value.toFixed(0) : value.toFixed(2));
+  const number = (value) => (room.metric ? value.toFixed(2) : String(Number(value.toFixed(room.decimals))));
   const lengths = (values, sign) => `${values.map(number).join(sign)} ${unit}`;
 
   all("[data-mode]").forEach((button) => button.addEventListener("click", () => {

@@ -13,7 +13,7 @@ For a view at position 7 of the scene (`context_007_*` or `target_007_*`):
                         depth or for 65.5 m and more. Other scenes: 32-bit float TIFF in the scene's own unit
     depth_spread        standard deviation of log depth times 1000 (16 bits): millimetres per metre of depth; 65535 where unseen
     alpha               opacity of the Gaussians (8 bits, 255 is opaque)
-    truth_labels, truth_depth     the same of the truth, if a held-out view has labels or depth
+    truth_labels, truth_depth     the same of the truth, if a held-out view has labels in the same class table, or depth
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def _write(folder: Path, part: RenderedViews, classes: ClassTable | None, metric
             write_png(folder / f"{stem}_labels.png", part.labels[index])
             write_png(folder / f"{stem}_confidence.png", percent(part.confidences[index]))
             write_png(folder / f"{stem}_classes.png", class_picture(part.labels[index], classes))
-        if held_out and views.labels is not None:
+        if held_out and views.labels is not None and classes in (None, views.classes):
             write_png(folder / f"{stem}_truth_labels.png", views.labels[index].numpy())
         if held_out and views.depths is not None:
             _write_depth(folder / f"{stem}_truth_depth", views.depths[index], metric)

@@ -64,7 +64,7 @@
   }
 
   const clicked = make("div", { "aria-live": "polite" }, make("p", {}, words.click));
-  const number = (value) => (data.metric ? value.toFixed(2) : String(Number(value.toPrecision(3))));
+  const number = (value) => (data.metric ? value.toFixed(2) : String(Number(value.toFixed(data.decimals))));
   function describe(hit) {
     const kind = hit && data.classes.length ? `${data.classes[hit.label].name}, ${Math.round(100 * hit.confidence)} %` : null;
     semgs.mark(hit ? [hit.raw] : [], kind ?? words.here);

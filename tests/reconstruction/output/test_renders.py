@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from PIL import Image
 
 from semgs.data.choosing.choice import choose_named
 from semgs.data.scene import Scene
+from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.figures.depth_images import millimetres
 from semgs.files.images.pictures import read_rgb, read_uint8, read_uint16
 from semgs.model.encode import Network
@@ -59,6 +61,24 @@ def test_without_a_known_unit_depth_is_floating_point_and_no_millimetres_are_wri
     depth = np.asarray(Image.open(tmp_path / "renders/context_000_depth.tiff"))
     assert depth.dtype == np.float32
     assert (depth == result.context.depths[0].numpy()).all()
+
+
+def test_labels_in_another_class_table_are_no_true_class_maps_and_a_note_says_so(
+    wall_scene: Callable[..., Scene], oracle: Network, tmp_path: Path
+) -> None:
+    """The same number would mean another class than in the class map beside it."""
+    scene = wall_scene()
+    own = ClassTable("own", tuple(f"thing {n}" for n in range(20)), SCANNET20.colours, tuple(range(20)))
+    for name, opened in (("same", scene), ("other", replace(scene, classes=own))):
+        result = reconstruct(opened, choose_named(opened, [0, 2]), oracle)
+        assert result.target is not None
+        (tmp_path / name).mkdir()
+        write_renders(tmp_path / name, result)
+        said = "The labels of the scene are in the class table own, and the classes of the Gaussians in scannet20"
+        assert any(note.startswith(said) for note in result.notes) == (name == "other")
+        assert (result.target.scores[0].miou is None) == (name == "other")
+        assert (tmp_path / name / "target_001_truth_labels.png").exists() == (name == "same")
+        assert (tmp_path / name / "target_001_truth_depth.png").exists()
 
 
 def test_a_colour_only_network_leaves_the_class_maps_out(

@@ -112,7 +112,9 @@ class Doctor:
         if found.finding is None:
             print(f"{self.fix} was not written: there is nothing to correct, or no correction is known.")
             return
-        from semgs.doctor.fix import write_fixed
+        from semgs.doctor.fix import note_on_depth, write_fixed
 
         write_fixed(self.fix, scene, found.finding.rig)
         print(f"{self.fix}: the corrected cameras")
+        if note := note_on_depth(scene):
+            print(f"note: {note}")
