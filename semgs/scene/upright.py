@@ -7,9 +7,6 @@ direction that fits best around the mean of the cameras, by the logarithm of the
 - a line in a photo and the camera span a plane, whose normal is orthogonal to up if the line is upright;
 - the normal of a surface is parallel to up if it is level, and orthogonal if it is upright; other surfaces and lines have any direction;
 - the cameras' x axes are orthogonal to up, to `ROLL` degrees, and `PITCH` is how far cameras usually look down.
-
-Photos of a phone that was held upright may lie on their side, because COLMAP and others do not turn them as EXIF says. If lines and surfaces speak clearly for
-that, the search starts from there, and its result is uncertain.
 """
 
 from __future__ import annotations
@@ -30,9 +27,6 @@ from semgs.scene.scene_file import SavedScene
 
 Up = Literal["auto", "x", "y", "z", "-x", "-y", "-z"]
 """The direction that is up in a scene's frame; "auto" finds it."""
-
-Side = Literal[1, -1]
-"""The side of photos at which their top is: left or right."""
 
 Axes = Literal["-y", "y", "z"]
 """The direction that is up in a file. "-y": x right, z forward, as for 3DGS PLY; "y": x right, z backward (glTF); "z": x forward, y left (ROS, REP 103).
@@ -101,13 +95,6 @@ LEVEL_FLOOR, FLOOR_PART = 0.4, 0.01
 """A direction is also certain if this share of the floor is within 15 degrees of level, of normals at random 0.03 are, and the floor is at least this share of the
 surfaces."""
 
-ON_THEIR_SIDE = 0.2
-"""Photos lie on their side if the score is higher by this with another side up. In upright photos of six rooms it was higher by 0.06 at most; in photos of two
-rooms that were turned, by 0.09 and 0.37."""
-
-CUES_OF_SIDES = 1_000
-"""So many lines and surfaces are enough to see it."""
-
 LEAST_MEAN = 1e-6
 """Directions whose mean is shorter cancel."""
 
@@ -174,15 +161,7 @@ def up_of(scene: SavedScene, up: Up | UpDirection = "auto") -> UpDirection:
     if up != "auto":
         return UpDirection(axis_direction(up), "as given")
     cues = _cues(scene)
-    side = _side(cues)
-    cues = cues if side is None else cues.turned(side)
     found, score = _search(cues, ROUNDS)
-    if side is not None:
-        return UpDirection(
-            found,
-            f"the photos seem to lie on their side, where classes and depth are worse; then {cues.fit(found)}",
-            certain=False,
-        )
     if not len(cues.surfaces) and not len(cues.lines):
         return UpDirection(found, "the cameras say it alone", certain=False)
     return UpDirection(found, cues.fit(found), certain=score > 0 or cues.confirm(found))
@@ -206,7 +185,6 @@ def up_near(scene: SavedScene, usual: Float64[Tensor, " 3"], reason: str) -> UpD
         may_be_level=may_be_level[kept],
         may_be_upright=may_be_upright[kept],
         rights=torch.zeros(1, 3, dtype=torch.float64),
-        downs=torch.zeros(1, 3, dtype=torch.float64),
         base=torch.stack((usual, right, torch.linalg.cross(usual, right))),
     )
     if len(cues.surfaces):
@@ -214,19 +192,6 @@ def up_near(scene: SavedScene, usual: Float64[Tensor, " 3"], reason: str) -> UpD
         if score > 0:
             return UpDirection(found, f"{cues.fit(found)}; {reason}", certain=False)
     return UpDirection(usual, reason, certain=False)
-
-
-def _side(cues: Cues) -> Side | None:
-    """On which side the photos seem to lie, as those of a phone that was held upright if they were not turned; None if they are upright.
-
-    They do if lines and surfaces speak clearly more for a direction that is up then.
-    """
-    few = cues.thinned(CUES_OF_SIDES)
-    upright = _search(few, ROUNDS)[1]
-    sides: tuple[Side, ...] = (1, -1)
-    scores = {side: _search(few.turned(side), ROUNDS)[1] for side in sides}
-    best = max(sides, key=lambda side: scores[side])
-    return best if scores[best] > upright + ON_THEIR_SIDE else None
 
 
 def _search(cues: Cues, rounds: Sequence[Round]) -> tuple[Float64[Tensor, " 3"], float]:
@@ -249,7 +214,7 @@ class Cues:
         lines: normals of the planes through the lines and their cameras, of the length of the line.
         surfaces: normals of the surfaces, of unit length.
         may_be_level, may_be_upright: whether each surface can be, by its class.
-        rights, downs: the cameras' x and y axes.
+        rights: the cameras' x axes.
         base: the mean up of the cameras, their mean right and forward, orthonormal.
     """
 
@@ -258,26 +223,7 @@ class Cues:
     may_be_level: Bool[Tensor, " s"]
     may_be_upright: Bool[Tensor, " s"]
     rights: Float64[Tensor, "v 3"]
-    downs: Float64[Tensor, "v 3"]
     base: Float64[Tensor, "3 3"]
-
-    def turned(self, side: Side) -> Cues:
-        """The same if the top of the photos is at their left (1), so that up is against the cameras' x axes, or at their right (-1)."""
-        up, right, forward = self.base
-        base = torch.stack((-side * right, side * up, forward))
-        return replace(self, rights=-side * self.downs, downs=side * self.rights, base=base)
-
-    def thinned(self, most: int) -> Cues:
-        """The same with about so many lines, and so many surfaces."""
-        few, some = (slice(None, None, max(1, len(one) // most)) for one in (self.lines, self.surfaces))
-        surfaces, may_be_level, may_be_upright = self.surfaces[some], self.may_be_level[some], self.may_be_upright[some]
-        return replace(
-            self,
-            lines=self.lines[few],
-            surfaces=surfaces,
-            may_be_level=may_be_level,
-            may_be_upright=may_be_upright,
-        )
 
     def directions(self, pitch: Float64[Tensor, " n"], roll: Float64[Tensor, " n"]) -> Float64[Tensor, "n 3"]:
         """The direction that is up if the cameras look up by `pitch` and are turned by `roll` in the mean [degrees]."""
@@ -415,7 +361,6 @@ def _cues(scene: SavedScene) -> Cues:
         may_be_level=may_be_level[::EVERY],
         may_be_upright=may_be_upright[::EVERY],
         rights=poses[:, :3, 0],
-        downs=poses[:, :3, 1],
         base=torch.stack((up, right, torch.linalg.cross(up, right))),
     )
 

@@ -16,7 +16,7 @@ from semgs.model.weights.load import load
 from semgs.rooms.sets.demo_room import demo_scene
 from semgs.scene.own_views import lines, own_colours
 from semgs.scene.scene_file import SavedScene
-from semgs.scene.upright import Cues, Up, _cues, in_own_frame, up_of, upright
+from semgs.scene.upright import Cues, Up, in_own_frame, up_of, upright
 
 DOWN = 30.0
 """Pitch of the cameras below the horizon [degrees]."""
@@ -102,27 +102,6 @@ def test_cameras_that_look_in_opposite_directions_say_which_way_is_up(walls: boo
     assert off_degrees(found.direction, torch.tensor([0.0, 0, 1], dtype=torch.float64)) < 1.5
 
 
-@pytest.mark.parametrize("side", [1, -1])
-def test_photos_on_their_side_say_which_way_is_up_and_that_it_is_uncertain(side: int) -> None:
-    """A phone was held upright, and its photos were not turned: the cameras roll by 90 degrees. They look 30 degrees down, so up is not down."""
-    scene, up = tilt(scene_of(looking(40, roll=90 * side), looking(46, roll=90 * side)))
-    found = up_of(scene)
-    assert off_degrees(found.direction, up) < 2
-    assert not found.certain
-    assert found.reason.startswith("the photos seem to lie on their side")
-    upright_photos, _ = tilt(scene_of(looking(40), looking(46)))
-    assert "side" not in up_of(upright_photos).reason
-
-
-@pytest.mark.parametrize("side", [1, -1])
-def test_turned_cues_are_those_of_photos_that_were_turned(side: int) -> None:
-    """If the top of a photo is at its left, up is against its x axis, and its own right is against its y axis."""
-    level, rolled = (_cues(scene_of(looking(40, roll=roll))) for roll in (0.0, 90.0 * side))
-    assert torch.allclose(rolled.turned(side).base, level.base, atol=1e-12)
-    assert torch.allclose(rolled.turned(side).rights, level.rights, atol=1e-12)
-    assert torch.allclose(rolled.turned(side).downs, level.downs, atol=1e-12)
-
-
 @pytest.mark.parametrize("upside_down", [0, 1])
 def test_a_camera_that_hangs_upside_down_does_not_undo_the_other(upside_down: int) -> None:
     """Their own up directions cancel; the scene is upright or upside down by the first, and level in any case."""
@@ -153,13 +132,7 @@ def cues_of(normals: torch.Tensor, floor: torch.Tensor) -> Cues:
     """Surfaces alone, those of the floor marked."""
     nothing = torch.zeros(0, 3, dtype=torch.float64)
     return Cues(
-        nothing,
-        normals,
-        torch.ones(len(normals), dtype=torch.bool),
-        ~floor,
-        nothing,
-        nothing,
-        torch.eye(3, dtype=torch.float64),
+        nothing, normals, torch.ones(len(normals), dtype=torch.bool), ~floor, nothing, torch.eye(3, dtype=torch.float64)
     )
 
 
