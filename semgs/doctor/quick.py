@@ -6,15 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from semgs.data.frames import Frame
 from semgs.data.scene import Scene
 from semgs.doctor.diagnosis import diagnose
+from semgs.files.images.pictures import QUARTER_TURN, read_header
+from semgs.files.text import counted
 
 MOST_FRAMES = 4
 FEATURES = 400
 
 
 def warnings_of(scene: Scene, frames: Sequence[int]) -> list[str]:
-    """A warning for the user if the cameras or depth maps do not fit the images; none if they fit or nothing can be said.
+    """Warnings for the user if photos lie on their side, or the cameras or depth maps do not fit the images; none if all fits or nothing can be said.
 
     Args:
         scene: the scene.
@@ -23,8 +26,22 @@ def warnings_of(scene: Scene, frames: Sequence[int]) -> list[str]:
     Raises:
         InputError: an image or a depth map cannot be read.
     """
-    found = diagnose(scene, tuple(frames[:MOST_FRAMES]), FEATURES)
-    if found.verdict != "suspicious":
+    tested = tuple(frames[:MOST_FRAMES])
+    warnings = _on_their_side([scene.frames[position] for position in tested])
+    found = diagnose(scene, tested, FEATURES)
+    if found.verdict == "suspicious":
+        wrong = "depth maps" if np.isfinite(found.depth_focal) else "cameras"
+        warnings.append(f"The {wrong} may be wrong. {found.sentence} semgs doctor tests all of the scene.")
+    return warnings
+
+
+def _on_their_side(frames: Sequence[Frame]) -> list[str]:
+    """A warning if EXIF says that photos are to be shown turned by a quarter, and their cameras are for the pixels as stored, as COLMAP's are."""
+    headers = [(frame.lens.size, read_header(frame.picture)) for frame in frames]
+    count = sum(header.orientation >= QUARTER_TURN and header.size == size for size, header in headers)
+    if not count:
         return []
-    wrong = "depth maps" if np.isfinite(found.depth_focal) else "cameras"
-    return [f"The {wrong} may be wrong. {found.sentence} semgs doctor tests all of the scene."]
+    return [
+        f"{count} of {counted(len(frames), 'tested photo')} lie on their side, as EXIF says, and so do their cameras. Classes and depth are worse in such "
+        "photos, and up may be wrong. Turn the photos, then estimate their cameras again."
+    ]

@@ -66,7 +66,10 @@ _TURNS = {
     7: lambda pixels: np.rot90(pixels, 2).swapaxes(0, 1),
     8: lambda pixels: np.rot90(pixels, 1),
 }
-"""From stored to upright pixels, for each EXIF orientation but 1; those from 5 swap height and width."""
+"""From stored to upright pixels, for each EXIF orientation but 1."""
+
+QUARTER_TURN = 5
+"""EXIF orientations from this one swap height and width."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +166,7 @@ def is_turned(path: str | Stored, header: PictureHeader, size: tuple[int, int] |
         InputError: the size fits neither the stored nor the rotated pixels, or it cannot decide about the rotation.
     """
     stored, turned = header.size, header.size[::-1]
-    quarter_turn = header.orientation >= 5
+    quarter_turn = header.orientation >= QUARTER_TURN
     if size is not None and size != stored and not (quarter_turn and size == turned):
         raise InputError(
             path,
