@@ -28,8 +28,8 @@ class AnswerOptions:
     """What a segmenter's answers are, and what they mean."""
 
     classes: Annotated[Literal["scannet20", "own"] | None, optional("{scannet20,own}")] = None
-    """The segmenter's classes become ScanNet's 20, found by name, or stay its own. By default class maps keep their own, and networks give
-    ScanNet's 20."""
+    """Translate the segmenter's classes to ScanNet's 20 by name, or keep its own. By default class maps keep their own, and networks are
+    translated."""
     words: Annotated[tuple[str, ...], optional("WORD [WORD ...]")] = ()
     """Classes to look for with a text-prompted model: chair mug "power socket". What none of them describes becomes "none of these"."""
     correspondence: Annotated[Path | None, optional("FILE")] = None

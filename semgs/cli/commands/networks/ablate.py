@@ -57,11 +57,11 @@ class Ablate:
     to change, as for semgs train.
 
     With --stage semantic, depth and colour are trained once, for three quarters of the steps, and then kept; each variant trains only its
-    semantic branch, by the labels of its input views. Two more variants have the smoothness loss as a sum, and at the strength of the
+    semantic branch, by the labels of its input views. Two more variants change the smoothness loss: to a sum, and to the strength of the
     cross-entropy.
 
-    OUT will contain SEED/ROW/run and SEED/ROW/evaluation, as from semgs train and semgs evaluate, the rooms that it drew,
-    ablation.md, the tables, and curves.png, mIoU in validation during training (with matplotlib). To resume, repeat the command.
+    OUT will contain SEED/ROW/run and SEED/ROW/evaluation, as from semgs train and semgs evaluate, the generated rooms,
+    the tables (ablation.md), and a plot of the validation's mIoU during training (curves.png, with matplotlib). To resume, repeat the command.
 
     Examples
     - semgs ablate small_plain --out ablation --steps 3000 --dry-run
@@ -78,7 +78,7 @@ class Ablate:
     stage: AblationStage = "whole"
     """whole: train every variant from its first step. semantic: only its semantic branch, on the same depth and colour; far cheaper."""
     rooms: Count = 1600
-    """With --stage semantic: rooms to train on, drawn once for all variants, without --data."""
+    """With --stage semantic: rooms to train on, generated once for all variants, without --data."""
     test: Annotated[Path | None, optional("DIR")] = None
     """Scenes to evaluate on, at the training size. By default, 48 generated rooms that training never sees, and with --stage semantic also 48
     rooms in another style."""

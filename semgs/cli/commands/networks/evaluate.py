@@ -101,7 +101,7 @@ class Evaluate:
     """Refine the Gaussians on the input views before rendering, with PASSES steps for each, by default 15. Tables then also have the scores
     before. See docs/refine.md."""
     exposure: Exposure = "as-taken"
-    """Whether the input views come to a common exposure, as for semgs reconstruct. Target views stay as taken. By default all do, as in the paper."""
+    """Bring the input views to a common exposure, as for semgs reconstruct. Target views stay as taken; by default all views do, as in the paper."""
     single: bool = False
     """Score the classes of each image by itself."""
     allow_seen: bool = False

@@ -23,7 +23,7 @@ class ExportNetwork:
     """Write a network as one ONNX file, which runs in ONNX Runtime (Python, C++, C#, Java) without PyTorch and SemGS.
 
     The file takes images, poses, intrinsics and depth bounds, and gives the arrays of the Gaussians and the depth of each pixel. It is for
-    a fixed number of views of a fixed size. It has operators of ONNX's standard alone (opset 20) and computes in float32; see docs/onnx.md,
+    a fixed number of views of a fixed size. It uses only operators of ONNX's standard (opset 20) and computes in float32; see docs/onnx.md,
     and examples/onnx for programs that use it.
 
     This takes a minute or more, and much memory for base.

@@ -33,7 +33,7 @@ FRAMES = 4
 
 @dataclass(frozen=True)
 class FitSegmenter:
-    """Learn on labelled scenes what a segmenter's classes mean in theirs: how often each of its classes is each of ours.
+    """Learn from labelled scenes what a segmenter's classes mean: how often each of its classes is each of ours.
 
     Use the result with --correspondence FILE of semgs reconstruct and semgs evaluate, instead of matching class names. With --weights, this
     also fits how much the segmenter and the network should each vote, class by class, for --with-own-classes.

@@ -38,9 +38,9 @@ class Train:
 
     settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
     out: Annotated[Path, tyro.conf.arg(metavar="RUN")]
-    """Run folder: new, empty, one whose run has no checkpoint yet, or a run with the same settings to resume. To resume, --steps may grow, files
-    and folders may have moved but keep their names, and how to compute (--device, --devices, --nodes, --precision, --accumulate, --minutes,
-    --workers, --save-minutes, --cache-gib) is free."""
+    """Run folder: new, empty, one whose run has no checkpoint yet, or a run with the same settings to resume. You may then raise --steps, move files
+    and folders without renaming them, and change how to compute (--device, --devices, --nodes, --precision, --accumulate, --minutes,
+    --workers, --save-minutes, --cache-gib)."""
     nodes: Count = 1
     """Machines, each with that many --devices, started by torchrun or SLURM."""
     compute: Annotated[ExecutionOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=ExecutionOptions)

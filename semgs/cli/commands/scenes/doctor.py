@@ -34,7 +34,7 @@ class Doctor:
     in another order. The one that explains the data is named, with the error before and after. Some mistakes do not show in some scenes, for
     example fx and fy swapped if they are nearly equal; these are listed as not excluded.
 
-    Exit code 0 if the cameras fit, are slightly wrong, or nothing can be said; 3 if they do not fit; 2 if the scene is unusable: fewer than two
+    Exit code 0 if the cameras fit, are slightly wrong, or it cannot tell; 3 if they do not fit; 2 if the scene is unusable: fewer than two
     frames with an image and a pose, or files that cannot be read.
 
     Examples

@@ -96,9 +96,9 @@ class Export:
     resolution: Metres = 0.05
     """Side of the cells of --as occupancy, in metres."""
     step_height: Metres = 0.1
-    """What is lower above the floor is no obstacle for the robot, in metres."""
+    """Things lower than this above the floor are no obstacle for the robot, in metres."""
     robot_height: Metres = 1.5
-    """What is higher above the floor is no obstacle for the robot, in metres."""
+    """Things higher than this above the floor are no obstacle for the robot, in metres."""
     overwrite: bool = False
     """Replace OUT from an earlier run, once the new one is complete."""
 

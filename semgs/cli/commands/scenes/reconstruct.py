@@ -111,8 +111,8 @@ class Reconstruct:
     """Network for --weights random, or base to fill it from MVSplat's checkpoint. Otherwise the weights decide. small runs on a laptop,
     base has the paper's sizes, mvsplat has colour and depth only."""
     exposure: Exposure = "auto"
-    """Whether the input photos come to a common exposure, by a gain and an offset of each from the surfaces that they share: auto if they
-    clearly differ, always (fitted), or never (as-taken). Held-out photos stay as taken. See docs/questions.md."""
+    """Bring the input photos to a common exposure, with a gain and an offset for each, from the surfaces that they share: auto if they
+    clearly differ, fitted always, as-taken never. Held-out photos stay as taken. See docs/questions.md."""
     refine_poses: bool = False
     """First correct slightly wrong cameras of the input and held-out frames, by up to a few degrees, so that they fit matches between the
     images. Cameras that fit already stay as they are; the report says what moved. See docs/poses.md."""

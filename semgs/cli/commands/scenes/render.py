@@ -78,7 +78,7 @@ class Render:
     ] = None
     """Angle of the orbit: half of it to each side, or 360 for a full circle. The further from the input views, the more holes there are."""
     size: Annotated[Size | None, optional("HxW")] = None
-    """Height x width of the images, in pixels; by default that of the reconstruction. The height of the view stays; more or less is seen to both sides."""
+    """Height x width of the images, in pixels; by default that of the reconstruction. The vertical field of view stays; both sides show more or less."""
     fps: Count = 30
     """Images per second of a video."""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 class Rooms:
     """Generate synthetic rooms with exact labels of ScanNet's 20 classes, exact depth and poses.
 
-    OUT will contain scenes, each a walk through a furnished room of its own:
+    OUT will contain scenes, each a walk through its own furnished room:
     - scene_00000/transforms.json: cameras, in nerfstudio's layout, metric; semgs reconstruct takes the folder
     - scene_00000/images/: JPEG images
     - scene_00000/depth/: z-depth in millimetres, 16-bit PNG
