@@ -44,8 +44,10 @@ def test_the_base_set_has_as_many_packages_as_the_page_says():
 def test_the_base_set_is_as_large_as_the_page_says_within_2_percent():
     files = [Path(file.locate()) for name in NAMES for file in importlib.metadata.files(name) or []]
     sizes = {file: file.stat().st_size / 1e6 for file in files if file.exists()}
-    bytecode = sum(size for file, size in sizes.items() if file.suffix == ".pyc")
-    plain = sum(sizes.values()) - bytecode
+    bytecode = {file: size for file, size in sizes.items() if file.suffix == ".pyc"}
+    plain = sum(sizes.values()) - sum(bytecode.values())
     assert plain == pytest.approx(stated("the same without the bytecode that Python compiles"), rel=0.02)
-    if bytecode:  # pip compiled, as it does by default but not in `make setup`
-        assert plain + bytecode == pytest.approx(stated("their size on disk"), rel=0.02)
+    sources = {file for file in sizes if file.suffix == ".py"}
+    # pip compiles all of them by default, `make setup` none; of packages that were added later, perhaps some.
+    if len(bytecode) > 0.95 * len(sources):
+        assert plain + sum(bytecode.values()) == pytest.approx(stated("their size on disk"), rel=0.02)
