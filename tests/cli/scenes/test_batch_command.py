@@ -106,6 +106,21 @@ def test_bad_input_is_one_line_and_nothing_is_written(
     assert tree(tmp_path) == before
 
 
+def test_a_name_with_brackets_is_that_folder_and_not_a_pattern_for_another(tmp_path: Path, in_this_process: None):
+    save_walls(tmp_path, 3)
+    scan, other = tmp_path / "scan[1]", tmp_path / "scan1"
+    (tmp_path / "wall_1").rename(scan)
+    (tmp_path / "wall_2").rename(other)
+    command = ["batch", "export", "--out", str(tmp_path / "out"), *TWO_WORKERS, "--as", "points"]
+    assert main([*command[:2], str(scan), *command[2:]]) == 0
+    assert (tmp_path / "out" / "scan[1]" / "points.ply").is_file()
+    assert not (tmp_path / "out" / "scan1").exists()
+    assert (
+        main([*command[:2], str(tmp_path / "scan[0-9]"), *command[2:]]) == 0
+    )  # no folder has this name, so it is a pattern
+    assert (tmp_path / "out" / "scan1" / "points.ply").is_file()
+
+
 def test_a_scene_that_its_result_would_replace_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     save_walls(tmp_path / "scans", 1)
     write_json(tmp_path / "scans" / "batch.json", {"command": "export"})

@@ -56,8 +56,10 @@ MINUTE = 60.0
 
 
 def _matching(word: str) -> list[Path]:
-    """The paths that a word with wildcards matches, or the path that it is. A shell has already done so, unless the word was quoted."""
-    return sorted(map(Path, glob(word))) or [typed_path(word)]  # noqa: PTH207 - patterns may begin at the root
+    """The path that a word is, or the paths that it matches if there is none: a shell has already replaced wildcards, unless the word was quoted, and
+    names may have brackets."""
+    path = typed_path(word)
+    return [path] if path.exists() else sorted(map(Path, glob(word))) or [path]  # noqa: PTH207 - patterns may begin at the root
 
 
 def _part_and_parts(text: str) -> tuple[int, int]:
