@@ -5,7 +5,7 @@ Poses are camera to world with OpenGL axes (x right, y up, z backward), in the c
 - nerfstudio's camera path: `render_height`, `render_width`, and a list `camera_path` of `camera_to_world` (16 numbers, row by row) and `fov`
   (vertical, degrees). `camera_type`, if it is there, is "perspective".
 - `transforms.json`: a list `frames` of `transform_matrix`; `w`, `h`, `fl_x` and optionally `fl_y`, `cx`, `cy`, for all frames or in each. Images
-  are not needed, and lens distortion is ignored.
+  are not needed, and lens distortion is ignored. Panoramas and other cameras that are no pinholes (`camera_model`) are refused.
 """
 
 from __future__ import annotations
@@ -23,6 +23,16 @@ from semgs.files.strict_json import read_json
 from semgs.geometry.cameras import Cameras
 
 OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+
+NO_PINHOLES = (
+    "EQUIRECTANGULAR",
+    "OMNIDIRECTIONALSTEREO_L",
+    "OMNIDIRECTIONALSTEREO_R",
+    "VR180_L",
+    "VR180_R",
+    "ORTHOPHOTO",
+)
+"""Values of `camera_model` in nerfstudio's `transforms.json` whose images no pinhole has: `fl_x` is no focal length there."""
 
 MOST = 100_000
 """Files with more cameras are refused."""
@@ -92,6 +102,10 @@ def _of_camera_path(entry: dict[str, Any], content: dict[str, Any]) -> Cameras:
 def _of_frame(entry: dict[str, Any], content: dict[str, Any]) -> Cameras:
     """A camera of `transforms.json`."""
     of = content | entry
+    if of.get("camera_model") in NO_PINHOLES:
+        raise ValueError(
+            f"camera_model is {of['camera_model']!r}; expected that of a pinhole camera, such as 'PINHOLE' or 'OPENCV'"
+        )
     height, width = _count(of, "h"), _count(of, "w")
     fx = _number(of, "fl_x")
     numbers = (fx, _number(of, "fl_y", fx), _number(of, "cx", width / 2), _number(of, "cy", height / 2))

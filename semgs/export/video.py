@@ -17,8 +17,8 @@ CRF = "18"
 BT709, LIMITED_RANGE = 1, 1
 """Numbers of the colour space of HD video and of its range, 16..235. Without them in the file, players guess by the size of the image."""
 
-WIDEST = 16384
-"""Encoders refuse wider images [px]."""
+NARROWEST, WIDEST = 2, 16384
+"""Sides are even, and encoders refuse wider images [px]."""
 
 
 def check_video_library() -> None:

@@ -137,7 +137,7 @@ def notes_on_guesses(names: Sequence[str], context: Views) -> list[str]:
 
 
 def notes_on_splat(unseen: int, count: int, decibels: float) -> list[str]:
-    """What a labelled splat lacks: `unseen` of its `count` Gaussians have no class; it renders its photos with this PSNR [dB]."""
+    """What a labelled splat lacks: `unseen` of its `count` Gaussians have no class; it renders what it shows of its photos with this PSNR [dB]."""
     classless = f"{unseen:,} of {count:,} Gaussians are outside all photos or hidden in them: they have no class."
     return [classless if unseen else "", note_on_look(decibels)]
 

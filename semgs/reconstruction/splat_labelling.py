@@ -121,7 +121,8 @@ def label_splat(
         if target is not None:
             compared = render_views("target", scene, choice.targets, target, encoding, min_confidence)
         direction = up_of(saved, up)
-    quality = float(np.median([score.psnr for score in rendered.scores]))
+    shown = [score.psnr_seen for score in rendered.scores if score.psnr_seen is not None]
+    quality = float(np.median(shown)) if shown else 0.0
     notes = collect_notes(
         scene,
         choice,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import cos, radians, sqrt
 from pathlib import Path
+from statistics import median
 
 import torch
 from jaxtyping import Float64
@@ -12,10 +14,12 @@ from torch import Tensor
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.spread import spread
+from semgs.data.views import Views
 from semgs.files.errors import InputError
 from semgs.files.paths import typed_path
 from semgs.geometry.gaussians import Gaussians
-from semgs.objectives.metrics import psnr
+from semgs.objectives.metrics import psnr_seen
+from semgs.rendering.rendering import SEEN_ALPHA, Rendering
 from semgs.scene.opened import OpenedScene
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import Up, UpDirection, axis_direction, up_near
@@ -105,9 +109,20 @@ def _with_cameras(file: Path, splat: Splat, path: Path, up: Up) -> OpenedScene:
             str(error),
             advice=f"if nerfstudio trained it, put its {FILE_NAME} into the folder of the splat",
         ) from error
-    decibels = psnr(torch.cat([view.images for view in rendered]), views.images, views.hidden)
     photos = (255 * views.images).round().to(torch.uint8).movedim(1, -1).numpy()
-    return OpenedScene(saved, up, photos=tuple(photos), splat=True, note=note_on_look(float(decibels.median())))
+    return OpenedScene(saved, up, photos=tuple(photos), splat=True, note=note_on_look(_likeness(rendered, views)))
+
+
+def _likeness(rendered: Sequence[Rendering], views: Views) -> float:
+    """The median over views of the PSNR of a splat against its photos, where it shows something: it may be only a part of what they show [dB]."""
+    found = []
+    for index, view in enumerate(rendered):
+        shown = view.alphas[0] >= SEEN_ALPHA
+        if views.hidden is not None:
+            shown = shown & ~views.hidden[index]
+        found.append(psnr_seen(view.images[0], views.images[index], shown))
+    known = [float(one) for one in found if one is not None]
+    return median(known) if known else 0.0
 
 
 def in_frame_of(file: Path, gaussians: Gaussians, scene: Scene) -> Gaussians:

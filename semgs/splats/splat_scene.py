@@ -17,7 +17,7 @@ from semgs.rendering.rendering import SEEN_ALPHA, Rendering
 from semgs.scene.scene_file import SavedScene
 
 TOO_DARK = 15.0
-"""Photos that a splat renders with a lower PSNR are probably not of this splat, or not in its coordinates [dB]."""
+"""Photos that a splat renders with a lower PSNR, where it shows something, are probably not of this splat, or not in its coordinates [dB]."""
 
 SAME = 0.05
 """A Gaussian is seen by a view if it is at most this share behind the depth there."""
@@ -86,10 +86,10 @@ def render_plain(gaussians: Gaussians, cameras: Cameras) -> list[Rendering]:
 
 
 def note_on_look(decibels: float) -> str:
-    """What to say of a splat that renders photos with this PSNR [dB] from their cameras; empty if it looks like them."""
+    """What to say of a splat that renders photos with this PSNR [dB] from their cameras, in the pixels that it shows; empty if it looks like them."""
     if decibels >= TOO_DARK:
         return ""
-    return f"The splat does not look like the photos from their cameras (PSNR {decibels:.1f} dB): are these cameras in its coordinates?"
+    return f"The splat does not look like the photos from their cameras (PSNR {decibels:.1f} dB in what it shows of them): are these cameras in its coordinates?"
 
 
 def without_harmonics(gaussians: Gaussians) -> Gaussians:

@@ -68,6 +68,8 @@ def test_what_is_written_is_read_to_the_bit(tmp_path: Path) -> None:
         (PATH | {"camera_path": [3]}, r"camera_path\[0\]: expected a camera, found 3, which is no object"),
         (PATH | {"camera_type": "fisheye", "camera_path": [{"camera_to_world": POSE, "fov": 50}]}, "camera_type is 'fisheye'"),
         (SHARED | {"frames": [{"transform_matrix": SQUARE}, 3]}, r"frames\[1\]"),
+        (SHARED | {"camera_model": "EQUIRECTANGULAR", "frames": [{"transform_matrix": SQUARE}]}, r"frames\[0\]: .*'EQUIRECTANGULAR'; expected that of a pinhole"),
+        (SHARED | {"frames": [{"transform_matrix": SQUARE, "camera_model": "VR180_L"}]}, r"frames\[0\]: .*'VR180_L'"),
         (SHARED | {"frames": [{"transform_matrix": {"a": 1}}]}, r"transform_matrix is \{'a': 1\}; expected 16 numbers"),
         (SHARED | {"fl_x": 10**400, "frames": [{"transform_matrix": SQUARE}]}, "expected a number"),
         (SHARED | {"frames": [{}]}, "transform_matrix has 1 numbers; expected 16"),

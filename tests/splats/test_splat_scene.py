@@ -303,6 +303,21 @@ def test_a_splat_that_looks_unlike_the_photos_has_a_note(tmp_path: Path, photos:
         )
 
 
+def test_a_part_of_a_splat_is_compared_with_what_it_shows_alone(tmp_path: Path, photos: Path):
+    gaussians = surface_of(photos)
+    source = open_scene(photos)
+    for frame in source.frames:
+        view = source.read([frame.name], (24, 32), (0.1, 100.0))
+        image = render(gaussians, view.cameras).images[0].movedim(0, -1).numpy()
+        write_png(photos.parent / frame.name, (255 * image).round().astype(np.uint8))
+    middle = gaussians.means[:, 0].median()
+    save_ply(tmp_path / "part.ply", gaussians.map(lambda tensor: tensor[gaussians.means[:, 0] < middle]))
+    opened = open_splat(tmp_path / "part.ply", photos)
+    shown = (opened.scene.depths > 0).double().mean()
+    assert 0.2 < shown < 0.8
+    assert opened.note == ""
+
+
 def test_cameras_that_do_not_see_the_splat_are_refused_and_the_frame_of_nerfstudio_is_named(
     tmp_path: Path, photos: Path
 ):

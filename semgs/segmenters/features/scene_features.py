@@ -125,7 +125,9 @@ class SceneFeatures:
 
     def similarity(self, embedding: Float[Tensor, " n"]) -> Float[Tensor, " g"]:
         """The cosine of each Gaussian's feature with an embedding; NaN where there is no feature."""
-        return self.compression.cosine(self.coordinates, embedding)
+        if self.compression.book is None:
+            return self.compression.cosine(self.codes, embedding)
+        return self.compression.cosine(self.compression.book, embedding)[self.codes.long()]
 
     def similarity_maps(
         self, embedding: Float[Tensor, " n"], gaussians: Gaussians, cameras: Cameras, near: float | None = None

@@ -106,6 +106,53 @@ def test_bad_input_is_one_line_and_nothing_is_written(
     assert tree(tmp_path) == before
 
 
+def test_a_name_with_brackets_is_that_folder_and_not_a_pattern_for_another(tmp_path: Path, in_this_process: None):
+    save_walls(tmp_path, 3)
+    scan, other = tmp_path / "scan[1]", tmp_path / "scan1"
+    (tmp_path / "wall_1").rename(scan)
+    (tmp_path / "wall_2").rename(other)
+    command = ["batch", "export", "--out", str(tmp_path / "out"), *TWO_WORKERS, "--as", "points"]
+    assert main([*command[:2], str(scan), *command[2:]]) == 0
+    assert (tmp_path / "out" / "scan[1]" / "points.ply").is_file()
+    assert not (tmp_path / "out" / "scan1").exists()
+    assert (
+        main([*command[:2], str(tmp_path / "scan[0-9]"), *command[2:]]) == 0
+    )  # no folder has this name, so it is a pattern
+    assert (tmp_path / "out" / "scan1" / "points.ply").is_file()
+
+
+def test_a_list_chooses_among_all_inputs_of_every_command(
+    tmp_path: Path, in_this_process: None, capsys: pytest.CaptureFixture[str]
+):
+    save_walls(tmp_path / "scans", 3)
+    save_walls(tmp_path / "more", 1)
+    (tmp_path / "more" / "wall_0").rename(tmp_path / "more" / "hall")
+    (tmp_path / "list").write_text("# two of four\n\nwall_1\nhall\n")
+    data = [str(tmp_path / "scans"), str(tmp_path / "more")]
+    rest = ["--out", str(tmp_path / "out"), *TWO_WORKERS, "--as", "points", "--scenes", str(tmp_path / "list")]
+    assert main(["batch", "export", *data, *rest]) == 0
+    assert "2 of 2 scenes succeeded" in capsys.readouterr().out
+    assert {path.parent.name for path in (tmp_path / "out").glob("*/points.ply")} == {"wall_1", "hall"}
+    assert main(["batch", "export", data[0], *rest]) == 2
+    assert "expected names of scenes in" in (line := capsys.readouterr().err)
+    assert "found hall, which is missing" in line
+
+
+def test_a_folder_without_a_reconstruction_among_others_fails_and_what_a_batch_wrote_beside_its_results_is_skipped(
+    tmp_path: Path, in_this_process: None, capsys: pytest.CaptureFixture[str]
+):
+    save_walls(tmp_path / "scans", 1)
+    (tmp_path / "scans" / "empty").mkdir()
+    write_json(tmp_path / "scans" / "batch.json", {"command": "reconstruct"})
+    (tmp_path / "scans" / "records").mkdir()
+    (tmp_path / "scans" / "index.html").touch()
+    options = ["--out", str(tmp_path / "out"), *TWO_WORKERS, "--as", "points"]
+    assert main(["batch", "export", str(tmp_path / "scans" / "*"), *options]) == 3
+    told = capsys.readouterr().out
+    assert f"empty: {tmp_path / 'scans' / 'empty'}" in told
+    assert "1 of 2 scenes succeeded" in told
+
+
 def test_a_scene_that_its_result_would_replace_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     save_walls(tmp_path / "scans", 1)
     write_json(tmp_path / "scans" / "batch.json", {"command": "export"})

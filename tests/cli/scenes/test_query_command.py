@@ -11,11 +11,14 @@ import pytest
 import torch
 from PIL import Image
 from ply import read_ply
+from saved_scenes import wall
 from turned_cameras import write_scene
 
 import semgs
 from semgs.cli.main import main
-from semgs.segmenters.features.scene_features import load_features
+from semgs.scene.scene_file import save_scene
+from semgs.segmenters.features.compression import Compression
+from semgs.segmenters.features.scene_features import SceneFeatures, load_features, save_features
 
 NUMBERS = 40
 AXES = np.linalg.qr(np.random.default_rng(7).normal(size=(NUMBERS, NUMBERS)))[0]
@@ -103,6 +106,28 @@ def test_a_query_finds_what_looks_like_the_embedding(
     assert np.nanmax(values) <= 1
     assert numbers["views"][0]["seen"] == pytest.approx(1 - nothing.mean())
     assert np.asarray(Image.open(out / "000_similarity.png")).shape == (32, 48, 3)
+
+
+@pytest.mark.parametrize("book", [False, True])
+def test_without_a_threshold_a_feature_that_half_of_the_room_has_is_found(book: bool, tmp_path: Path):
+    scene = wall()
+    save_scene(tmp_path / "scene.safetensors", scene)
+    count = len(scene.gaussians)
+    first = torch.arange(count) % 2 == 0
+    entries = torch.cat((torch.zeros(1, 2), torch.eye(2))) if book else torch.eye(2)
+    codes = torch.where(first, 1, 2).to(torch.uint8) if book else entries[(~first).long()]
+    compression = Compression(torch.eye(4)[:, :2], entries if book else None)
+    save_features(
+        tmp_path / "features.safetensors", SceneFeatures(compression, codes, 1.0, 0.0, torch.eye(4)[:2], "segments")
+    )
+    np.save(tmp_path / "first.npy", np.array([2.0, 0, 0, 0]))
+    command = ["query", str(tmp_path), "--embedding", str(tmp_path / "first.npy"), "--out", str(tmp_path / "out")]
+    assert main(command) == 0
+    numbers = json.loads((tmp_path / "out" / "query.json").read_text())
+    assert (numbers["above"], numbers["gaussians"]) == (1230, 2460)
+    assert numbers["threshold"] == pytest.approx(0.9999, abs=1e-6)
+    found = read_ply(tmp_path / "out" / "found.ply")
+    assert len(found) == 1230
 
 
 def test_without_a_threshold_the_likest_tenth_is_written_and_an_unreached_one_writes_none(

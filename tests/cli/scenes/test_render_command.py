@@ -156,6 +156,22 @@ def test_bad_options_are_refused_in_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("sides", [(1, 40), (40, 1)])
+def test_cameras_of_one_pixel_are_no_video_but_images(
+    done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], sides: tuple[int, int]
+) -> None:
+    pytest.importorskip("av")
+    height, width = sides
+    path = tmp_path / "cameras.json"
+    frame = {"transform_matrix": np.eye(4).tolist()}
+    path.write_text(json.dumps({"h": height, "w": width, "fl_x": 20, "frames": [frame]}))
+    assert render(done, tmp_path / "a.mp4", "--path", path) == 2
+    line = f"semgs: error: the images have {height}x{width} pixels; a video needs at least 2x2\n"
+    assert capsys.readouterr().err == line
+    assert render(done, tmp_path / "stills", "--path", path, "--show", "colour") == 0
+    assert pixels(tmp_path / "stills" / "0000_colour.png").shape == (height, width, 3)
+
+
 @pytest.mark.parametrize("name", ["a.gif", "a.WebM", "stills/x.png"])
 def test_a_folder_is_not_named_like_a_file(
     done: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str

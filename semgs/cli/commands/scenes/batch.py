@@ -45,6 +45,9 @@ ENDINGS = {"doctor": ".html"}
 SETTINGS = "batch.json"
 """The file in OUT that says which command fills it."""
 
+SCENE = "scene.safetensors"
+"""The file that makes a folder a reconstruction."""
+
 RESERVED = ("records", "pictures", "batch.json", "index.html", "index.csv", "failures.jsonl")
 """Files and folders in OUT that are no results."""
 
@@ -56,8 +59,10 @@ MINUTE = 60.0
 
 
 def _matching(word: str) -> list[Path]:
-    """The paths that a word with wildcards matches, or the path that it is. A shell has already done so, unless the word was quoted."""
-    return sorted(map(Path, glob(word))) or [typed_path(word)]  # noqa: PTH207 - patterns may begin at the root
+    """The path that a word is, or the paths that it matches if there is none: a shell has already replaced wildcards, unless the word was quoted, and
+    names may have brackets."""
+    path = typed_path(word)
+    return [path] if path.exists() else sorted(map(Path, glob(word))) or [path]  # noqa: PTH207 - patterns may begin at the root
 
 
 def _part_and_parts(text: str) -> tuple[int, int]:
@@ -289,22 +294,47 @@ class Batch:
         """The scenes.
 
         Raises:
-            InputError: there is none.
+            InputError: there is none, or one of --scenes is missing.
         """
+        from semgs.data.scene_lists import read_list, scenes_by_name
+
         given = self._given()
+        wanted = read_list(self.scenes) if self.scenes else None
         found: list[Path] = []
+        known: dict[str, Path] = {}
         for path in given:
-            if self.command in ("reconstruct", "doctor", "label"):
-                found += self._scenes_in(path, alone=len(given) == 1)
-            elif self.command == "export" and path.is_dir() and not (path / "scene.safetensors").is_file():
-                found += sorted(one.parent for one in path.glob("*/scene.safetensors"))
-            elif path.exists():
-                found.append(path)
-            else:
-                raise InputError(path, f"input of semgs {self.command}", found_at(path))
+            here = self._inputs_in(path, alone=len(given) == 1)
+            found += here
+            known = scenes_by_name(path, here) | known
         if not found:
             raise InputError(self.data[0], f"input of semgs {self.command}", "none")
+        if wanted is not None:
+            where = f"{given[0]} and {len(given) - 1} more" if len(given) > 1 else str(given[0])
+            chosen = set(wanted.choose(known, where))
+            found = [path for path in found if path in chosen]
         return list({path.resolve(): path for path in reversed(found)}.values())[::-1]
+
+    def _inputs_in(self, path: Path, alone: bool) -> Sequence[Path]:
+        """The inputs of the command at a path. A path without one is left to the command, which will say why it fails, unless it is the only path.
+
+        Raises:
+            InputError: there is no input.
+        """
+        if self.command in ("reconstruct", "doctor", "label"):
+            return self._scenes_in(path, alone)
+        if not path.exists():
+            raise InputError(path, f"input of semgs {self.command}", found_at(path))
+        if self.command == "export":
+            if path.is_dir() and not (path / SCENE).is_file():
+                inside = sorted(one.parent for one in path.glob(f"*/{SCENE}"))
+                return inside if inside or alone or self._is_of_a_batch(path) else [path]
+            return [] if self._is_of_a_batch(path) else [path]
+        return [path]
+
+    @staticmethod
+    def _is_of_a_batch(path: Path) -> bool:
+        """Whether a path is one of those that a batch puts beside its results."""
+        return path.name in RESERVED and (path.parent / SETTINGS).is_file() and not (path / SCENE).is_file()
 
     def _scenes_in(self, path: Path, alone: bool) -> Sequence[Path]:
         """The scenes at a path. One that is none is left to the command, unless it is the only path: then it is no set of scenes either.
@@ -312,15 +342,13 @@ class Batch:
         Raises:
             InputError: there is no scene.
         """
-        from semgs.data.scene_lists import read_list
         from semgs.data.scenes import scene_paths
         from semgs.sfm.photos import has_only_photos
 
-        wanted = read_list(self.scenes) if self.scenes else None
         try:
-            return scene_paths(path, wanted)
+            return scene_paths(path)
         except InputError:
-            if wanted or not path.exists() or (alone and not has_only_photos(path)):
+            if not path.exists() or (alone and not has_only_photos(path)):
                 raise
             return [path]
 

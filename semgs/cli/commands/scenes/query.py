@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 LIKEST = 0.9
 """Without a threshold, Gaussians above this quantile of the similarities are written."""
 
+EQUAL = 1e-4
+"""Without a threshold, those are written in any case that are most similar up to this: a feature of a whole wall can be that of more than a tenth."""
+
 QUANTILES = (0.0, 0.5, 0.9, 0.99, 1.0)
 """Quantiles of the similarities that are reported."""
 
@@ -55,7 +58,8 @@ class Query:
     out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
     threshold: Annotated[float | None, optional("FLOAT")] = None
-    """Write the Gaussians whose similarity is above this, from -1 to 1. By default, the tenth of them that is most similar."""
+    """Write the Gaussians whose similarity is above this, from -1 to 1. By default, the tenth of them that is most similar, or more if the most
+    similar ones are all equal."""
     overwrite: bool = False
     """Replace an output folder from an earlier run, once the new result is complete."""
 
@@ -104,7 +108,9 @@ class Query:
         known = of_gaussians[~of_gaussians.isnan()]
         if not len(known):
             raise InputError(self.scene, "Gaussians with features", "none")
-        threshold = float(known.quantile(LIKEST)) if self.threshold is None else self.threshold
+        threshold = self.threshold
+        if threshold is None:
+            threshold = min(float(known.quantile(LIKEST)), float(known.max()) - EQUAL)
         above = of_gaussians > threshold
         if above.any():
             up = up_of(scene)

@@ -126,7 +126,7 @@ class Render:
             stills = self._stills(opened.scene)
             cameras, note = self._path_cameras(opened)
             if video:
-                self._check_width(cameras, len(stills.shows))
+                self._check_sides(cameras, len(stills.shows))
         count = cameras.batch[0]
         if video:
             self._write_video(stills, cameras)
@@ -194,12 +194,15 @@ class Render:
             cameras = read_camera_file(typed_path(self.path)).relative_to(scene.origin)
         return (cameras if self.size is None else resize_cameras(cameras, self.size)), note
 
-    def _check_width(self, cameras: Cameras, shows: int) -> None:
+    def _check_sides(self, cameras: Cameras, shows: int) -> None:
         """Check that images fit side by side into a video."""
         from semgs.export.stills import GAP_PX
-        from semgs.export.video import WIDEST
+        from semgs.export.video import NARROWEST, WIDEST
 
-        width = shows * (cameras.size[1] + GAP_PX) - GAP_PX
+        height, width = cameras.size
+        if min(height, width) < NARROWEST:
+            raise UsageError(f"the images have {height}x{width} pixels; a video needs at least {NARROWEST}x{NARROWEST}")
+        width = shows * (width + GAP_PX) - GAP_PX
         if width > WIDEST:
             raise UsageError(
                 f"the images are {width} pixels wide side by side; a video has at most {WIDEST}: use --size or fewer --show"
