@@ -13,7 +13,8 @@ from torch.utils.data import DataLoader, Dataset
 from semgs.data.scenes import scene_paths
 from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Batch, stack
-from semgs.rooms.sets.pool import PooledSamples
+from semgs.files.errors import InputError
+from semgs.rooms.sets.pool import FRAMES, PooledSamples
 from semgs.rooms.sets.room_stream import RoomSamples
 from semgs.runtime.workers import settle_worker
 from semgs.training.data.data_check.data_check import RunData
@@ -100,7 +101,7 @@ def training_batches(
 
     Raises:
         ValueError: a step cannot be shared equally.
-        InputError: the asset folder is not one.
+        InputError: the asset folder is not one, or a sample needs more views than a room that several samples share has.
     """
     length = steps * settings.batch
     contexts, targets = view_counts(settings, single_images)
@@ -114,6 +115,11 @@ def training_batches(
             settings.seed, settings.size, contexts, targets, length, group=settings.batch, library=library
         )
         if settings.scene_reuse > 1:
+            if (most := contexts[1] + targets) > FRAMES:
+                raise InputError(
+                    "--scene-reuse", f"at most {FRAMES} input and target views, which is what a room has", f"{most}",
+                    advice="give fewer --contexts or --targets, or leave it out",
+                )  # fmt: skip
             # Only some of the samples show rooms, so a room stays in the pool for that many more.
             served = max(1, round(settings.scene_reuse * sum(weights) / weights[0]))
             rooms = PooledSamples(pool, rooms, served)

@@ -62,6 +62,8 @@ def test_supervision_by_depth_has_weights_of_its_own():
         ("small --out run --steps 0", "steps is 0; expected at least 1"),
         ("small --out run --stops 3", "--stops"),
         ("small --out run --data scans=0", "data is 'scans=0'; expected rooms or DIR"),
+        ("small --out run --validation scans=0", "validation is 'scans=0'; expected rooms or DIR"),
+        (f"small --out run --seed {2**63}", rf"seed is {2**63}; expected 0 to 2\^63 - 1"),
         ("small --out run --class-weights 1 2", "expected 20 factors"),
         ("small --out run --augmentation.crop 2", "augmentation: crop is 2.0; expected 0.2 to 1"),
         ("tiny --out run", "tiny"),
@@ -140,6 +142,10 @@ def test_weights_of_classes_are_numbers_or_the_name_of_a_rule():
         ("small --out RUN --data nowhere", "nowhere: expected a folder with a scene, found nothing there"),
         ("small --out RUN --init nowhere.safetensors", "nowhere.safetensors: expected a weights file"),
         ("small --out RUN --init small --classes TABLE --data nowhere", "TABLE: expected a table of classes as JSON"),
+        (
+            "small_plain --out RUN --scene-reuse 2 --contexts 2 11 --size 16x16 --workers 0",
+            "--scene-reuse: expected at most 12 input and target views, which is what a room has, found 13",
+        ),
     ],
 )
 def test_what_a_training_cannot_start_from_ends_with_exit_code_2_and_one_line(line: str, told: str, tmp_path, capsys):
