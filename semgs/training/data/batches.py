@@ -25,6 +25,9 @@ from semgs.training.data.samples import Folder, Form, Mixture, Samples, Training
 from semgs.training.data.teacher import Teacher
 from semgs.training.run.execution import Share
 
+AHEAD = 4
+"""Steps that each worker prepares ahead, because steps differ in cost."""
+
 
 @dataclass(frozen=True)
 class Portion:
@@ -84,7 +87,7 @@ def training_batches(
 ) -> Iterable[Portion]:
     """The portions of steps start, start + 1, ..., in order.
 
-    It has its own loader instead of `semgs.runtime.workers.outcomes`, because its workers prepare four steps ahead: steps differ in cost.
+    It has its own loader instead of `semgs.runtime.workers.outcomes`, because its workers prepare `AHEAD` steps ahead.
     Assets are not checked here; `semgs.rooms.assets.lock.verify` does that.
 
     Args:
@@ -122,7 +125,7 @@ def training_batches(
                 )  # fmt: skip
             # Only some of the samples show rooms, so a room stays in the pool for that many more.
             served = max(1, round(settings.scene_reuse * sum(weights) / weights[0]))
-            rooms = PooledSamples(pool, rooms, served)
+            rooms = PooledSamples(pool, rooms, served, ahead=(AHEAD * workers + 2) * settings.batch)
     mixture = Mixture(rooms, data.folders, tuple(weights))
     form = Form(
         settings.size, contexts, targets, data.classes, settings.frames, settings.augmentation,
@@ -137,7 +140,7 @@ def training_batches(
         num_workers=workers,
         # A forked process in which numba has run its threads dies at its next kernel.
         multiprocessing_context="forkserver" if workers else None,
-        prefetch_factor=4 if workers else None,
+        prefetch_factor=AHEAD if workers else None,
         worker_init_fn=settle_worker,
     )
 
