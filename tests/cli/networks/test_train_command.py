@@ -171,6 +171,13 @@ def test_weights_of_classes_are_numbers_or_the_name_of_a_rule():
         ("small --out RUN --data nowhere", "nowhere: expected a folder with a scene, found nothing there"),
         ("small --out RUN --init nowhere.safetensors", "nowhere.safetensors: expected a weights file"),
         ("small --out RUN --init small --classes TABLE --data nowhere", "TABLE: expected a table of classes as JSON"),
+        ("small_plain --out RUN --network.windows 0", "a branch has 0 windows; expected 1 or more along each side"),
+        ("small_plain --out RUN --network.windows-semantic -1", "a branch has -1 windows"),
+        ("small_plain --out RUN --network.cost-filter -1", "cost_filter is -1; expected 0 or more channels"),
+        (
+            "small_plain --out RUN --network.windows 5 --size 250x310",
+            "--network.windows: expected a number that divides the 32x40 tokens of images of 250x310",
+        ),
         (
             "small_plain --out RUN --scene-reuse 2 --contexts 2 11 --size 16x16 --workers 0",
             "--scene-reuse: expected at most 12 input and target views, which is what a room has, found 13",
