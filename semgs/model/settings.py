@@ -196,11 +196,9 @@ class NetworkSettings:
         giver = None if self.semantic is None else self.semantic.refinement
         if self.colour.depth.cue and not isinstance(giver, MobileNet):
             raise ValueError("depth_cue needs the class backbone; give class_backbone as well")
-        for branch in (self.colour, *([] if self.semantic is None else [self.semantic])):
-            if branch.transformer.windows < 1:
-                raise ValueError(
-                    f"a branch has {branch.transformer.windows} windows; expected 1 or more along each side"
-                )
+        for transformer in (self.colour.transformer, *([] if self.semantic is None else [self.semantic.transformer])):
+            if transformer.windows < 1:
+                raise ValueError(f"a branch has {transformer.windows} windows; expected 1 or more along each side")
         if self.colour.depth.cost_filter < 0:
             raise ValueError(f"cost_filter is {self.colour.depth.cost_filter}; expected 0 or more channels")
         fits = isinstance(self.colour.heads, MVSplatHeads) and self.conventions.pixel_centres
