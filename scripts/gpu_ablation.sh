@@ -35,4 +35,6 @@ for seed in "${seeds[@]}"; do
         runs+=($!)
     done
 done
-for run in "${runs[@]}"; do wait "$run"; done
+failed=0
+for run in "${runs[@]}"; do wait "$run" || failed=$?; done  # all of them, also after one that failed
+exit "$failed"

@@ -17,16 +17,17 @@ start=${START:-small}
 size=${SIZE:-240x320}
 export PYTHONPATH="$PWD${PYTHONPATH:+:$PYTHONPATH}" PYTHONUNBUFFERED=1 OMP_NUM_THREADS=${OMP_NUM_THREADS:-2}
 
-train() {  # train RUN STEPS OPTIONS...
-    "$python" -m semgs train small --out "$out/$1" --steps "$2" --validate-every "$2" --validation "$rooms" --validation-scenes 4 \
+train() {  # train RUN STEPS OPTIONS...; with replace set, instead of the shell, so that a signal reaches it
+    ${replace:+exec} "$python" -m semgs train small --out "$out/$1" --steps "$2" --validate-every "$2" --validation "$rooms" --validation-scenes 4 \
         --device "${DEVICE:-cuda}" --augmentation.flip "${@:3}" >>"$out/$1.log" 2>&1
 }
 mkdir -p "$out"
 
-train classes "${CLASSES:-2978}" --supervision pictures --init "$start" --seed 401 --data "$rooms=2" "$photos=1" --size "${CROP:-176x224}" \
+replace=shell train classes "${CLASSES:-2978}" --supervision pictures --init "$start" --seed 401 --data "$rooms=2" "$photos=1" --size "${CROP:-176x224}" \
     --batch "${BATCH:-48}" --workers "${WORKERS:-10}" --learning-rate 6e-4 --shared-rate 0 --clip 2 --average-decay 0.998 \
     --class-weights inverse_fourth_root_frequency --augmentation.crop 0.4 --augmentation.colour 0.4 --augmentation.camera 1 --augmentation.roll 8 &
 classes=$!
+trap 'kill "$classes" 2>/dev/null || true' EXIT  # if depth or colour fail, classes save a checkpoint and end, too
 
 train depth "${DEPTH:-578}" --supervision depth --init "$start" --seed 402 --data "$rooms" --size "$size" --contexts 2 2 --targets 1 \
     --batch "${BATCH:-24}" --workers "${WORKERS:-6}" --learning-rate 6e-4 --average-decay 0.995 --depth-losses.sharp 1 --augmentation.crop 0.6 \

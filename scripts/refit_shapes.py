@@ -4,7 +4,7 @@
 
 In such a network the transformer decides only the shapes of semantic Gaussians. The new network has --network.semantic-transformer False; all layers outside
 of the semantic head are the old ones. The head learns, on two neighbouring views at a time, the logarithms of the old sizes and the old rotations. ROOMS are
-what `semgs train --data` takes. Prints the mean error in held-out rooms, the last of each folder, before and after.
+what `semgs train --data` takes. Prints the mean error in held-out rooms, the last of each folder, before and after. The header's scores are left out.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from semgs.model.classes.semantic import SHAPE
 from semgs.model.gaussians.placing import LARGEST_SIGMA, SMALLEST_SIGMA
 from semgs.model.semgs import SemGS
 from semgs.model.switches import switched
+from semgs.model.weights.header_scores import KEY as SCORES
 from semgs.model.weights.load import load
 from semgs.model.weights.weights_file import OWN_KEYS, read_header, save
 
@@ -123,7 +124,7 @@ def main() -> None:
             print(f"step {step + 1}: log sizes {sizes.item():.4f}, rotations {turns.item():.4f}", flush=True)
     print("after:", measure(old, new, kept), flush=True)
     metadata = read_header(given.old).metadata
-    save(given.new, new, {key: text for key, text in metadata.items() if key not in OWN_KEYS})
+    save(given.new, new, {key: text for key, text in metadata.items() if key not in OWN_KEYS | {SCORES}})
 
 
 if __name__ == "__main__":

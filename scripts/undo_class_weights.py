@@ -4,8 +4,8 @@
 
 A loss that counts rare classes w times as much teaches a network to find them w times as likely as they are. RUN is the folder of the training
 with --class-weights; WEIGHTS are what it left, or a mean with others that learned by the same rule. OUT has the logarithm of each class's weight
-subtracted from its logit (Menon et al., Long-tail learning via logit adjustment, ICLR 2021), and is the same otherwise. Temperatures are left
-out, so calibrate the result afterwards (`semgs weights calibrate`).
+subtracted from its logit (Menon et al., Long-tail learning via logit adjustment, ICLR 2021), and is the same otherwise. Temperatures and scores
+are left out, so calibrate the result afterwards (`semgs weights calibrate`), and evaluate it again.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import numpy as np
 import torch
 
 from semgs.files.errors import InputError
+from semgs.model.weights.header_scores import KEY as SCORES
 from semgs.model.weights.header_temperatures import KEY as TEMPERATURES
 from semgs.model.weights.load import load
 from semgs.model.weights.weights_file import OWN_KEYS, read_header, save
@@ -37,12 +38,14 @@ def undo(weights: Path, run: Path, out: Path) -> tuple[float, ...]:
         The class weights.
 
     Raises:
-        InputError: a file cannot be read, the training weighted no class, or it had other classes.
+        InputError: a file cannot be read, the training weighted no class or one with 0, or it had other classes.
     """
     settings = read_settings(run)
     data = check_data(settings, settings, settings.init, run)
     if data.class_weights is None:
         raise InputError(run, "a training with --class-weights", "one without")
+    if not all(data.class_weights):
+        raise InputError(run, "class weights above 0", "a class with weight 0, which was not learned at all")
     header = read_header(weights)
     if header.classes != data.classes:
         found = "none" if header.classes is None else f"the table {header.classes.name}"
@@ -56,7 +59,7 @@ def undo(weights: Path, run: Path, out: Path) -> tuple[float, ...]:
     with torch.no_grad():
         bias[-len(shift) :] += torch.from_numpy(shift - shift.mean()).to(bias)
     described = f"{header.metadata.get('description', weights.name)}; without the class weights of {run.name}"
-    kept = {key: value for key, value in header.metadata.items() if key not in OWN_KEYS | {TEMPERATURES}}
+    kept = {key: value for key, value in header.metadata.items() if key not in OWN_KEYS | {TEMPERATURES, SCORES}}
     save(out, model, kept | {"description": described})
     return data.class_weights
 

@@ -178,7 +178,8 @@ class NetworkSettings:
         conventions: of geometry.
 
     Raises:
-        ValueError: depth has a cue, but the class branch is no `MobileNet`; or its upsampling is convex, but heads or conventions do not fit.
+        ValueError: depth has a cue, but the class branch is no `MobileNet`; its upsampling is convex, but heads or conventions do not fit; or a
+            branch has no windows, or the cost filter fewer than 0 channels.
     """
 
     name: str = "base"
@@ -195,6 +196,11 @@ class NetworkSettings:
         giver = None if self.semantic is None else self.semantic.refinement
         if self.colour.depth.cue and not isinstance(giver, MobileNet):
             raise ValueError("depth_cue needs the class backbone; give class_backbone as well")
+        for transformer in (self.colour.transformer, *([] if self.semantic is None else [self.semantic.transformer])):
+            if transformer.windows < 1:
+                raise ValueError(f"a branch has {transformer.windows} windows; expected 1 or more along each side")
+        if self.colour.depth.cost_filter < 0:
+            raise ValueError(f"cost_filter is {self.colour.depth.cost_filter}; expected 0 or more channels")
         fits = isinstance(self.colour.heads, MVSplatHeads) and self.conventions.pixel_centres
         if self.colour.depth.upsampling == "convex" and not fits:
             raise ValueError(

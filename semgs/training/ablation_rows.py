@@ -111,11 +111,14 @@ def base_settings(settings: TrainingSettings, stage: str, before: Path | None) -
         settings: of the full method.
         stage: one of `BASE_STAGES`.
         before: the weights of the stage before; None for the first.
+
+    Raises:
+        ValueError: the stage cannot have these settings.
     """
     steps = max(1, round(settings.steps * BASE_SHARES[BASE_STAGES.index(stage)]))
     common = replace(
         settings, init=settings.init if before is None else str(before), steps=steps, validate_every=min(settings.validate_every, steps),
-        losses=LossWeights(semantic=0.0, smoothness=0.0), class_weights=None, class_rate=0.0,
+        supervision="rendered", losses=LossWeights(semantic=0.0, smoothness=0.0), class_weights=None, class_rate=0.0,
     )  # fmt: skip
     if stage == "depth":
         return replace(common, supervision="depth", average_decay=0.99)

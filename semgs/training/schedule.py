@@ -27,7 +27,7 @@ class Schedule:
         check_values(
             self,
             steps=(self.steps >= 1, "at least 1"),
-            learning_rate=(self.learning_rate > 0, "a positive number"),
+            learning_rate=(0 < self.learning_rate < math.inf, "a positive number"),
             warmup=(0 < self.warmup < 1, "a share between 0 and 1"),
             clip=(self.clip > 0, "a positive number"),
             average_decay=(0 <= self.average_decay < 1, "0 (no average) to below 1"),

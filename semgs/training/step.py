@@ -44,7 +44,7 @@ class StepReport:
 
 
 def training_step(state: TrainingState, pieces: Sequence[Batch], schedule: Schedule) -> StepReport:
-    """Update the weights with one batch. If the loss or the gradient is not finite, the weights stay as they are.
+    """Update the weights with one batch. If the loss or the gradient is not finite, the weights and the statistics of batch norms stay as they are.
 
     Args:
         state: of the training; changed in place.
@@ -54,10 +54,14 @@ def training_step(state: TrainingState, pieces: Sequence[Batch], schedule: Sched
     rate = schedule.rate(state.step)
     for group in state.optimizer.param_groups:
         group["lr"] = rate * group[RELATIVE_RATE]
+    statistics = [buffer.clone() for buffer in state.model.buffers()] if state.supervision.measures else []
     report = descend(state, pieces, schedule.clip, rate)
     if report.moved:
         state.optimizer.step()
         state.average.update_parameters(state.model)
+    elif statistics:
+        for buffer, before in zip(state.model.buffers(), statistics, strict=True):
+            buffer.copy_(before)
     state.step += 1
     state.skipped += not report.moved
     state.skipped_in_a_row = 0 if report.moved else state.skipped_in_a_row + 1

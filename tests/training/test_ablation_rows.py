@@ -97,6 +97,14 @@ def test_the_base_learns_depth_then_colour_and_no_classes():
     assert all(one.network == settings.network for one in (depth, colour))
 
 
+@pytest.mark.parametrize("supervision", ["labels", "pictures", "depth"])
+def test_the_colour_of_the_base_is_learned_from_rendered_views_whatever_the_rows_learn_from(supervision):
+    settings = replace(small_plain(), supervision=supervision)
+    assert base_settings(settings, "colour", Path("depth.safetensors")) == base_settings(
+        small_plain(), "colour", Path("depth.safetensors")
+    )
+
+
 @pytest.mark.parametrize(
     "settings",
     [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,46 @@ def test_a_day_on_a_gpu_in_miniature_moves_classes_depth_and_colour(tmp_path: Pa
     for part in ("semantic.refinement.", "cnn.", "colour.depth.", "colour.heads.convex.", "colour.heads.colour."):
         assert any(name.startswith(part) for name in moved), part
     assert not any(name.startswith("semantic.transformer.") for name in moved)
+
+
+def stand_in(path: Path, program: str) -> Path:
+    """A program to run in place of Python, in bash."""
+    path.write_text(f"#!/usr/bin/env bash\n{program}\n")
+    path.chmod(0o755)
+    return path
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a bash script")
+def test_if_depth_fails_the_training_of_classes_beside_it_is_told_to_end(tmp_path: Path) -> None:
+    ended, started = tmp_path / "ended", tmp_path / "started"
+    python = stand_in(
+        tmp_path / "python",
+        f"""case "$*" in
+        *"--out {tmp_path}/out/classes "*) trap 'touch {ended}; exit 0' TERM; touch {started}; for _ in {{1..600}}; do sleep 0.1; done ;;
+        *) while [ ! -e {started} ]; do sleep 0.1; done; exit 5 ;;
+        esac""",
+    )
+    command = ["bash", ROOT / "scripts/gpu_day.sh", tmp_path / "out", tmp_path / "rooms", tmp_path / "photos"]
+    assert subprocess.run(command, env=os.environ | {"PYTHON": str(python)}, check=False).returncode == 5
+    until = time.monotonic() + 20
+    while not ended.exists() and time.monotonic() < until:
+        time.sleep(0.1)
+    assert ended.exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a bash script")
+def test_an_ablation_waits_for_all_rows_and_ends_with_the_code_of_one_that_failed(tmp_path: Path) -> None:
+    python = stand_in(
+        tmp_path / "python",
+        f"""case "$*" in
+        *"--rows none "*) exit 5 ;;
+        *"--rows full "*) sleep 1; touch {tmp_path}/full ;;
+        esac""",
+    )
+    environment = os.environ | {"PYTHON": str(python), "SEEDS": "1", "ROWS": "none full"}
+    command = ["bash", ROOT / "scripts/gpu_ablation.sh", tmp_path / "out"]
+    assert subprocess.run(command, env=environment, check=False).returncode == 5
+    assert (tmp_path / "full").exists()
 
 
 @pytest.mark.long

@@ -8,11 +8,12 @@ from dataclasses import replace
 import pytest
 import torch
 
+from semgs.model.weights.initial_weights import initial_network
 from semgs.training.schedule import Schedule
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step
 from semgs.training.supervision.objective import render_targets
-from semgs.training.supervision.supervision import make_supervision
+from semgs.training.supervision.supervision import Pictures, make_supervision
 from semgs.training.training_settings import TrainingSettings
 
 
@@ -86,6 +87,22 @@ def test_a_step_that_is_not_finite_leaves_the_weights_and_is_counted(network, ba
     hook.remove()
     assert training_step(state, [batch(3)], settings).moved
     assert (state.skipped, state.skipped_in_a_row) == (1, 0)
+
+
+def test_statistics_of_batch_norms_stay_in_a_step_that_is_not_finite_and_move_in_others(batch):
+    model = initial_network("small", "small")
+    state = TrainingState.begin(model, Pictures(), 1e-4, 0.99)
+    schedule = Schedule(steps=9)
+    before = {name: buffer.clone() for name, buffer in model.named_buffers()}
+    one = batch(0)
+    broken = one.context.images.clone()
+    broken[..., 0, 0] = math.nan
+    assert not training_step(state, [replace(one, context=one.context.changed(images=broken))], schedule).moved
+    assert all(torch.equal(buffer, before[name]) for name, buffer in model.named_buffers())
+    assert training_step(state, [one], schedule).moved
+    assert all(buffer.isfinite().all() for buffer in model.buffers())
+    last = "semantic.refinement.last.1.running_mean"
+    assert not torch.equal(dict(model.named_buffers())[last], before[last])
 
 
 def test_the_schedule_is_pytorch_s_one_cycle():

@@ -24,9 +24,13 @@ UNDO = runpy.run_path(str(Path(__file__).parents[2] / "scripts" / "undo_class_we
 def test_a_class_that_counted_twice_loses_ln_2_to_all_others(tmp_path: Path):
     settings = replace(presets.small(), class_weights=(1.0, 2.0, *18 * (1.0,)))
     claim_folder(tmp_path / "run", settings)
-    save(
-        tmp_path / "old.safetensors", fill_golden(build(small())), {"data": "none", "description": "old"}, torch.float32
-    )
+    header = {
+        "data": "none",
+        "description": "old",
+        "scores": "[]",
+        "temperatures": '{"rendered": 1.5, "gaussians": 2.0}',
+    }
+    save(tmp_path / "old.safetensors", fill_golden(build(small())), header, torch.float32)
     UNDO(tmp_path / "old.safetensors", tmp_path / "run", tmp_path / "new.safetensors")
     old, new = (read_tensors(tmp_path / f"{name}.safetensors") for name in ("old", "new"))
     own = "semantic.refinement.classifier.bias"
@@ -34,7 +38,17 @@ def test_a_class_that_counted_twice_loses_ln_2_to_all_others(tmp_path: Path):
     assert (change[0] - change[1]).item() == pytest.approx(math.log(2), abs=0.01)
     assert (change[2:] - change[0]).abs().max() < 0.01
     assert all(torch.equal(new[name].float(), tensor.bfloat16().float()) for name, tensor in old.items())
-    assert read_header(tmp_path / "new.safetensors").metadata["description"] == "old; without the class weights of run"
+    assert read_header(tmp_path / "new.safetensors").metadata == {
+        "data": "none", "description": "old; without the class weights of run",
+    }  # fmt: skip
+
+
+def test_a_class_that_did_not_count_cannot_be_given_back(tmp_path: Path):
+    claim_folder(tmp_path / "run", replace(presets.small(), class_weights=(0.0, *19 * (1.0,))))
+    save(tmp_path / "old.safetensors", fill_golden(build(small())), {})
+    with pytest.raises(InputError, match="expected class weights above 0"):
+        UNDO(tmp_path / "old.safetensors", tmp_path / "run", tmp_path / "new.safetensors")
+    assert not (tmp_path / "new.safetensors").exists()
 
 
 def test_a_training_that_weighted_no_class_is_refused(tmp_path: Path):

@@ -4,7 +4,7 @@
 
 The window moves by one scene every `served` samples, so each scene serves that many samples on average. A worker that needs a
 missing scene generates it. A sample is a pure function of (seed, k), independent of the pool's state, so workers need not
-communicate. Scenes behind the window are removed.
+communicate. Scenes behind the windows of all samples that may still be read are removed.
 """
 
 from __future__ import annotations
@@ -38,13 +38,15 @@ class PooledSamples(Dataset):
         folder: of the pool; created if missing. Pools of other seeds, sizes or libraries need other folders.
         rooms: the samples' seed, size, numbers of views, length, group and library.
         served: samples that a scene serves on average.
+        ahead: how many samples before k some worker may still be reading while another one reads sample k.
 
     Raises:
         ValueError: `served` is not positive, or a sample may need more frames than a scene has.
     """
 
-    def __init__(self, folder: str | Path, rooms: RoomSamples, served: int = 8) -> None:
+    def __init__(self, folder: str | Path, rooms: RoomSamples, served: int = 8, ahead: int = 0) -> None:
         self.folder, self.rooms, self.served, self.seed = Path(folder), rooms, served, rooms.seed
+        self.ahead = ahead
         self._settings = RoomSettings(rooms.seed, rooms.size, FRAMES, library=rooms.library)
         if served < 1:
             raise ValueError(f"served is {served}; expected a positive number")
@@ -68,7 +70,7 @@ class PooledSamples(Dataset):
             raise IndexError(f"sample {k} of {len(self)}")
         scene, contexts, targets = self.choice(k)
         views = open_scene(self._scene_folder(scene)).read([*contexts, *targets], "native", INDOOR_DEPTH_RANGE)
-        self._remove_before(k // self.served - WINDOW)
+        self._remove_before(min(k // self.served - WINDOW, (k - self.ahead) // self.served))
         return views.select(range(len(contexts))), views.select(range(len(contexts), len(views)))
 
     def choice(self, k: int) -> tuple[int, list[int], list[int]]:

@@ -13,7 +13,8 @@ from torch.utils.data import DataLoader, Dataset
 from semgs.data.scenes import scene_paths
 from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Batch, stack
-from semgs.rooms.sets.pool import PooledSamples
+from semgs.files.errors import InputError
+from semgs.rooms.sets.pool import FRAMES, PooledSamples
 from semgs.rooms.sets.room_stream import RoomSamples
 from semgs.runtime.workers import settle_worker
 from semgs.training.data.data_check.data_check import RunData
@@ -23,6 +24,9 @@ from semgs.training.data.image_schedule import ImageSchedule
 from semgs.training.data.samples import Folder, Form, Mixture, Samples, TrainingSample, room_library
 from semgs.training.data.teacher import Teacher
 from semgs.training.run.execution import Share
+
+AHEAD = 4
+"""Steps that each worker prepares ahead, because steps differ in cost."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,7 @@ def training_batches(
 ) -> Iterable[Portion]:
     """The portions of steps start, start + 1, ..., in order.
 
-    It has its own loader instead of `semgs.runtime.workers.outcomes`, because its workers prepare four steps ahead: steps differ in cost.
+    It has its own loader instead of `semgs.runtime.workers.outcomes`, because its workers prepare `AHEAD` steps ahead.
     Assets are not checked here; `semgs.rooms.assets.lock.verify` does that.
 
     Args:
@@ -100,7 +104,7 @@ def training_batches(
 
     Raises:
         ValueError: a step cannot be shared equally.
-        InputError: the asset folder is not one.
+        InputError: the asset folder is not one, or a sample needs more views than a room that several samples share has.
     """
     length = steps * settings.batch
     contexts, targets = view_counts(settings, single_images)
@@ -114,9 +118,14 @@ def training_batches(
             settings.seed, settings.size, contexts, targets, length, group=settings.batch, library=library
         )
         if settings.scene_reuse > 1:
+            if (most := contexts[1] + targets) > FRAMES:
+                raise InputError(
+                    "--scene-reuse", f"at most {FRAMES} input and target views, which is what a room has", f"{most}",
+                    advice="give fewer --contexts or --targets, or leave it out",
+                )  # fmt: skip
             # Only some of the samples show rooms, so a room stays in the pool for that many more.
             served = max(1, round(settings.scene_reuse * sum(weights) / weights[0]))
-            rooms = PooledSamples(pool, rooms, served)
+            rooms = PooledSamples(pool, rooms, served, ahead=(AHEAD * workers + 2) * settings.batch)
     mixture = Mixture(rooms, data.folders, tuple(weights))
     form = Form(
         settings.size, contexts, targets, data.classes, settings.frames, settings.augmentation,
@@ -131,7 +140,7 @@ def training_batches(
         num_workers=workers,
         # A forked process in which numba has run its threads dies at its next kernel.
         multiprocessing_context="forkserver" if workers else None,
-        prefetch_factor=4 if workers else None,
+        prefetch_factor=AHEAD if workers else None,
         worker_init_fn=settle_worker,
     )
 

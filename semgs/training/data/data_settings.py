@@ -64,6 +64,10 @@ class DataSettings:
         fewest, most = self.contexts
         for text in self.data:
             Source.parsed(text)
+        try:
+            Source.parsed(self.validation)
+        except ValueError:
+            raise ValueError(f"validation is {self.validation!r}; expected {ROOMS} or DIR") from None
         check_values(
             self,
             batch=(self.batch >= 1, "at least 1"),
@@ -77,8 +81,8 @@ class DataSettings:
             frames=(self.frames in get_args(Frames), f"one of {', '.join(get_args(Frames))}"),
             sampling=(self.sampling in get_args(Sampling), f"one of {', '.join(get_args(Sampling))}"),
             seed=(
-                self.seed >= 0 and self.seed not in (VALIDATION_SEED, demo_room.SEED),
-                f"0 or more, and neither {VALIDATION_SEED} nor {demo_room.SEED}, which are the seeds of the validation rooms and the demo",
+                0 <= self.seed < 2**63 and self.seed not in (VALIDATION_SEED, demo_room.SEED),
+                f"0 to 2^63 - 1, and neither {VALIDATION_SEED} nor {demo_room.SEED}, which are the seeds of the validation rooms and the demo",
             ),
             scene_reuse=(self.scene_reuse >= 1, "at least 1"),
             validation_scenes=(self.validation_scenes >= 0, "0 or more"),

@@ -16,12 +16,14 @@ from semgs.files.folders import lock_folder
 from semgs.files.hashes import sha256
 from semgs.files.paths import check_utf8, typed_path
 from semgs.files.strict_json import parse_json, read_json
+from semgs.model.layers.network_input import padded_size
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 from semgs.model.weights.initial_weights import changed_switches, initial_network
 from semgs.model.weights.load import DATA_TERMS, SCENES, untrained
 from semgs.model.weights.weights_file import save
 from semgs.rooms.assets.lock import lock_digest
+from semgs.scene.coarse_depth import SHRINK
 from semgs.training.data.data_check.scene_record import RECORD, data_terms_of, scenes_of
 from semgs.training.run.checkpoints import best_checkpoint, has_checkpoints, newest_checkpoint
 from semgs.training.run.differences import find_changes, list_changes
@@ -180,7 +182,7 @@ def start_network(out: Path, settings: TrainingSettings) -> SemGS:
     """The network that a run without a checkpoint starts with.
 
     Raises:
-        InputError: the initial weights cannot be used, or the run has lost all its checkpoints.
+        InputError: the initial weights cannot be used, the run has lost all its checkpoints, or windows do not fit the images.
     """
     if lost := [name for name in (WEIGHTS, BEST) if (out / name).exists()]:
         raise InputError(
@@ -192,8 +194,31 @@ def start_network(out: Path, settings: TrainingSettings) -> SemGS:
         own_classes=settings.classes is not None, switches=changed_switches(settings.network, settings.model),
         fresh_semantics=settings.semantic_branch == "drawn", backbone=settings.backbone,
     )  # fmt: skip
+    if not settings.single_images:  # these pass no transformer
+        halves = [tuple(side // 2 for side in settings.size)] if settings.half_size else []
+        for size in (settings.size, *halves):
+            check_windows(model.settings, size)
     write_json(out / NETWORK, model.settings.as_json())
     return model
+
+
+def check_windows(network: NetworkSettings, size: tuple[int, ...]) -> None:
+    """Refuse a network whose windows do not fit images of a size (height, width) [px].
+
+    Raises:
+        InputError: the tokens of a side cannot be divided among the windows.
+    """
+    semantic = network.semantic
+    branches = {"windows": network.colour.transformer}
+    if semantic is not None and semantic.compares_views:
+        branches["windows-semantic"] = semantic.transformer
+    for name, branch in branches.items():
+        tokens = [side // (SHRINK * branch.reduction) for side in padded_size(size)]
+        if any(side % branch.windows for side in tokens):
+            raise InputError(
+                f"--network.{name}", f"a number that divides the {tokens[0]}x{tokens[1]} tokens of images of {size[0]}x{size[1]}",
+                f"{branch.windows}", advice="give another one, or another --size",
+            )  # fmt: skip
 
 
 def empty_network(out: Path, settings: TrainingSettings) -> SemGS:

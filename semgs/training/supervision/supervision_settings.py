@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -42,6 +43,10 @@ class SupervisionSettings:
 
     def __post_init__(self) -> None:
         rule = isinstance(self.class_weights, str)
+        factors = self.class_weights if isinstance(self.class_weights, tuple) else (1.0,)
+        terms = (self.losses.semantic, self.losses.colour, self.losses.smoothness)
+        of_depth = self.depth_losses
+        depth_terms = (of_depth.log, of_depth.gradients, of_depth.distribution, of_depth.sharp)
         check_values(
             self,
             supervision=(
@@ -49,16 +54,22 @@ class SupervisionSettings:
                 f"one of {', '.join(get_args(SupervisedBy))}",
             ),
             class_weights=(
-                not rule or self.class_weights in CLASS_WEIGHTINGS,
-                f"a factor for each class of the table, {', '.join(CLASS_WEIGHTINGS)}, or None",
+                self.class_weights in CLASS_WEIGHTINGS if rule else _are_weights(factors),
+                f"a factor of 0 or more for each class of the table, not all of them 0; {', '.join(CLASS_WEIGHTINGS)}; or None",
             ),
+            depth_weight=(_are_weights((self.depth_weight, 1.0)), "0 or more"),
             losses=(
-                self.supervision != "labels" or self.losses.semantic > 0,
-                "a cross-entropy above 0 (--losses.semantic) with --supervision labels",
+                _are_weights((*terms, self.depth_weight if self.supervision == "rendered" else 1.0))
+                and (self.supervision != "labels" or self.losses.semantic > 0),
+                "weights of 0 or more, one of them or of --depth-weight above 0 with --supervision rendered, and a "
+                "cross-entropy above 0 (--losses.semantic) with --supervision labels",
             ),
-            depth_weight=(self.depth_weight >= 0, "0 or more"),
+            depth_losses=(
+                _are_weights((*depth_terms, 0.0 if self.supervision == "depth" else 1.0)),
+                "weights of 0 or more, and one above 0 with --supervision depth",
+            ),
             teacher=(not self.teacher or self.single_images, "none, except with --supervision pictures"),
-            teacher_weight=(self.teacher_weight > 0, "a positive number"),
+            teacher_weight=(_are_weights((self.teacher_weight,)), "a positive number"),
         )
 
     @property
@@ -83,3 +94,8 @@ class SupervisionSettings:
     def without_depth(self) -> str | None:
         """Advice for a scene without true depth; None if none is needed."""
         return "leave them out, or give --supervision rendered" if self.supervision == "depth" else None
+
+
+def _are_weights(values: tuple[float, ...]) -> bool:
+    """Whether these are finite numbers of 0 or more, and at least one is above 0."""
+    return all(math.isfinite(value) and value >= 0 for value in values) and any(values)

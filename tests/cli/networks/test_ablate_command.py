@@ -157,6 +157,10 @@ def test_rooms_that_are_trained_in_are_refused_before_anything_is_trained(tmp_pa
         ("--transfer nowhere", "nowhere"),
         ("--transfer . .", "--transfer needs folders of different names"),
         ("--stage semantic --full .", "--full is for --stage whole"),
+        (
+            "--stage semantic --supervision depth --augmentation.exposure 0.5",
+            "expected 0 with supervision by rendered views",
+        ),
         ("--full . --rows none shared", "--full gives the variant full, which --rows leaves out"),
         ("--rows half", "--rows half: --stage whole has none, shared, windows, camera, full"),
         ("--rows base", "--rows base: --stage whole has none"),

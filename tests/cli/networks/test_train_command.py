@@ -62,7 +62,31 @@ def test_supervision_by_depth_has_weights_of_its_own():
         ("small --out run --steps 0", "steps is 0; expected at least 1"),
         ("small --out run --stops 3", "--stops"),
         ("small --out run --data scans=0", "data is 'scans=0'; expected rooms or DIR"),
+        ("small --out run --validation scans=0", "validation is 'scans=0'; expected rooms or DIR"),
+        (f"small --out run --seed {2**63}", rf"seed is {2**63}; expected 0 to 2\^63 - 1"),
         ("small --out run --class-weights 1 2", "expected 20 factors"),
+        (
+            f"small --out run --class-weights -1{' 1' * 19}",
+            "expected a factor of 0 or more for each class of the table",
+        ),
+        (
+            f"small --out run --class-weights nan{' 1' * 19}",
+            "expected a factor of 0 or more for each class of the table",
+        ),
+        (f"small --out run --class-weights{' 0' * 20}", "not all of them 0"),
+        ("small --out run --losses.colour -1", r"colour=-1.0.*expected weights of 0 or more"),
+        ("small --out run --losses.smoothness nan", r"smoothness=nan.*expected weights of 0 or more"),
+        (
+            "small --out run --losses.semantic 0 --losses.colour 0 --losses.smoothness 0 --depth-weight 0",
+            "one of them or of --depth-weight above 0",
+        ),
+        ("small --out run --depth-losses.log -1", r"log=-1.0.*expected weights of 0 or more"),
+        (
+            "small --out run --supervision depth --depth-losses.log 0 --depth-losses.gradients 0 --depth-losses.distribution 0",
+            "one above 0 with --supervision depth",
+        ),
+        ("small --out run --depth-weight nan", "depth_weight is nan; expected 0 or more"),
+        ("small --out run --learning-rate inf", "learning_rate is inf; expected a positive number"),
         ("small --out run --augmentation.crop 2", "augmentation: crop is 2.0; expected 0.2 to 1"),
         ("tiny --out run", "tiny"),
     ],
@@ -123,6 +147,13 @@ def test_a_table_of_classes_travels_in_the_settings(tmp_path: Path):
     assert preset_changes(settings)[0] == "classes: two (wall, floor) (preset small: none)"
 
 
+def test_weights_of_a_loss_may_be_0_if_something_is_left_to_learn():
+    nothing_rendered = "small --out run --losses.semantic 0 --losses.colour 0 --losses.smoothness 0"
+    assert parsed(nothing_rendered).settings.depth_weight == 0.1  # the preset's
+    assert parsed(f"{nothing_rendered} --supervision depth --depth-weight 0").settings.depth_losses.log == 1.3
+    assert parsed(f"small --out run --class-weights 0{' 1' * 19}").settings.class_weights == (0.0, *[1.0] * 19)
+
+
 def test_weights_of_classes_are_numbers_or_the_name_of_a_rule():
     line = "small --out run --class-weights"
     for rule in CLASS_WEIGHTINGS:
@@ -140,6 +171,17 @@ def test_weights_of_classes_are_numbers_or_the_name_of_a_rule():
         ("small --out RUN --data nowhere", "nowhere: expected a folder with a scene, found nothing there"),
         ("small --out RUN --init nowhere.safetensors", "nowhere.safetensors: expected a weights file"),
         ("small --out RUN --init small --classes TABLE --data nowhere", "TABLE: expected a table of classes as JSON"),
+        ("small_plain --out RUN --network.windows 0", "a branch has 0 windows; expected 1 or more along each side"),
+        ("small_plain --out RUN --network.windows-semantic -1", "a branch has -1 windows"),
+        ("small_plain --out RUN --network.cost-filter -1", "cost_filter is -1; expected 0 or more channels"),
+        (
+            "small_plain --out RUN --network.windows 5 --size 250x310",
+            "--network.windows: expected a number that divides the 32x40 tokens of images of 250x310",
+        ),
+        (
+            "small_plain --out RUN --scene-reuse 2 --contexts 2 11 --size 16x16 --workers 0",
+            "--scene-reuse: expected at most 12 input and target views, which is what a room has, found 13",
+        ),
     ],
 )
 def test_what_a_training_cannot_start_from_ends_with_exit_code_2_and_one_line(line: str, told: str, tmp_path, capsys):

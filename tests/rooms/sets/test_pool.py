@@ -68,6 +68,19 @@ def test_scenes_that_the_window_has_passed_are_removed(tmp_path, monkeypatch):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["scene_00004", "scene_00005"]
 
 
+def test_scenes_of_samples_that_a_slow_worker_may_still_read_are_kept(tmp_path, monkeypatch):
+    # Sample 11 moves the window of two scenes to 11 and 12; sample 4, whose scenes are 4 and 5, is still being read.
+    monkeypatch.setattr(pool, "WINDOW", 2)
+    monkeypatch.setattr(pool, "FRAMES", 2)
+    samples = PooledSamples(tmp_path, RoomSamples(5, (12, 16), 2, 0, length=12), served=1, ahead=7)
+    for index in range(11):
+        (tmp_path / f"scene_{index:05d}").mkdir()
+    samples[11]
+    left = {int(path.name[-5:]) for path in tmp_path.iterdir()}
+    assert {4, 5, 6, 7, 8, 9, 10} <= left
+    assert not {0, 1, 2, 3} & left
+
+
 @pytest.mark.parametrize("named", [{"served": 0}, {"length": 0}, {"contexts": (2, 12)}])
 def test_pools_that_cannot_be_are_refused(named):
     served = named.get("served", 8)

@@ -23,7 +23,7 @@ from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.reading import read_frame
 from semgs.files.errors import InputError
 from semgs.training.data.augmentation_settings import Augmentation
-from semgs.training.data.batches import Portion
+from semgs.training.data.batches import Portion, training_batches
 from semgs.training.data.data_check.counts import inverse_frequency
 from semgs.training.data.data_check.open_sources import check_bad
 from semgs.training.data.data_sources import Source
@@ -306,6 +306,16 @@ def test_validation_rooms_have_the_fewest_input_views_of_the_training(tmp_path, 
     found = run_validation(settings, tmp_path)
     assert [len(one.context) for one in found] == 12 * [2]
     assert [len(one.target) for one in found] == 12 * [2]
+
+
+def test_a_pool_of_rooms_keeps_those_that_workers_may_still_read(tmp_path, monkeypatch):
+    # Three workers with four steps each, the step that is being taken, and one by which processes may differ: 14 steps of 4 scenes.
+    made = []
+    monkeypatch.setattr("semgs.training.data.batches.PooledSamples", lambda *args, ahead: made.append(ahead))
+    monkeypatch.setattr("semgs.training.data.batches.DataLoader", lambda *args, **options: None)
+    settings = replace(SETTINGS, scene_reuse=2, batch=4)
+    training_batches(settings, run_data(settings, tmp_path), 4, pool=tmp_path / "pool", workers=3)
+    assert made == [56]
 
 
 def test_validation_scenes_are_looked_at_before_the_first_step(scans, tmp_path):

@@ -114,6 +114,8 @@ class Ablate:
         with what_the_user_gave():
             runs = [(row, seed) for seed in self.seeds or (self.settings.seed,) for row in self._rows()]
             planned = [self._settings(row, seed) for row, seed in runs]
+            for stage in BASE_STAGES if self.stage == "semantic" else ():
+                base_settings(self._shared(), stage, None)  # refused before anything is trained
         self._check_unseen()
         if self.full is not None:
             self._check_full(self.full, planned[-1])
