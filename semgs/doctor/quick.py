@@ -10,7 +10,6 @@ from semgs.data.frames import Frame
 from semgs.data.scene import Scene
 from semgs.doctor.diagnosis import diagnose
 from semgs.files.images.pictures import QUARTER_TURN, read_header
-from semgs.files.text import counted
 
 MOST_FRAMES = 4
 FEATURES = 400
@@ -42,6 +41,6 @@ def _on_their_side(frames: Sequence[Frame]) -> list[str]:
     if not count:
         return []
     return [
-        f"{count} of {counted(len(frames), 'tested photo')} lie on their side, as EXIF says, and so do their cameras. Classes and depth are worse in such "
-        "photos, and up may be wrong. Turn the photos, then estimate their cameras again."
+        f"Photos lie on their side, as EXIF says, and so do their cameras ({count} of {len(frames)} tested). Classes and depth are worse in such photos, "
+        "and up may be wrong. Turn the photos, then estimate their cameras again."
     ]

@@ -33,4 +33,4 @@ def test_it_says_that_photos_lie_on_their_side(tmp_path: Path):
             image.save(tmp_path / f"{position}.png", exif=exif)
         frames[position] = replace(frames[position], picture=tmp_path / f"{position}.png")
     (warning,) = warnings_of(replace(scene, frames=tuple(frames)), (1, 3, 2))
-    assert warning.startswith("2 of 3 tested photos lie on their side, as EXIF says, and so do their cameras.")
+    assert warning.startswith("Photos lie on their side, as EXIF says, and so do their cameras (2 of 3 tested).")

@@ -30,7 +30,8 @@ TRAINING = (
     ),
     Mutant(
         "the moving average moves on a skipped step", "semgs/training/step.py",
-        "        state.average.update_parameters(state.model)", "    state.average.update_parameters(state.model)",
+        "        state.average.update_parameters(state.model)\n    elif statistics:",
+        "    state.average.update_parameters(state.model)\n    if not report.moved:",
         ("tests/training/test_step.py::test_a_step_that_is_not_finite_leaves_the_weights_and_is_counted",),
     ),
     Mutant(
