@@ -324,17 +324,11 @@ class Batch:
             return self._scenes_in(path, alone)
         if not path.exists():
             raise InputError(path, f"input of semgs {self.command}", found_at(path))
-        if self.command == "export":
-            if path.is_dir() and not (path / SCENE).is_file():
-                inside = sorted(one.parent for one in path.glob(f"*/{SCENE}"))
-                return inside if inside or alone or self._is_of_a_batch(path) else [path]
-            return [] if self._is_of_a_batch(path) else [path]
-        return [path]
-
-    @staticmethod
-    def _is_of_a_batch(path: Path) -> bool:
-        """Whether a path is one of those that a batch puts beside its results."""
-        return path.name in RESERVED and (path.parent / SETTINGS).is_file() and not (path / SCENE).is_file()
+        if self.command != "export" or (path / SCENE).is_file():
+            return [path]
+        inside = sorted(one.parent for one in path.glob(f"*/{SCENE}"))
+        beside_results = path.name in RESERVED and (path.parent / SETTINGS).is_file()
+        return inside if inside or beside_results or (alone and path.is_dir()) else [path]
 
     def _scenes_in(self, path: Path, alone: bool) -> Sequence[Path]:
         """The scenes at a path. One that is none is left to the command, unless it is the only path: then it is no set of scenes either.
