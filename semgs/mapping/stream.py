@@ -98,7 +98,7 @@ def stream(
 
     Raises:
         ValueError: an argument is outside its range, a frame has neither three nor four parts, or all frames have ended and none could be used, because
-            its time, image, pose or intrinsics were not valid.
+            its time, image, pose or intrinsics were not valid, or because all that was seen was farther away than `radius`.
     """
     if not isinstance(frames, Iterable):
         raise TypeError(
@@ -115,7 +115,7 @@ def stream(
 
     mapper = Mapper(window, bounds, views=views, radius=radius, voxel=voxel)
     reader = FrameReader((near, far), size)
-    valid = 0
+    valid = scenes = 0
     for frame in frames:
         start = perf_counter()
         view = reader.read(frame, mapper.ignore)
@@ -125,11 +125,16 @@ def stream(
                 continue
             merged = mapper.merged()
         if merged is not None:
+            scenes += 1
             yield _scene(merged, mapper, reader.resized, perf_counter() - start)
     if mapper.ignored and not valid:
         reasons = ", ".join(f"{reason} ({count})" for reason, count in mapper.ignored.items())
         first = f"; the first: {reader.first_error}" if reader.first_error else ""
         raise ValueError(f"no frame could be used: {reasons}{first}")
+    if mapper.windows and not scenes:
+        raise ValueError(
+            f"radius is {radius}; expected more, or None: everything was farther than that from the latest keyframe"
+        )
 
 
 class FrameReader:

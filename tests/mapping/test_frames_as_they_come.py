@@ -171,6 +171,13 @@ def test_memory_is_that_of_the_radius_forty_frames_there_and_back():
     assert max(counts) < 0.7 * everything
 
 
+def test_a_radius_that_nothing_is_within_is_an_error_once_the_frames_have_ended():
+    """The wall is at a depth of `WALL`, so all of it is farther than half of that from every keyframe. It is no error while frames come."""
+    with pytest.raises(ValueError, match=f"radius is {WALL / 2}; expected more, or None: everything was farther"):
+        streamed(walk(4), radius=WALL / 2)
+    assert streamed(walk(1), radius=WALL / 2) == []
+
+
 def test_with_a_radius_there_are_never_more_keyframes_than_the_limit(monkeypatch):
     monkeypatch.setattr("semgs.mapping.mapper.MOST_KEYFRAMES", 3)
     assert MOST_KEYFRAMES == 64
