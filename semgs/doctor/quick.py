@@ -8,39 +8,53 @@ import numpy as np
 
 from semgs.data.frames import Frame
 from semgs.data.scene import Scene
+from semgs.data.spread import spread
 from semgs.doctor.diagnosis import diagnose
 from semgs.files.images.pictures import QUARTER_TURN, read_header
 
 MOST_FRAMES = 4
 FEATURES = 400
 
+MOST_HEADERS = 40
+"""The headers of at most so many photos are read."""
 
-def warnings_of(scene: Scene, frames: Sequence[int]) -> list[str]:
+
+def warnings_of(scene: Scene, frames: Sequence[int], *, refined: bool = False) -> list[str]:
     """Warnings for the user if photos lie on their side, or the cameras or depth maps do not fit the images; none if all fits or nothing can be said.
+
+    So few frames have few matches, so cameras are called slightly wrong only if most pairs of frames say so.
 
     Args:
         scene: the scene.
         frames: positions of the frames that are used; the first `MOST_FRAMES` are tested.
+        refined: whether their cameras were refined already. Then nothing is said of slightly wrong ones.
 
     Raises:
         InputError: an image or a depth map cannot be read.
     """
     tested = tuple(frames[:MOST_FRAMES])
-    warnings = _on_their_side([scene.frames[position] for position in tested])
+    warnings = notes_on_sides([scene.frames[position] for position in tested])
     found = diagnose(scene, tested, FEATURES)
     if found.verdict == "suspicious":
         wrong = "depth maps" if np.isfinite(found.depth_focal) else "cameras"
         warnings.append(f"The {wrong} may be wrong. {found.sentence} semgs doctor tests all of the scene.")
+    if found.verdict == "slightly wrong" and found.evidence.contradicts(found.given) and not refined:
+        warnings.append(found.sentence)
     return warnings
 
 
-def _on_their_side(frames: Sequence[Frame]) -> list[str]:
-    """A warning if EXIF says that photos are to be shown turned by a quarter, and their cameras are for the pixels as stored, as COLMAP's are."""
-    headers = [(frame.lens.size, read_header(frame.picture)) for frame in frames]
+def notes_on_sides(frames: Sequence[Frame]) -> list[str]:
+    """A note if EXIF says that photos are to be shown turned by a quarter, and their cameras are for the pixels as stored, as COLMAP's are.
+
+    Raises:
+        InputError: an image cannot be read.
+    """
+    tested = spread(frames, MOST_HEADERS)
+    headers = [(frame.lens.size, read_header(frame.picture)) for frame in tested]
     count = sum(header.orientation >= QUARTER_TURN and header.size == size for size, header in headers)
     if not count:
         return []
     return [
-        f"Photos lie on their side, as EXIF says, and so do their cameras ({count} of {len(frames)} tested). Classes and depth are worse in such photos, "
+        f"Photos lie on their side, as EXIF says, and so do their cameras ({count} of {len(tested)} tested). Classes and depth are worse in such photos, "
         "and up may be wrong. Turn the photos, then estimate their cameras again."
     ]

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
-from semgs.doctor.quick import warnings_of
+from semgs.doctor.diagnosis import diagnose
+from semgs.doctor.quick import FEATURES, warnings_of
 from semgs.rooms.sets.demo_room import demo_scene
 
 
@@ -20,6 +22,33 @@ def test_it_warns_of_inverted_poses_and_says_nothing_of_good_ones():
     (warning,) = warnings_of(replace(scene, frames=inverted), (1, 3, 2))
     assert warning.startswith("The cameras may be wrong.")
     assert "poses inverted" in warning
+
+
+def turned(scene: Scene, degrees: dict[int, float]) -> Scene:
+    """The scene with some cameras turned up by so many degrees."""
+    frames = list(scene.frames)
+    for position, angle in degrees.items():
+        turn, sine, cosine = np.eye(4), np.sin(np.radians(angle)), np.cos(np.radians(angle))
+        turn[1:3, 1:3] = [[cosine, -sine], [sine, cosine]]
+        frames[position] = replace(frames[position], world_from_camera=frames[position].world_from_camera @ turn)
+    return replace(scene, frames=tuple(frames))
+
+
+def test_of_slightly_wrong_cameras_it_says_what_the_doctor_says_unless_they_were_refined():
+    """Turned by 0.5 and 1.0 degrees, two of three cameras miss matches by 245 tan 0.5 = 2.1 px to 4.3 px: all three pairs do."""
+    scene = turned(open_scene(demo_scene()), {1: 0.5, 3: 1.0})
+    (warning,) = warnings_of(scene, (1, 3, 2))
+    found = diagnose(scene, (1, 3, 2), FEATURES)
+    assert (found.verdict, warning) == ("slightly wrong", found.sentence)
+    assert warning.endswith("Try semgs reconstruct --refine-poses.")
+    assert warnings_of(scene, (1, 3, 2), refined=True) == []
+
+
+def test_two_of_three_pairs_are_too_few_to_call_cameras_slightly_wrong():
+    """The third pair, of the cameras that are as they were, fits."""
+    scene = turned(open_scene(demo_scene()), {1: 0.5})
+    assert diagnose(scene, (1, 3, 2), FEATURES).verdict == "slightly wrong"
+    assert warnings_of(scene, (1, 3, 2)) == []
 
 
 def test_it_says_that_photos_lie_on_their_side(tmp_path: Path):

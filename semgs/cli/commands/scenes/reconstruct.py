@@ -237,7 +237,7 @@ class Reconstruct:
         with stages("check", "Checking the cameras"):
             from semgs.doctor.quick import warnings_of
 
-            notes += warnings_of(scene, chosen)
+            notes += warnings_of(scene, chosen, refined=self.refine_poses)
         return scene, choice, notes
 
     def _check(self) -> None:
