@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from semgs.cli.main import main
 from semgs.data.scenes import open_scene
@@ -38,6 +39,20 @@ def test_a_good_scene_is_described_and_ends_with_0(capsys: pytest.CaptureFixture
         "The cameras fit:",
     ):
         assert line in said
+
+
+def test_it_says_that_photos_lie_on_their_side(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """EXIF says so of all 8 photos, and the cameras are for the pixels as stored. The page has the note too."""
+    scene, page = copied(tmp_path / "scene", lambda described: None), tmp_path / "page.html"
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    for path in (scene / "images").iterdir():
+        with Image.open(path) as image:
+            image.save(path, exif=exif)
+    assert main(["doctor", str(scene), "--page", str(page)]) == 0
+    said = "Photos lie on their side, as EXIF says, and so do their cameras (8 of 8 tested)."
+    assert f"note: {said}" in capsys.readouterr().out
+    assert said in page.read_text()
 
 
 def test_inverted_poses_end_with_3_and_are_corrected(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

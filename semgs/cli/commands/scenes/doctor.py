@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -69,6 +69,7 @@ class Doctor:
             from semgs.doctor.diagnosis import diagnose
             from semgs.doctor.facts import facts
             from semgs.doctor.fix import check_fixable
+            from semgs.doctor.quick import notes_on_sides
             from semgs.doctor.unit import judge_unit
 
         scene = open_with_details(self.scene, self.reading.as_peers, self.reading.asked, needs_labels=False)
@@ -78,6 +79,7 @@ class Doctor:
             found = diagnose(scene)
             unit = judge_unit(scene, found)
             understood = facts(scene, unit)
+            scene = replace(scene, notes=(*scene.notes, *notes_on_sides(scene.frames)))
         print(*aligned(understood), sep="\n")
         for note in scene.notes:
             print(f"note: {note}")
