@@ -6,12 +6,16 @@ import hashlib
 import json
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from semgs._version import __version__
+from semgs.files.errors import InputError
+from semgs.files.strict_json import read_json
 from semgs.runtime.stamps import stamps
 
 CAMERAS = "transforms.json"
@@ -67,11 +71,32 @@ def fingerprint(options: Sequence[str], inputs: Sequence[Path]) -> str:
 
 
 def _changes(path: Path) -> tuple[tuple[str, int, int], ...]:
-    """The stamps of a scene's files; a transforms.json counts with its folder.
+    """The stamps of a scene's files; a transforms.json counts with its folder and with the files elsewhere that it names.
 
-    Contents are not read: a scan has gigabytes, and a batch a thousand scans.
+    Photos are not read: a scan has gigabytes, and a batch a thousand scans.
     """
-    return stamps(path.absolute().parent if path.is_file() and path.name == CAMERAS else path)
+    path = path.absolute()
+    place = path.parent if path.is_file() and path.name == CAMERAS else path
+    files = sorted(path.glob("transforms*.json")) if path.is_dir() else [path] * (path.suffix.lower() == ".json")
+    elsewhere = sorted({named for file in files for named in _named_in(file, place)})
+    return stamps(place) + tuple(stamp for file in elsewhere for stamp in stamps(Path(file)))
+
+
+def _named_in(file: Path, place: Path) -> list[str]:
+    """The files that a JSON file names, from its folder on, but for those in a place; none if it is damaged, as the command will say."""
+    with suppress(InputError):
+        named = {os.path.normpath(file.parent / text.replace("\\", "/")) for text in _texts(read_json(file))}
+        return [path for path in named if not path.startswith(f"{place}{os.sep}") and os.path.isfile(path)]  # noqa: PTH113 - False for a text that is too long to be a path
+    return []
+
+
+def _texts(content: Any) -> Iterator[str]:
+    """The texts in the content of a JSON file."""
+    if isinstance(content, str):
+        yield content
+    elif isinstance(content, list | dict):
+        for part in content.values() if isinstance(content, dict) else content:
+            yield from _texts(part)
 
 
 def scene_names(paths: Sequence[Path]) -> list[str]:

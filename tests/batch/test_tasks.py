@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 
 from semgs.batch.demands import Demands
 from semgs.batch.tasks import fingerprint, scene_names
+from semgs.runtime.stamps import stamps
 
 
 def test_a_name_takes_as_many_folders_as_tell_it_from_others():
@@ -85,6 +87,36 @@ def test_the_photos_beside_a_transforms_json_count(tmp_path: Path):
     before = fingerprint((), [cameras])
     photo.write_bytes(b"1")
     assert fingerprint((), [cameras]) != before
+
+
+@pytest.mark.parametrize("given", ["cameras", "cameras/transforms.json", "cameras/fixed.json"])
+def test_photos_elsewhere_that_a_transforms_json_names_count_and_others_do_not(tmp_path: Path, given: str):
+    """As `semgs doctor --fix` writes one: it lists the photos where they are."""
+    scene = tmp_path / given
+    file = scene / "transforms.json" if scene.suffix == "" else scene
+    file.parent.mkdir()
+    file.write_text(
+        json.dumps({"camera_model": "OPENCV", "frames": [{"file_path": "..\\images\\0.png"}, {"file_path": 300 * "x"}]})
+    )
+    (tmp_path / "images").mkdir()
+    prints = [fingerprint((), [scene])]
+    for name in ("0.png", "1.png"):
+        (tmp_path / "images" / name).write_bytes(b"1")
+        prints.append(fingerprint((), [scene]))
+    assert prints[0] != prints[1] == prints[2]
+    file.write_text("{")
+    assert fingerprint((), [scene]) != prints[2]
+
+
+def test_photos_behind_a_link_count_and_a_link_that_leads_back_ends(tmp_path: Path):
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "scene").mkdir()
+    (tmp_path / "scene" / "images").symlink_to(tmp_path / "photos")
+    (tmp_path / "photos" / "back").symlink_to(tmp_path / "scene")
+    before = fingerprint((), [tmp_path / "scene"])
+    (tmp_path / "photos" / "0.png").write_bytes(b"1")
+    assert [name for name, *_ in stamps(tmp_path / "scene")] == ["scene/images/0.png"]
+    assert fingerprint((), [tmp_path / "scene"]) != before
 
 
 @pytest.mark.parametrize(
