@@ -56,16 +56,23 @@ class MadeBy:
         name: of the network: a file name or a hub id.
         digest: a hash of its weights.
         licence: of the network; "unknown" if it does not say.
+        revision: the commit of the hub that it was; empty for files and folders. Another one with the same weights is the same network.
     """
 
     name: str
     digest: str
     licence: str = "unknown"
+    revision: str = field(default="", compare=False)
 
     @property
     def title(self) -> str:
         """Name and licence."""
         return f"{self.name} (licence {self.licence})"
+
+    @property
+    def pinned(self) -> str:
+        """The name; of a model of the hub with its commit, as hf:OWNER/NAME@COMMIT."""
+        return f"{self.name.partition('@')[0]}@{self.revision}" if self.revision else self.name
 
 
 @final
@@ -104,7 +111,8 @@ class MapFiles:
         if labels.table.names == SCANNET20.names:
             labels = replace(labels, table=SCANNET20)
         record = _record(folder) or _record(table or folder)
-        made_by = MadeBy(*(record[name] for name in RECORDED)) if record else None
+        named = {name: str(record[name]) for name in (*RECORDED, "revision") if name in record}
+        made_by = MadeBy(**named) if record else None
         return cls(folder, labels, stems, made_by, record.get("photos", {}))
 
     @property

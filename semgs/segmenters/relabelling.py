@@ -73,7 +73,7 @@ def relabel_scene(scene: Scene, source: ClassSource, confidence: float) -> Scene
     """A scene with a segmenter's labels instead of its own."""
     frames = tuple(replace(frame, labels=LikeliestClass(source, frame, confidence)) for frame in scene.frames)
     made_by = source.made_by
-    labeller = UNNAMED if made_by is None else Labeller(made_by.name, made_by.licence)
+    labeller = UNNAMED if made_by is None else Labeller(made_by.pinned, made_by.licence)
     return replace(scene, frames=frames, classes=source.classes, unread_labels=None, labeller=labeller)
 
 

@@ -19,7 +19,7 @@ from semgs.data.preparation.archive import Preparation, prepare_scene
 from semgs.data.preparation.prepared_set import PreparedSet, Reading, find_sources
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20, ClassTable
-from semgs.segmenters.class_map_files import MadeBy
+from semgs.segmenters.class_map_files import MadeBy, MapFiles, save_table
 from semgs.segmenters.opening import ViewSegmenter
 from semgs.segmenters.relabelling import Relabelling, _reduced, likeliest_labels, open_relabelling, relabel_scene
 from semgs.segmenters.tables import make_class_table
@@ -110,6 +110,18 @@ def test_a_set_is_labelled_once_and_carries_the_teachers_name_and_licence(scans:
     assert len(segmenter.calls) == 6, "nothing is segmented again"
     with pytest.raises(ValueError, match=r"other settings: confidence is 0\.5 there, not 0\.7"):
         PreparedSet(out, Preparation(SIZE), fake(segmenter, 0.7)).prepare(find_sources(scans))
+
+
+def test_labels_of_a_model_of_the_hub_name_the_commit_that_made_them(scans: Path, tmp_path: Path):
+    """Also if its maps were saved and are labels later."""
+    commit = "0123456789abcdef0123456789abcdef01234567"
+    segmenter = Columns(made_by=MadeBy("hf:owner/net@main", "c0", "MIT", commit))
+    PreparedSet(tmp_path / "out", Preparation(SIZE), fake(segmenter)).prepare(find_sources(scans))
+    named = Labeller(f"hf:owner/net@{commit}", "MIT")
+    assert labeller_of(open_scene(tmp_path / "out" / "office.zip")) == named
+    save_table(tmp_path / "maps", THINGS, segmenter.made_by)
+    scene = open_scene(scans / "office")
+    assert relabel_scene(scene, MapFiles.opened(tmp_path / "maps", scene), 0.5).labeller == named
 
 
 def test_pixels_below_the_confidence_are_ignored(scans: Path, tmp_path: Path):

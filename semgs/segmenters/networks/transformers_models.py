@@ -179,7 +179,8 @@ def identify(name: str, folder: Path, architecture: str) -> MadeBy:
     shown = name if name.startswith(SCHEME) else folder.absolute().name
     settings = (folder / file for file in (CONFIG, *PROCESSORS))
     digest = " ".join(sha256(path) for path in (*find_weights(folder, architecture), *settings) if path.is_file())
-    return MadeBy(shown, digest, licence_of(folder))
+    commit = folder.name if name.startswith(SCHEME) and re.fullmatch("[0-9a-f]{40}", folder.name) else ""
+    return MadeBy(shown, digest, licence_of(folder), commit)
 
 
 def find_weights(folder: Path, model: str) -> list[Path]:

@@ -10,6 +10,7 @@ import re
 import shutil
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -356,4 +357,7 @@ def test_a_model_in_the_cache_of_the_hub_needs_no_network(offline, written, name
         (cached / "refs" / revision).write_text(commit)
     segmenter = open_network(name)
     assert segmenter.made_by.name == name
+    assert segmenter.made_by.pinned == f"{name.removesuffix('@v1')}@{commit}"
+    assert segmenter.made_by == replace(segmenter.made_by, revision="")
+    assert open_network(folder).made_by.pinned == folder.name
     np.testing.assert_array_equal(segmenter(photo()), open_network(folder)(photo()))
