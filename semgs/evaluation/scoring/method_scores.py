@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.views import Views
+from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.evaluation.frames.frame_plan import FramePlan, Task
 from semgs.evaluation.frames.predictions import Method, Prediction, write_maps, write_prediction
 from semgs.evaluation.frames.protocols import nearest_first
-from semgs.evaluation.frames.reading import make_inputs, read_views
+from semgs.evaluation.frames.reading import make_inputs, read_frame, read_views
 from semgs.evaluation.scoring.baselines import copy_nearest, predict_majority, warp_contexts
 from semgs.evaluation.scoring.frame_scores import FrameScores, score
 from semgs.evaluation.scoring.similarity import PerceptualDistance, perceptual_distance
@@ -158,9 +158,27 @@ def _combine(
             FrameScores(frame.scene, frame.target, frame.contexts, confusion=matrix, truth=truth)
             for (frame, truth), matrix in zip(labelled, matrices, strict=True)
         )
-    truth_hash = hashlib.sha256("".join(target.truth for target in targets).encode()).hexdigest()
+    truth_hash = _hash_all([target.truth for target in targets])
     predictions = {(frame.scene, frame.target): prediction for frame, prediction in shown}
     return MethodScores(views, tuple(target.method for target in targets), baselines, truth_hash, predictions)
+
+
+def hash_truths(plan: FramePlan) -> dict[int, str]:
+    """The hashes that `MethodScores.truth` would have now, by number of views: the true labels and depths are read again.
+
+    Raises:
+        InputError: a frame cannot be used.
+    """
+    tasks = {task.truth_stem: task for task in plan.tasks}
+    each = {stem: _hash_truth(read_frame(task, task.sample.target, INDOOR_DEPTH_RANGE)) for stem, task in tasks.items()}
+    return {
+        views: _hash_all([each[task.truth_stem] for task in plan.tasks if task.views == views]) for views in plan.views
+    }
+
+
+def _hash_all(hashes: Sequence[str]) -> str:
+    """The hash of all targets from that of each."""
+    return hashlib.sha256("".join(hashes).encode()).hexdigest()
 
 
 def _hash_truth(view: Views) -> str:

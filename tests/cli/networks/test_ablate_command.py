@@ -79,7 +79,7 @@ def test_five_rows_are_trained_evaluated_and_tabled_and_go_on_where_they_stopped
     assert (tmp_path / "out/ablation.md").read_text() == table
 
 
-def test_evaluations_are_only_used_again_for_the_same_frames_and_weights(tmp_path, labelled, trained, capsys):
+def test_evaluations_are_only_used_again_for_the_same_frames_weights_and_labels(tmp_path, labelled, trained, capsys):
     line = [*LINE.split(), "--rows", "none", "--out", str(tmp_path / "out"), "--test", str(labelled)]
     assert main(line) == 0
     folder = tmp_path / "out/seed_0/none/evaluation"
@@ -96,6 +96,14 @@ def test_evaluations_are_only_used_again_for_the_same_frames_and_weights(tmp_pat
     assert main(line) == 0
     assert json.loads((folder / "report.json").read_text())["method"]["sha256"] == sha256(weights)
     assert (folder / "report.json").read_bytes() != first
+    before = (folder / "report.json").read_bytes()
+    assert main(line) == 0
+    assert (folder / "report.json").read_bytes() == before
+    for path in (labelled / "labels").iterdir():  # edited in place: one class instead of two
+        write_png(path, np.zeros((48, 64), np.uint8))
+    assert main(line) == 0
+    result = json.loads((folder / "report.json").read_text())["results"][0]
+    assert result["truth_sha256"] != json.loads(before)["results"][0]["truth_sha256"]
 
 
 def test_the_base_of_variants_does_not_become_longer(tmp_path, labelled, trained, capsys):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -132,14 +133,14 @@ class Ablate:
         if not runs:
             return
         tests = {} if self.train_only else self._tests()
-        targets, done = cache(self._targets), []
+        targets, truths, done = cache(self._targets), cache(_read_truths), []
         for number, ((row, seed), settings) in enumerate(zip(runs, planned, strict=True), 1):
             title = f"{number}/{len(runs)} {row.title}, seed {seed}"
             if not self._train(title, row, settings, execution, ends):
                 print(f"stopped: run {number} of {len(runs)} is not finished; repeat the command to resume")
                 break
             for name, path in tests.items():
-                self._evaluate(row, settings, execution.device, name, *targets(path))
+                self._evaluate(row, settings, execution.device, name, *targets(path), truths)
             done.append((row, seed))
         if not self.train_only:
             tested = {name: targets(path) for name, path in tests.items()} if done else {}
@@ -290,15 +291,19 @@ class Ablate:
         name: str,
         data: LabelledScenes,
         plan: FramePlan,
+        truths: Callable[[FramePlan], dict[int, str]],
     ) -> None:
-        """Evaluate a trained variant on some scenes, unless that was done before with the same weights."""
+        """Evaluate a trained variant on some scenes, unless that was done before with the same weights, labels and depths."""
         from semgs.evaluation.run import Job, load_candidate, run_evaluation
         from semgs.files.hashes import sha256
 
         folder = self._folder(row, settings.seed) / name
         weights = self._run(row, settings.seed) / WEIGHTS
-        if folder.exists() and _report(folder, data, plan).sha256 == sha256(weights):
-            return
+        if folder.exists():
+            report = _report(folder, data, plan)
+            known = {views: result.truth for views, result in report.results.items()}
+            if report.sha256 == sha256(weights) and known == truths(plan):
+                return
         with what_the_user_gave():
             candidate = load_candidate(weights, data.classes, device, row.title)
         with what_fits(), show_progress(f"Evaluating {row.title} on {data.path.name}", len(plan.tasks)) as done:
@@ -400,6 +405,14 @@ class Ablate:
                 f"about {hours:.1f} h in total, not counting evaluation, validation and the drawing of rooms",
             ]
         )
+
+
+def _read_truths(plan: FramePlan) -> dict[int, str]:
+    """The hashes of the true labels and depths as they are now, by number of views."""
+    from semgs.evaluation.scoring.method_scores import hash_truths
+
+    with show_stage("Reading labels"):
+        return hash_truths(plan)
 
 
 def _report(folder: Path, data: LabelledScenes, plan: FramePlan) -> SavedReport:
