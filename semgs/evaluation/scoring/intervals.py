@@ -56,10 +56,10 @@ def units_in_words(units: Iterable[str]) -> str:
     Args:
         units: of each of its rows.
     """
-    few = f"where there are fewer than {FEWEST_SCENES} scenes"
-    return {("scenes",): "scenes", ("frames",): f"frames, as there are fewer than {FEWEST_SCENES} scenes"}.get(
-        tuple(sorted(set(units))), f"scenes, or over frames {few}"
-    )
+    few, found = f"fewer than {FEWEST_SCENES} scenes", set(units)
+    if found == {"scenes"}:
+        return "scenes"
+    return f"frames, as there are {few}" if found == {"frames"} else f"scenes, or over frames where there are {few}"
 
 
 def intervals(frames: Sequence[FrameScores]) -> dict[str, Interval]:
