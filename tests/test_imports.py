@@ -374,6 +374,17 @@ def test_the_command_line_alone_imports_its_parser():
     assert users == {"cli"}
 
 
+def test_texts_in_files_are_utf_8_in_every_locale():
+    calls = [
+        (name, node)
+        for name, path in modules(ROOT).items()
+        for node in nodes(path.read_text())
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
+    ]
+    texts = [(name, node) for name, node in calls if getattr(node.func, "attr", "") in ("read_text", "write_text")]
+    assert [name for name, node in texts if "encoding" not in [given.arg for given in node.keywords]] == []
+
+
 def test_numba_is_imported_at_the_head_of_kernels_and_of_the_back_end_that_holds_them_only():
     assert [name for name in at_heads(("numba",)) if not name.endswith(("_kernels", "_backend"))] == []
 

@@ -58,6 +58,9 @@ KILLED = "The work was stopped by the system, probably because memory ran out. T
 NO_WORKER = f"The work could not be started in {TRIES} tries. Try again in some minutes. The reason is in the terminal where semgs app runs."
 
 
+WORKERS_PHOTO = r"(?<![\w/])(?:[\w./-]*/)?\d{3}\.jpg\b"
+"""The name that the worker gives a photo, wherever it is."""
+
 PLAIN = (
     (
         r"expected photos whose cameras can be estimated, found (.+?)(?: \(\d+ photos\))?; ",
@@ -401,11 +404,16 @@ class Jobs:
 
 def plain(sentence: str, job: Job) -> str:
     """An error of the command line for somebody who sees a page: no folders of the server, no options of the command line."""
-    for number, (path, name) in enumerate(job.request.files, 1):
-        shown = Upload(Path(path), name).shown
-        sentence = sentence.replace(path, shown)
-        if job.request.kind == "photos":
-            sentence = _of_photo(number).sub(shown.replace("\\", ""), sentence)
+    shown = {path: Upload(Path(path), name).shown for path, name in job.request.files}
+    patterns = [re.escape(path) for path in shown]
+    if job.request.kind == "photos":
+        shown |= {f"{number:03d}.jpg": name for number, name in enumerate(shown.values(), 1)}
+        patterns.append(WORKERS_PHOTO)
+    if patterns:  # all at once: the name of one may be what the worker calls another
+        names = re.compile("|".join(patterns))
+        sentence = names.sub(
+            lambda found: shown.get(found[0], shown.get(found[0].rsplit("/", 1)[-1], found[0])), sentence
+        )
     sentence = sentence.replace(str(job.folder), "your files")
     sentence = re.sub(
         r"^(?:photos|scene|clip\.\w+)(?=:)",
@@ -422,11 +430,6 @@ def plain(sentence: str, job: Job) -> str:
     if "." not in sentence.split(" ")[0]:  # names of files stay as they are
         sentence = sentence[:1].upper() + sentence[1:]
     return sentence if sentence.endswith((".", "!", "?")) else f"{sentence}."
-
-
-def _of_photo(number: int) -> re.Pattern[str]:
-    """The name that the worker gives a photo, wherever it is."""
-    return re.compile(rf"(?<![\w/])(?:[\w./-]*/)?{number:03d}\.jpg\b")
 
 
 def _listen(job: Job, process: subprocess.Popen[str], log: deque[str]) -> None:

@@ -10,9 +10,12 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from semgs.export.scene_objects import place_things, things_of
 from semgs.figures.number_texts import percent
 from semgs.files.atomic import new_file, write_json, write_text
+from semgs.files.strict_json import read_json
 from semgs.files.text import printable
 from semgs.robotics.objects import Objects
 from semgs.scene.scene_file import SavedScene, load_scene
@@ -76,7 +79,7 @@ def write_room(folder: Path, title: str = "Your room", notes: Sequence[str] = ()
         OSError: a file cannot be written.
     """
     scene = load_scene(folder)
-    report = json.loads((folder / "report.json").read_text())
+    report: Any = read_json(folder / "report.json")
     up = up_of(scene)
     things = things_of(scene, up) if scene.unit == "metric" and scene.classes is not None else None
     script = files("semgs.app").joinpath("web/scene.js").read_text(encoding="utf-8")
@@ -90,7 +93,7 @@ def write_room(folder: Path, title: str = "Your room", notes: Sequence[str] = ()
         "classes": [{"name": group.name, "share": round(group.share, 4)} for group in page.groups]
         if scene.classes
         else [],
-        "things": _things(things),
+        "things": _things(things, scene.origin),
         "notes": listed,
         "seconds": report["seconds"],
     }
@@ -205,8 +208,8 @@ def _before(folder: Path, report: Mapping[str, Any]) -> dict[str, str] | None:
     return {"before": f"{stem}_before.png", "after": f"{stem}_image.png", "text": text}
 
 
-def _things(things: Objects | None) -> dict[str, Any]:
-    """Things by number, for clicks."""
+def _things(things: Objects | None, origin: tuple[float, float, float]) -> dict[str, Any]:
+    """Things by number, for clicks, in the coordinates of the scene's own poses, as what is clicked."""
     if things is None:
         return {}
     return {
@@ -214,7 +217,7 @@ def _things(things: Objects | None) -> dict[str, Any]:
             "class": one.thing.name,
             "confidence": round(one.thing.confidence, 3),
             "size": [round(float(side), 3) for side in one.thing.box.size],
-            "centre": [round(float(side), 3) for side in one.centre],
+            "centre": [round(float(side), 3) for side in one.centre + np.array(origin)],
         }
         for one in place_things(things)
     }

@@ -55,10 +55,13 @@ def application(jobs: Jobs, *, local: bool = True, token: str | None = None) -> 
 def served_path(room: Path, name: str) -> Path | None:
     """A file of a room, or a folder in it whose name ends with a slash; None if there is none, or it is hidden."""
     root = room.resolve()
-    path = (root / name).resolve()
+    try:
+        path = (root / name).resolve()
+        there = path.is_dir() and path != root if name.endswith("/") else path.is_file()
+    except (OSError, ValueError):  # too long for the file system, or with a zero byte
+        return None
     if not path.is_relative_to(root) or any(part.startswith(".") for part in path.relative_to(root).parts):
         return None
-    there = path.is_dir() and path != root if name.endswith("/") else path.is_file()
     return path if there else None
 
 

@@ -7,9 +7,11 @@ no links, no more bytes than the list says.
 from __future__ import annotations
 
 import io
+import lzma
 import math
 import stat
 import zipfile
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -29,6 +31,11 @@ LONGEST_SIDE = 1024
 """Photos without cameras are reduced to this [px]: their cameras are found three times as fast, and the network sees less than 76,800 pixels anyway."""
 
 QUALITY = 95
+
+DAMAGED = (
+    zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, NotImplementedError, ValueError, RuntimeError,
+)  # fmt: skip
+"""What reading a damaged zip raises, by how its members are compressed."""
 
 Kind = Literal["photos", "clip", "archive"]
 
@@ -171,7 +178,7 @@ def unpack(upload: Upload, folder: Path, limits: Limits) -> None:
                     raise UnusableUploadError(f"{upload.shown} contains more than it says. It may be damaged.")
                 target.parent.mkdir(parents=True, exist_ok=True)
                 write_bytes(target, content)
-    except (zipfile.BadZipFile, EOFError, NotImplementedError, ValueError, RuntimeError) as error:
+    except DAMAGED as error:
         raise UnusableUploadError(
             f"{upload.shown} is not a zip that can be read. It may be damaged; make it again."
         ) from error

@@ -12,10 +12,12 @@ import sys
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from semgs.cli.main import main, run_guarded
 from semgs.cli.progress import VARIABLE, report_stage
 from semgs.cli.usage_errors import UsageError
+from semgs.files.strict_json import read_json
 from semgs.runtime.threads import adapt_threads, prepare_threads
 
 
@@ -95,7 +97,8 @@ def work(line: str) -> int:
     code = main(["reconstruct", str(scene), "--out", str(out), "--drop-photos", *options.arguments(photos)])
     if code:
         return code
-    metric = json.loads((out / "report.json").read_text())["scene"]["unit"] == "metric"
+    report: Any = read_json(out / "report.json")
+    metric = report["scene"]["unit"] == "metric"
     formats = ["points", "gltf", *(["objects"] if metric else [])]
     report_stage("Writing files to download")
     code = main(["export", str(out), "--out", str(extra), "--as", *formats])

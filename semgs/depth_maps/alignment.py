@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float, Float64, Int64
 from torch import Tensor
 from torch.nn.functional import grid_sample
 
+from semgs.depth_maps.depth_fit import SIGMA_PER_MAD, TUKEY
 from semgs.depth_maps.depth_source import Meaning
 from semgs.geometry.cameras import Cameras, back_project, project
 
@@ -41,12 +42,6 @@ LEAST_INVERSE = 0.01
 
 OWN_SHARE = 0.1
 """At least this share of the squared residual is the map's own error, however uncertain the reference says it is."""
-
-SIGMA_PER_MAD = 1.4826
-"""Standard deviation of a normal distribution per median absolute deviation."""
-
-TUKEY = 4.685
-"""Residuals of more standard deviations than this have no weight in the first fit."""
 
 
 @dataclass(frozen=True)

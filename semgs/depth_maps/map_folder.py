@@ -24,7 +24,7 @@ from jaxtyping import Float, Float32
 from torch import Tensor
 
 from semgs.data.frames import Frame, undistortion
-from semgs.data.maps import SATURATED, fit_to_image
+from semgs.data.maps import MILLIMETRE, SATURATED, fit_to_image
 from semgs.data.resampling import Fit, kept_window, nearest
 from semgs.data.scene import Scene
 from semgs.depth_maps.depth_source import Meaning
@@ -39,7 +39,6 @@ from semgs.segmenters.class_map_files import MadeBy, file_of, only_array, stems_
 RECORD = "depth.json"
 ENDINGS = (".npy", ".npz", ".exr", ".png")
 CHANNELS = ("Z", "Y", "R")
-MILLIMETRE = 0.001
 
 
 @dataclass(frozen=True)

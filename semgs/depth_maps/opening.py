@@ -46,7 +46,5 @@ def open_depth_maps(name: str, meaning: Meaning | None = None) -> Callable[[Scen
         return lambda scene: predicted
     if path.is_dir():
         return lambda scene: open_map_folder(path, scene, meaning)
-    expected = (
-        "network, sensor, both, maps, a folder of depth maps, an exported network (.onnx, .tflite), or a model folder"
-    )
+    expected = f"{OWN}, a folder of depth maps, an exported network (.onnx, .tflite), a model folder, or hf:OWNER/NAME"
     raise InputError(path, expected, "something else" if path.exists() else "nothing")

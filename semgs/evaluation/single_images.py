@@ -1,6 +1,6 @@
 """Scores of classes in single images, each classified by itself, without cameras and without rendering.
 
-OUT/report.json                   all scores, with 95 % intervals over scenes; images without cameras count as a scene each
+OUT/report.json                   all scores, with 95 % intervals over scenes, or over images of fewer than five; images without cameras count as a scene each
 OUT/predictions/SCENE/STEM.png    the likeliest class of each pixel, at the size that was compared
 """
 
@@ -20,7 +20,7 @@ from semgs.data.scene import Scene
 from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.data.views import INDOOR_DEPTH_RANGE
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.scoring.intervals import intervals
+from semgs.evaluation.scoring.intervals import choose_units, intervals, units_in_words
 from semgs.evaluation.scoring.score_records import encode_scores
 from semgs.evaluation.scoring.summary import CLASS_METRICS, CONFIDENCE_METRICS, ClassScores, score_classes, summarise
 from semgs.evaluation.tables.environment import hardware, versions
@@ -177,7 +177,9 @@ def single_grids(name: str, frames: Sequence[FrameScores], classes: ClassTable) 
             groups=(),
             head=(counted(len(frames), "image"), *(TITLES[metric] for metric in SHOWN)),
             rows=((Cell(name), *cells),),
-            notes=("In brackets: 95 % intervals over scenes; images without cameras count as a scene each.",),
+            notes=(
+                f"In brackets: 95 % intervals over {units_in_words([choose_units(frames)])}; images without cameras count as a scene each.",
+            ),
         ),
         Grid(
             title="Classes",

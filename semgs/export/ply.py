@@ -50,7 +50,7 @@ def save_ply(
         gaussians: of one scene, without a batch axis.
         extra: further properties by name, after the others, a number for each Gaussian: uint8 as `uchar`, all others as `float`. Viewers that read
             62 floats by position cannot read such a file.
-        comments: lines of the header.
+        comments: lines of the header; line ends in them become spaces.
 
     Raises:
         ValueError: they have a batch axis, or a number is not finite, or a further property has another count or a name that is taken.
@@ -141,7 +141,11 @@ def _write(
     packed = np.empty(len(rows), [(name, {"uchar": "u1", "float": "<f4"}[kind]) for name, kind in types.items()])
     for name, values in columns.items():
         packed[name] = values
-    header = ["ply", "format binary_little_endian 1.0", *(f"comment {line}" for line in comments)]
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        *(f"comment {' '.join(line.splitlines())}" for line in comments),
+    ]
     header += [
         f"element vertex {len(rows)}",
         *(f"property {kind} {name}" for name, kind in types.items()),

@@ -12,7 +12,7 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from semgs.figures.class_images import LegendEntry
-from semgs.figures.plotting import make_rectangle, new_figure
+from semgs.figures.plotting import as_written, make_rectangle, new_figure
 
 if TYPE_CHECKING:
     from semgs.figures.plotting import Figure
@@ -167,7 +167,7 @@ class _Grid:
         width, height = figure.get_size_inches()
 
         def text(x: float, y: float, words: str, size: float, **options: Any) -> None:
-            figure.text(x / width, 1 - y / height, words, fontsize=size, **options)
+            figure.text(x / width, 1 - y / height, as_written(words), fontsize=size, **options)
 
         middle = left + self._left + (self.width - self._left) / 2
         if self._block.title:
@@ -235,7 +235,7 @@ def _draw_legend(figure: Figure, legend: Sequence[LegendEntry], width: float, be
                 linewidth=0.3,
             )
         )
-        figure.text((x + 0.16) / whole, (y + 0.07) / height, entry.name, fontsize=LEGEND, va="center")
+        figure.text((x + 0.16) / whole, (y + 0.07) / height, as_written(entry.name), fontsize=LEGEND, va="center")
 
 
 def _saved(figure: Figure, form: Form) -> bytes:

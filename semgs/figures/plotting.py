@@ -32,6 +32,11 @@ def new_figure(size: tuple[float, float], **options: Any) -> Figure:
     return figure
 
 
+def as_written(text: str) -> str:
+    """A name for a figure, in which matplotlib would take what is between two dollars for a formula."""
+    return text.replace("$", r"\$")
+
+
 def label_axes(axes: Axes, x: str, y: str) -> None:
     """Names the axes of a plot, and draws a light grid behind it."""
     axes.set_xlabel(x, fontsize=SIZE)

@@ -6,7 +6,7 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from semgs.figures.plotting import SIZE, new_figure
+from semgs.figures.plotting import SIZE, as_written, new_figure
 
 SIDE = 2.6
 """Side of a plot [inch]."""
@@ -40,11 +40,18 @@ def reliability_png(plots: Sequence[ReliabilityPlot]) -> bytes:
         above.plot((0, 1), (0, 1), color="0.7", linewidth=0.8)
         for (name, bins), colour in zip(plot.curves, COLOURS, strict=False):
             points = [(confidence, accuracy) for share, confidence, accuracy in bins if share >= VISIBLE]
-            above.plot(*zip(*points, strict=True), color=colour, marker="o", markersize=2.5, linewidth=1, label=name)
+            above.plot(
+                *zip(*points, strict=True),
+                color=colour,
+                marker="o",
+                markersize=2.5,
+                linewidth=1,
+                label=as_written(name),
+            )
             edges = [index / len(bins) for index in range(len(bins) + 1)]
             below.stairs([share for share, _, _ in bins], edges, color=colour)
         above.set(xlim=(0, 1), ylim=(0, 1), aspect="equal")
-        above.set_title(plot.title, fontsize=SIZE + 1)
+        above.set_title(as_written(plot.title), fontsize=SIZE + 1)
         above.set_ylabel("share correct", fontsize=SIZE)
         below.set_ylabel("share of pixels", fontsize=SIZE)
         below.set_xlabel("confidence", fontsize=SIZE)

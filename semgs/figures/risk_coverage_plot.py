@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import UInt8
 
-from semgs.figures.plotting import SIZE, label_axes, new_figure, render_figure
+from semgs.figures.plotting import SIZE, as_written, label_axes, new_figure, render_figure
 
 COLOURS = ("#4c72b0", "#c44e52", "#55a868", "#8172b3")
 
@@ -38,7 +38,7 @@ def risk_coverage_picture(curves: Sequence[RiskCurve]) -> UInt8[np.ndarray, "h w
     for index, curve in enumerate(curves):
         colour = COLOURS[index % len(COLOURS)]
         coverages, risks = (100 * np.array(values) for values in (curve.coverages, curve.risks))
-        axes.plot(coverages, risks, color=colour, marker="o", markersize=2.5, linewidth=1, label=curve.name)
+        axes.plot(coverages, risks, color=colour, marker="o", markersize=2.5, linewidth=1, label=as_written(curve.name))
         if None not in (*curve.lows, *curve.highs):
             axes.fill_between(
                 coverages,

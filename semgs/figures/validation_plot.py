@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import UInt8
 
-from semgs.figures.plotting import SIZE, label_axes, new_figure, render_figure
+from semgs.figures.plotting import SIZE, as_written, label_axes, new_figure, render_figure
 
 
 def validation_picture(runs: Mapping[str, Sequence[Mapping[int, float]]], score: str) -> UInt8[np.ndarray, "h w 3"]:
@@ -24,7 +24,15 @@ def validation_picture(runs: Mapping[str, Sequence[Mapping[int, float]]], score:
         if not steps:
             continue
         values = np.array([[run[step] for step in steps] for run in found])
-        axes.plot(steps, values.mean(axis=0), color=f"C{index}", marker="o", markersize=2.5, linewidth=1, label=name)
+        axes.plot(
+            steps,
+            values.mean(axis=0),
+            color=f"C{index}",
+            marker="o",
+            markersize=2.5,
+            linewidth=1,
+            label=as_written(name),
+        )
         axes.fill_between(steps, values.min(axis=0), values.max(axis=0), color=f"C{index}", alpha=0.15, linewidth=0)
     axes.set(xlim=(0, None), ylim=(0, None))
     label_axes(axes, "step", score)

@@ -213,7 +213,7 @@ def own_folder(path: str | Path, command: str, overwrite: bool = False) -> Itera
     staging = partial_name(target)
     _make(path, staging)
     try:
-        (staging / MARK).write_text(_WRITER.format(command))
+        (staging / MARK).write_text(_WRITER.format(command), encoding="utf-8")
         yield staging
         _check_free(path, command, overwrite)  # again, as time has passed
         _swap(staging, target)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 import torch
@@ -125,8 +126,11 @@ def objects(
         raise ValueError(
             f"the class distributions are {tuple(features.shape)}; expected [g {len(classes)}] for table {classes.name}"
         )
-    if not (gap > 0 and min_size >= 0):
+    if not (0 < gap < inf and min_size >= 0):
         raise ValueError(f"gap is {gap} and min_size {min_size}; expected a positive gap, and 0 or more")
+    eye = np.asarray(seen_from, np.float64)
+    if eye.shape != (3,) or not np.isfinite(eye).all():
+        raise ValueError(f"seen_from is {seen_from}; expected a point of three finite numbers")
     cluster = clustering_library()
     level = level_from_world(up)
     points = gaussians.means.detach().cpu().double().numpy() @ level.T
@@ -134,7 +138,7 @@ def objects(
     chances = highest_probability(features, temperature).double().numpy()
     solid = torch.from_numpy((weights >= min_opacity) & (weights > 0))
     labels = torch.where(solid, class_numbers(features), UNSEEN).numpy()
-    eye = level @ np.asarray(seen_from, np.float64)
+    eye = level @ eye
     found: list[tuple[int, Int64[np.ndarray, " n"]]] = []
     for label in np.unique(labels[labels != UNSEEN]).tolist():
         if classes.names[label] not in stuff:

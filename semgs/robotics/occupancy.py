@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 from jaxtyping import Bool, Float, Float64, Int8, Int64, UInt8
@@ -104,9 +105,14 @@ def occupancy(
     """
     Gaussians.check_type(gaussians)
     Cameras.check_type(cameras)
-    if not (0 < step < height and resolution > 0 and reach > 0):
+    if not (0 < step < height < inf and 0 < resolution < inf and reach > 0 and 0 <= narrowest < inf):
         raise ValueError(
-            f"step is {step}, height {height}, resolution {resolution} and reach {reach}; expected 0 < step < height, and positive others"
+            f"step is {step}, height {height}, resolution {resolution}, reach {reach} and narrowest {narrowest}; "
+            "expected 0 < step < height, positive others, and narrowest 0 or more"
+        )
+    if len(cameras.batch) != 1:
+        raise ValueError(
+            f"the cameras have leading axes {tuple(cameras.batch)}; expected those of the input views, [v]"
         )
     level = level_from_world(up)
     points = gaussians.means.detach().cpu().double().numpy() @ level.T

@@ -18,15 +18,13 @@ from semgs.data.frames import undistortion
 from semgs.data.layouts.ros.bag import frame_id_of, stamp_of
 from semgs.data.layouts.ros.camera import lens_of
 from semgs.data.layouts.ros.image_messages import as_file, is_depth, pixels_of
+from semgs.data.maps import MILLIMETRE, SATURATED
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.files.images.pictures import decode_rgb
 from semgs.geometry.rotations import matrix_from_quaternion
 
 PosedImage = tuple[UInt8[np.ndarray, "h w 3"], Float64[np.ndarray, "4 4"], Float64[np.ndarray, "3 3"], float]
 """Image, pose, intrinsics and time, the frame that `semgs.stream` takes."""
-
-MILLIMETRE = 0.001
-"""Unit of depth in 16 bits [m] (REP 118)."""
 
 LEAST_NORM = 1e-6
 """Length of a quaternion that is a rotation; an empty message has 0."""
@@ -79,7 +77,7 @@ def views_from_messages(
 
     Args:
         images, infos, poses, rectified: one per view, as for `frame_from_messages`.
-        depths: of each image, registered to it, as Image (16UC1 in millimetres, 32FC1 in metres) or compressedDepth; empty for none.
+        depths: of each image, registered to it, as Image (16UC1 in millimetres, 0 and 65535 unknown; 32FC1 in metres) or compressedDepth; empty for none.
         depth_range: near and far [m].
 
     Raises:
@@ -160,7 +158,8 @@ def _registered_depth(depth: Any, image: Any, info: Any, rectified: bool) -> Flo
         )
     counts = _depth_pixels(depth)
     metres = counts * np.float32(MILLIMETRE) if counts.dtype.kind == "u" else counts
-    metres = np.where(np.isfinite(metres) & (metres > 0), metres, 0).astype(np.float32)
+    known = np.isfinite(metres) & (metres > 0) & (counts != SATURATED)
+    metres = np.where(known, metres, 0).astype(np.float32)
     lens = lens_of(Path("CameraInfo"), frame_id_of(info), info, metres.shape, rectified=rectified)
     maps = undistortion(lens)
     return metres if maps is None else lens.undistorted(metres, maps, nearest=True)

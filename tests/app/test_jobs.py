@@ -323,6 +323,27 @@ def test_errors_of_the_command_line_name_neither_folders_nor_options(sentence: s
 
 
 @pytest.mark.parametrize(
+    ("sentence", "expected"),
+    [
+        ("photos/001.jpg is dark", "002.jpg is dark."),
+        ("photos/002.jpg is dark", "003.jpg is dark."),
+        ("/rooms/x/files/002.jpg is dark", "A\\1.jpg is dark."),
+        ("004.jpg is dark", "004.jpg is dark."),
+    ],
+)
+def test_a_photo_keeps_its_name_if_the_worker_calls_another_one_so(sentence: str, expected: str):
+    files = [[f"/rooms/x/files/00{at}.jpg", name] for at, name in enumerate(("002.jpg", "003.jpg", "A\\1.jpg"))]
+    shown = plain(sentence, Job("x", Path("/rooms/x"), Request("photos", files, "/rooms/x", {}), "3 photos"))
+    assert shown == expected.replace("A\\", "")  # shown names have no folders, of Windows neither
+
+
+def test_a_zip_is_named_as_the_user_has_it():
+    request = Request("archive", [["/rooms/x/files/000.zip", "flat.zip"]], "/rooms/x", {})
+    job = Job("x", Path("/rooms/x"), request, "a zip")
+    assert plain("/rooms/x/files/000.zip: it is empty, like 001.jpg", job) == "flat.zip: it is empty, like 001.jpg."
+
+
+@pytest.mark.parametrize(
     "options",
     [
         {"views": 9}, {"segmenter": "/etc/passwd"}, {"depth": "hf:a/b"}, {"words": "mug"}, {"segmenter": "words", "words": "mug, --out"},

@@ -9,13 +9,16 @@ import threading
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from chromium import page_of
 from room_folders import write_reconstruction
 
 from semgs.app.room import plain_note, write_room
+from semgs.scene.scene_file import FILE_NAME, load_scene, save_scene
 
 
 @contextmanager
@@ -51,6 +54,17 @@ def test_the_page_offers_what_there_is_and_the_zip_has_all_of_it(room: Path):
         names = set(archive.namelist())
     assert {"room/index.html", "room/scene.html", "room/gaussians.ply", "room/renders/context_000_image.png"} <= names
     assert "room/room.zip" not in names
+
+
+def test_a_thing_has_the_coordinates_that_a_click_on_it_has_also_far_from_the_origin_of_the_poses(tmp_path: Path):
+    centres = {}
+    for origin in ((0.0, 0.0, 0.0), (5000.0, -2000.0, 300.0)):
+        folder = write_reconstruction(tmp_path / f"{origin[0]:.0f}")
+        save_scene(folder / FILE_NAME, replace(load_scene(folder), origin=origin))
+        write_room(folder)
+        centres[origin] = json.loads((folder / "room.json").read_text())["things"]["1"]["centre"]
+    near, far = (np.array(centre) for centre in centres.values())
+    np.testing.assert_allclose(far - near, (5000.0, -2000.0, 300.0), atol=0.002)
 
 
 def test_the_report_opens_where_the_files_are_that_it_links_to(tmp_path: Path):

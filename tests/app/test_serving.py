@@ -78,7 +78,8 @@ def test_what_a_report_links_to_is_served(room: Path, name: str):
 
 
 @pytest.mark.parametrize(
-    "name", ["", "/", "renders", ".semgs", "../secret", "../", "renders/../../secret", "absent/", "absent"]
+    "name",
+    ["", "/", "renders", ".semgs", "../secret", "../", "renders/../../secret", "absent/", "absent", "a\0b", 300 * "x"],
 )
 def test_nothing_else_is_served(room: Path, name: str):
     assert served_path(room, name) is None

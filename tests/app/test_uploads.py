@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import io
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from dropped_files import picture, with_link, written, zipped
 from PIL import Image
@@ -25,6 +27,17 @@ def lying(path: Path) -> Upload:
     data[at + 24 : at + 28] = (1).to_bytes(4, "little")
     path.write_bytes(data)
     return upload
+
+
+def damaged(path: Path, method: int) -> Upload:
+    """An archive with a member of 3,000 random bytes of 16 kinds, in whose compressed data some bits are wrong."""
+    content = bytes(np.random.default_rng(5).integers(0, 16, 3000, np.uint8))
+    with zipfile.ZipFile(path, "w", method) as archive:
+        archive.writestr("a.txt", content)
+    data = bytearray(path.read_bytes())
+    data[60:100] = bytes(40)
+    path.write_bytes(data)
+    return Upload(path, path.name)
 
 
 WRONG: dict[str, tuple[Callable[[Path], list[Upload]], str]] = {
@@ -54,6 +67,8 @@ WRONG: dict[str, tuple[Callable[[Path], list[Upload]], str]] = {
     "a drive": (lambda folder: [zipped(folder / "a.zip", {"C:/a": b"x"})], "leads outside"),
     "a file without a name": (lambda folder: [zipped(folder / "a.zip", {".": b"x"})], "a file without a name"),
     "a link": (lambda folder: [with_link(folder / "a.zip")], "contains a link"),
+    "deflated damage": (lambda folder: [damaged(folder / "a.zip", zipfile.ZIP_DEFLATED)], "a.zip is not a zip that can be read"),
+    "LZMA damage": (lambda folder: [damaged(folder / "a.zip", zipfile.ZIP_LZMA)], "a.zip is not a zip that can be read"),
     "a lie": (lambda folder: [lying(folder / "a.zip")], "a.zip"),
     "a zip in which a file is a folder": (lambda folder: [zipped(folder / "a.zip", {"a": b"x", "a/b": b"x"})], "cannot be unpacked"),
     "vanished": (lambda folder: [Upload(folder / "a.jpg", "a.jpg"), picture(folder / "b.jpg")], "no longer on the server"),

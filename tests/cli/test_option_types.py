@@ -9,6 +9,7 @@ import pytest
 
 from semgs.cli.arguments import parse
 from semgs.cli.commands.scenes.reconstruct import Reconstruct
+from semgs.cli.main import main
 from semgs.cli.options.types import (
     AutoSize,
     Count,
@@ -85,6 +86,20 @@ def test_what_cannot_be_used_is_refused_on_one_line(typed: str, told: str):
     with pytest.raises(UsageError, match=f"^{told}; see program --help$") as caught:
         parsed(*typed.split())
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("command", "wanted"),
+    [
+        ("export out --out map --as occupancy --resolution inf", "finite number, more than 0"),
+        ("export out --out map --as occupancy --robot-height inf", "finite number, more than 0"),
+        ("poses photos scene --focal inf", "finite number, more than 0"),
+        ("train small --out run --cache-gib inf", "finite number, 0 or more"),
+    ],
+)
+def test_lengths_and_sizes_are_not_infinite(command: str, wanted: str, capsys: pytest.CaptureFixture[str]):
+    assert main(command.split()) == 2
+    assert f"{command.split()[-2]}: expected a {wanted}, found 'inf'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

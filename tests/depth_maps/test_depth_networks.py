@@ -160,7 +160,7 @@ def test_a_model_of_another_task_is_refused(tmp_path: Path):
 
 def test_a_name_that_is_no_source_is_refused(tmp_path: Path):
     for name, found in ((tmp_path / "none", "nothing"), (__file__, "something else")):
-        with pytest.raises(InputError, match=f"network, sensor, both, maps, a folder of depth maps.* found {found}"):
+        with pytest.raises(InputError, match=f"expected maps, a folder of depth maps.* found {found}"):
             open_depth_maps(str(name))
 
 

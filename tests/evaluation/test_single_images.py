@@ -16,7 +16,7 @@ from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20
 from semgs.data.views import Views
-from semgs.evaluation.single_images import evaluate_single_images, score_single_images, single_numbers
+from semgs.evaluation.single_images import evaluate_single_images, score_single_images, single_grids, single_numbers
 from semgs.evaluation.tables.evaluation_report import EvaluatedMethod
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_uint8
@@ -50,6 +50,11 @@ def images(tmp_path: Path) -> Scene:
     walls, floor = np.zeros((16, 32)), np.ones((32, 16))
     floor[16:] = 200
     return open_scene(write_image_set(tmp_path / "two", {"walls": walls, "floor": floor}), needs_cameras=False)
+
+
+def test_the_note_of_two_images_does_not_say_that_their_intervals_are_over_scenes(images: Scene):
+    table, _ = single_grids("by colour", score_single_images(by_colour(), [images]), SCANNET20)
+    assert "intervals over frames, as there are fewer than 5 scenes; images" in table.notes[0]
 
 
 def test_scores_are_those_worked_out_by_hand(images: Scene):

@@ -11,6 +11,7 @@ from ply import read_ply
 from semgs.data.tables.classes import SCANNET20
 from semgs.export.ply import save_ply, save_semantic_ply
 from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.splats.load import load_splat
 
 
 def some_gaussians(count: int = 7, harmonics: int = 9, seed: int = 3) -> Gaussians:
@@ -143,3 +144,9 @@ def test_further_columns_follow_those_of_3dgs_and_comments_come_before_them(tmp_
     for name, values in (("opacity", np.zeros(2)), ("label", np.zeros(3)), ("label", np.zeros((2, 1)))):
         with pytest.raises(ValueError, match=f"{name} is .*; expected a further property with 2 numbers"):
             save_ply(tmp_path / "b.ply", gaussians, {name: values})
+
+
+def test_a_name_of_two_lines_in_a_comment_leaves_a_file_that_can_be_read(tmp_path: Path) -> None:
+    save_ply(tmp_path / "a.ply", some_gaussians(2), comments=["label 4 power\nsocket", "label 5 a\r\nend_header\nb"])
+    read = load_splat(tmp_path / "a.ply")
+    assert (len(read), read.comments) == (2, ("label 4 power socket", "label 5 a end_header b"))

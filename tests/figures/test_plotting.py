@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import io
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from semgs.cli.main import main
 from semgs.figures import plotting
+from semgs.figures.class_images import LegendEntry
+from semgs.figures.comparison import FigureBlock, PictureRow, comparison
+from semgs.figures.reliability import ReliabilityPlot, reliability_png
+from semgs.figures.risk_coverage_plot import RiskCurve, risk_coverage_picture
+from semgs.figures.validation_plot import validation_picture
 
 
 @pytest.fixture
@@ -32,3 +41,42 @@ def test_commands_that_plot_say_what_to_install(tmp_path: Path, capsys: pytest.C
 def test_a_figure_has_the_pixels_of_its_size() -> None:
     figure = plotting.new_figure((3.0, 2.0), dpi=50)
     assert plotting.render_figure(figure).shape == (100, 150, 3)
+
+
+def opened(content: bytes) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(content)).convert("RGB"))
+
+
+def block_named(title: str, heading: str, label: str) -> np.ndarray:
+    row = PictureRow(label, (np.full((60, 80, 3), 255, np.uint8),))
+    return opened(comparison([FigureBlock(title, (heading,), (row,))])["png"])
+
+
+NAMED: dict[str, Callable[[str], np.ndarray]] = {
+    "title": lambda name: block_named(name, "h", "r"),
+    "heading": lambda name: block_named("", name, "r"),
+    "label": lambda name: block_named("", "h", name),
+    "legend": lambda name: opened(
+        comparison(
+            [FigureBlock("", ("h",), (PictureRow("r", (np.full((60, 80, 3), 255, np.uint8),)),))],
+            [LegendEntry(name, (255, 255, 255), 1.0)],
+        )["png"]
+    ),
+    "reliability": lambda name: opened(reliability_png([ReliabilityPlot(name, ((name, ((1.0, 0.5, 0.5),)),))])),
+    "risk": lambda name: risk_coverage_picture([RiskCurve(name, (0.5, 1.0), (0.1, 0.2), (None, None), (None, None))]),
+    "validation": lambda name: validation_picture({name: [{1: 0.1, 2: 0.2}]}, "mIoU"),
+}
+"""Figures by where they show a name."""
+
+
+@pytest.mark.parametrize("place", NAMED)
+def test_dollars_in_a_name_begin_no_formula(place: str) -> None:
+    """As a formula, it would be an error: there is no such letter."""
+    NAMED[place]("$\\foo$")
+
+
+@pytest.mark.parametrize("place", ["title", "heading", "legend"])
+def test_dollars_in_a_name_are_shown(place: str) -> None:
+    """As a formula, $l$ would be one letter, and hardly darker than l."""
+    plain, with_dollars = (int((NAMED[place](name) < 128).sum()) for name in ("l", "$l$"))
+    assert with_dollars > plain + 20

@@ -47,7 +47,7 @@ RECONSTRUCTION = (
         ("tests/reconstruction/test_depth_maps_of_scenes.py::test_the_scenes_own_maps_are_no_reference_for_themselves",),
     ),
     Mutant(
-        "counts of a map without a unit are metres", "semgs/depth_maps/map_folder.py", "MILLIMETRE = 0.001", "MILLIMETRE = 1.0",
+        "counts of a map without a unit are metres", "semgs/depth_maps/map_folder.py", "MILLIMETRE if path.suffix", "1.0 if path.suffix",
         ("tests/depth_maps/test_map_folder.py::test_counts_are_millimetres_or_in_the_stated_unit",),
     ),
     Mutant(

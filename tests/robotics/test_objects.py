@@ -108,6 +108,9 @@ def test_what_has_no_classes_and_bad_arguments_are_refused() -> None:
         objects(replace(gaussians, semantic=None))
     with pytest.raises(ValueError, match="positive gap"):
         objects(gaussians, gap=0.0)
+    for point in ((1.0, 2.0), (0.0, float("nan"), 0.0)):
+        with pytest.raises(ValueError, match="expected a point of three finite numbers"):
+            objects(gaussians, seen_from=point)
     with pytest.raises(ValueError, match=r"expected \[g 1\]"):
         objects(gaussians, replace(SCANNET20, names=("a",), colours=((0, 0, 0),), raw_ids=(1,)))
 

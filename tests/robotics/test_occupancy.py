@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf, nan
 
 import numpy as np
 import pytest
@@ -166,6 +167,11 @@ def test_arguments_out_of_range_are_refused() -> None:
     for options in ({"step": 2.0}, {"step": 0.0}, {"resolution": 0.0}, {"reach": -1.0}):
         with pytest.raises(ValueError, match="expected 0 < step < height"):
             occupancy(scene.gaussians, scene.cameras, **options)
+    for options in ({"height": inf}, {"resolution": inf}, {"narrowest": -0.1}, {"narrowest": nan}):
+        with pytest.raises(ValueError, match="expected 0 < step < height, positive others, and narrowest 0 or more"):
+            occupancy(scene.gaussians, scene.cameras, **options)
+    with pytest.raises(ValueError, match=r"leading axes \(\); expected those of the input views, \[v\]"):
+        occupancy(scene.gaussians, scene.cameras[0])
     with pytest.raises(ValueError, match="use a larger resolution"):
         occupancy(scene.gaussians, scene.cameras, resolution=0.001)
     two = replace(SCANNET20, name="two", names=("a", "floor"), colours=((0, 0, 0),) * 2, raw_ids=(1, 2))

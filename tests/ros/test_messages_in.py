@@ -138,15 +138,16 @@ def test_a_pose_that_nobody_filled_and_a_transform_of_another_frame_are_refused(
 
 
 COUNTS = np.array([[1000, 0, 2500], [65535, 1, 40]])
+METRES = [[1, 0, 2.5], [0, 0.001, 0.04]]  # 0 and 65535 mean that nothing was measured, as in bags and files
 
 
 @pytest.mark.parametrize(
     ("depth", "metres"),
     [
-        (image(COUNTS.astype("<u2"), "16UC1", pad=2), COUNTS / 1000),
-        (image(COUNTS.astype(">u2"), "16UC1"), COUNTS / 1000),
+        (image(COUNTS.astype("<u2"), "16UC1", pad=2), METRES),
+        (image(COUNTS.astype(">u2"), "16UC1"), METRES),
         (image(np.array([[1, np.nan, 2.5], [np.inf, -1, 0.04]], "<f4"), "32FC1"), [[1, 0, 2.5], [0, 0, 0.04]]),
-        (compressed(bytes(12) + cv2.imencode(".png", COUNTS.astype(np.uint16))[1].tobytes(), "16UC1; compressedDepth png"), COUNTS / 1000),
+        (compressed(bytes(12) + cv2.imencode(".png", COUNTS.astype(np.uint16))[1].tobytes(), "16UC1; compressedDepth png"), METRES),
     ],
     ids=["16UC1", "16UC1 big", "32FC1", "compressedDepth"],
 )  # fmt: skip

@@ -32,7 +32,7 @@ class ExecutionOptions:
     """Processes that load scenes ahead, for each device; 0 loads them between steps."""
     save_minutes: Annotated[float, one_word("FLOAT", at_least(0.0))] = 5.0
     """Minutes between checkpoints."""
-    cache_gib: Annotated[float, one_word("FLOAT", at_least(0.0))] = 0.0
+    cache_gib: Annotated[float, one_word("FLOAT", at_least(0.0, finite=True))] = 0.0
     """GiB of memory in which each of the workers keeps decoded images of --data folders. This speeds up training on a GPU where all images fit."""
 
     def execution(self, nodes: int = 1) -> Execution:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 class PosingOptions:
     """Photos without poses: details that help to estimate the cameras."""
 
-    focal: Annotated[float | None, one_word("PX", at_least(0.0, more=True)), optional()] = None
+    focal: Annotated[float | None, one_word("PX", at_least(0.0, more=True, finite=True)), optional()] = None
     """Focal length in pixels of the full-size photos. By default it is from EXIF, or solved for, or with two photos a guess."""
     scale_from: Annotated[tuple[str, ...], several("A B METRES", str), optional()] = ()
     """Distance in metres between the cameras of photos A and B, such as 0001.jpg 0004.jpg 1.25. Without it the unit of length is unknown."""

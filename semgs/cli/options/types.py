@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from contextlib import suppress
+from math import isinf
 from typing import Annotated, Any, Literal
 
 import tyro
@@ -70,15 +71,16 @@ def shown_size(size: tuple[int, int] | None) -> str:
     return "auto" if size is None else f"{size[0]}x{size[1]}"
 
 
-def at_least(least: int | float, *, more: bool = False) -> Callable[[str], int | float]:
-    """Reads a number that is not smaller than `least`, or with `more` one that is larger; a whole number if `least` is one."""
+def at_least(least: int | float, *, more: bool = False, finite: bool = False) -> Callable[[str], int | float]:
+    """Reads a number that is not smaller than `least`, or with `more` one that is larger; a whole number if `least` is one, and with `finite` not infinity."""
     kind = type(least)
-    wanted = f"{'a whole number, ' if kind is int else ''}{f'more than {least:g}' if more else f'{least:g} or more'}"
+    sort = "a whole number, " if kind is int else "a finite number, " if finite else ""
+    wanted = f"{sort}{f'more than {least:g}' if more else f'{least:g} or more'}"
 
     def read(text: str) -> int | float:
         with suppress(ValueError):
             value = kind(text)
-            if value > least or (value == least and not more):
+            if (value > least or (value == least and not more)) and not (finite and isinf(value)):
                 return value
         raise ValueError(f"expected {wanted}, found {text!r}")
 

@@ -7,7 +7,7 @@ similar, so the interval is too narrow for other scenes. The seed is fixed, so n
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
@@ -48,6 +48,18 @@ class Interval:
 def choose_units(frames: Sequence[FrameScores]) -> Over:
     """What is resampled: scenes if there are five or more, else frames."""
     return "scenes" if len({frame.scene for frame in frames}) >= FEWEST_SCENES else "frames"
+
+
+def units_in_words(units: Iterable[str]) -> str:
+    """What was resampled for the intervals of a table, for its note.
+
+    Args:
+        units: of each of its rows.
+    """
+    few, found = f"fewer than {FEWEST_SCENES} scenes", set(units)
+    if found == {"scenes"}:
+        return "scenes"
+    return f"frames, as there are {few}" if found == {"frames"} else f"scenes, or over frames where there are {few}"
 
 
 def intervals(frames: Sequence[FrameScores]) -> dict[str, Interval]:

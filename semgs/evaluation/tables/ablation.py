@@ -9,7 +9,14 @@ from statistics import mean
 from semgs.evaluation.frames.view_relations import ViewRelation, thirds
 from semgs.evaluation.scoring.fragments import with_fragments
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.scoring.intervals import Interval, Trainings, intervals, seed_differences
+from semgs.evaluation.scoring.intervals import (
+    Interval,
+    Trainings,
+    choose_units,
+    intervals,
+    seed_differences,
+    units_in_words,
+)
 from semgs.evaluation.tables.evaluation_report import SavedReport
 from semgs.evaluation.tables.table_grid import Cell, Grid
 from semgs.objectives.measures import TITLES
@@ -86,12 +93,13 @@ def steps_grid(rows: Sequence[AblationRow], reports: Reports, views: int) -> Gri
         for row, differences in chain.differences()
     ]
     most = max((len(chain.trainings[0]) for chain in chains), default=0)
+    over = units_in_words(choose_units(chain.trainings[0][0]) for chain in chains)
     return Grid(
         title="What each part adds",
         head=("part", *map(_title, METRICS)),
         rows=tuple(shown),
         mark=" *",
-        notes=(_EXCLUDES, _OVER_SEEDS if most > 1 else _OVER_TARGETS),
+        notes=(_EXCLUDES, f"Intervals are over {over}{_OVER_SEEDS if most > 1 else _OF_ONE_SEED}"),
     )
 
 
@@ -125,9 +133,9 @@ def where_grid(rows: Sequence[AblationRow], reports: Reports, views: int, relati
 
 
 _EXCLUDES = "* the interval excludes 0."
-_OVER_TARGETS = "Intervals are over targets; training again would vary by more."
+_OF_ONE_SEED = "; training again would vary by more."
 _OVER_SEEDS = (
-    "Intervals are over scenes and seeds. How much seeds differ is estimated from all rows of the paper together, and from its own two rows"
+    ", and over seeds. How much seeds differ is estimated from all rows of the paper together, and from its own two rows"
     " for every other."
 )
 

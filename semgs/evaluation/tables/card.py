@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from semgs.evaluation.scoring.intervals import units_in_words
 from semgs.evaluation.scoring.summary import CONFIDENCE_METRICS
 from semgs.evaluation.tables.comparison_tables import MARKED, ROWS
 from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
@@ -31,12 +32,13 @@ def card_grids(reports: Sequence[SavedReport]) -> list[Grid]:
         rows.append((Cell(f"  {ROWS['copy']}"), *interval_cells(result.baselines.get("copy", {}), METRICS)))
     protocols = " and ".join(dict.fromkeys(report.protocol for report in reports))
     marked = any(cell.marked for row in rows for cell in row)
+    over = units_in_words(result.numbers["intervals_over"] for _, result in pairs)
     scores = Grid(
         title=f"Scores, protocol {protocols}",
         head=("data (scenes), input views", *[TITLES[metric] for metric in METRICS]),
         rows=tuple(rows),
         notes=(
-            "In brackets: 95 % intervals over scenes. The oracle copies the nearest input view, with its true classes and depth.",
+            f"In brackets: 95 % intervals over {over}. The oracle copies the nearest input view, with its true classes and depth.",
             *([MARKED] if marked else []),
         ),
     )

@@ -88,6 +88,7 @@ def test_two_files_are_compared_row_by_row(tmp_path: Path, capsys: pytest.Captur
         (("before.json", "other.json"), "semgs.bench"),
         (("before.json", "nothing.json"), "nothing there"),
         (("before.json", "unmeasured.json"), "before and unmeasured have no measured row in common"),
+        (("no_time.json", "before.json"), "no_time and before have no measured row in common"),
     ],
 )
 def test_what_cannot_be_compared_is_told(
@@ -95,6 +96,7 @@ def test_what_cannot_be_compared_is_told(
 ) -> None:
     write(tmp_path / "before.json", BenchResult("render_n2", 0.2))
     write(tmp_path / "unmeasured.json", BenchResult("render_n2", None, reason="no CUDA device"))
+    write(tmp_path / "no_time.json", BenchResult("render_n2", 0.0))
     (tmp_path / "other.json").write_text("{}")
     assert main(["compare", *(str(tmp_path / name) for name in names)]) == 2
     assert told in capsys.readouterr().err

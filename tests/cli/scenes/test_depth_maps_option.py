@@ -5,13 +5,18 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import known_scenes
 import numpy as np
 import pytest
 import torch
 from turned_cameras import SIZE, write_scene
 
 import semgs
+from semgs.cli.commands.networks.evaluate import Evaluate
 from semgs.cli.main import main
+from semgs.depth_maps.frame_maps import FrameMaps
+from semgs.evaluation.frames.frame_plan import make_plan
+from semgs.evaluation.frames.protocols import neighbours
 from semgs.files.images.pictures import write_png
 
 
@@ -89,6 +94,10 @@ def test_what_cannot_be_used_is_refused_in_one_line(tmp_path: Path, capsys, opti
         (["--depth", "{maps}", "--workers", "2"], "--depth cannot go with --workers"),
         (["--depth-meaning", "scaled"], "--depth-meaning is for --depth"),
         (["--depth", "{maps}", "--single"], "so it cannot go with --depth"),
+        (
+            ["--depth", "sensor", "--views", "2"],
+            "sensor: expected maps, a folder of depth maps, an exported network (.onnx, .tflite), a model ",
+        ),
     ],
 )
 def test_evaluate_refuses_what_cannot_go_together(tmp_path: Path, capsys, options: list[str], message: str):
@@ -97,3 +106,22 @@ def test_evaluate_refuses_what_cannot_go_together(tmp_path: Path, capsys, option
     scene = write_scene(tmp_path / "wall")
     assert main(["evaluate", "small", "--data", str(scene), "--out", str(tmp_path / "out"), *filled]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_the_report_of_an_evaluation_says_from_which_maps_depth_is(tmp_path: Path, capsys):
+    scene, maps = write_scene(tmp_path / "wall"), write_maps(tmp_path / "maps")
+    arguments = ["evaluate", "small", "--data", str(scene), "--out", str(tmp_path / "out"), "--views", "2"]
+    assert main([*arguments, "--size", "32x48", "--depth", str(maps), "--depth-meaning", "inverse"]) == 0
+    notes = json.loads((tmp_path / "out" / "report.json").read_text())["notes"]
+    assert notes[0] == f"The depth is from the network and {maps}."
+    assert f"note  {notes[0]}" in capsys.readouterr().out
+
+
+def test_an_evaluation_with_the_true_depth_of_its_input_views_says_so(tmp_path: Path):
+    scene = known_scenes.write_scene(tmp_path / "attic", 4, (36, 48))
+    asked = Evaluate(scene.path, tmp_path / "out", "small", depth="maps")
+    plan = make_plan("neighbours", neighbours, [scene], [2], (36, 48))
+    assert asked._remarks(plan, None, lambda scene: FrameMaps()) == (
+        "The depth is from the network and the scene's own depth maps.",
+        "The same maps are the truth of the depth error.",
+    )

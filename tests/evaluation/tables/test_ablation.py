@@ -61,11 +61,19 @@ def test_steps_are_each_row_minus_the_row_above_over_the_seeds_that_have_both():
     assert grid.rows[0][column].text.startswith(f"{accuracy:+.3f} (")
     assert grid.rows[0][column].marked  # every scene gained
     assert "+ Sh-Layer" in printed(grid, "markdown")
-    assert "over targets" in grid.notes[-1]
+    assert grid.notes[-1] == "Intervals are over scenes; training again would vary by more."
     both = steps_grid(ROWS, reports | {("none", 2): report(7)}, 4)
     assert both.rows[0][column].text.startswith(f"{accuracy / 2:+.3f} (")  # the second seed gained nothing
     assert not both.rows[0][column].marked
-    assert "seeds" in both.notes[-1]
+    assert both.notes[-1].startswith("Intervals are over scenes, and over seeds. How much seeds differ")
+
+
+def test_with_few_scenes_the_note_says_that_intervals_are_over_frames():
+    grid = steps_grid(ROWS, {("none", 1): report(6, 3), ("shared", 1): report(8, 3)}, 4)
+    assert (
+        grid.notes[-1]
+        == "Intervals are over frames, as there are fewer than 5 scenes; training again would vary by more."
+    )
 
 
 def test_a_seed_of_which_a_row_is_missing_does_not_count_and_other_rows_are_compared_on_their_own():
@@ -82,7 +90,7 @@ def test_a_seed_of_which_a_row_is_missing_does_not_count_and_other_rows_are_comp
     without = steps_grid(SEMANTIC_ROWS, {key: one for key, one in reports.items() if key != ("full", 2)}, 4)
     assert "seeds" in without.notes[-1]  # of the summed loss
     alone = steps_grid(ROWS, {key: one for key, one in reports.items() if key != ("full", 2)}, 4)
-    assert "over targets" in alone.notes[-1]
+    assert alone.notes[-1] == "Intervals are over scenes; training again would vary by more."
 
 
 def test_where_a_part_helps_is_told_for_thirds_of_the_targets_by_overlap_and_by_angle():

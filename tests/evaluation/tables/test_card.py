@@ -39,6 +39,23 @@ def test_a_row_has_its_number_interval_and_mark(content: dict, tmp_path: Path):
     assert row.count("†") == 1
 
 
+@pytest.mark.parametrize(
+    ("units", "said"),
+    [
+        (["scenes", "scenes"], "intervals over scenes. The oracle"),
+        (["frames"], "intervals over frames, as there are fewer than 5 scenes. The oracle"),
+        (["frames", "scenes"], "intervals over scenes, or over frames where there are fewer than 5 scenes. The oracle"),
+    ],
+)
+def test_the_note_says_over_what_the_intervals_are(content: dict, tmp_path: Path, units: list[str], said: str):
+    reports = []
+    for number, over in enumerate(units):
+        entry = {**content["results"][0], "intervals_over": over}
+        (tmp_path / f"{number}.json").write_text(json.dumps({**content, "results": [entry]}))
+        reports.append(read_report(tmp_path / f"{number}.json"))
+    assert said in card_grids(reports)[0].notes[0]
+
+
 def test_layouts_that_need_single_targets_refuse_a_reduced_report(capsys: pytest.CaptureFixture[str]):
     first = str(REPORTS[0])
     assert main(["compare", first, first, "--layout", "difference"]) == 2

@@ -34,7 +34,7 @@ def comparison_table(first: BenchReport, second: BenchReport, names: Sequence[st
     rows = []
     for name, before in first.by_name.items():
         after = second.by_name.get(name)
-        if after is None or before.seconds is None or after.seconds is None:
+        if after is None or not before.seconds or after.seconds is None:
             continue
         ratio = f"{after.seconds / before.seconds:.3f}"
         memory = (_megabytes(before.peak_memory_mb), _megabytes(after.peak_memory_mb))

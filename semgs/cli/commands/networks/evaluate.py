@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from semgs.cli.device import chosen_device, chosen_precision
-from semgs.cli.options.depth_options import DepthMeaning
+from semgs.cli.options.depth_options import OWN, DepthMeaning
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.options.segmenter_options import SegmenterOptions
 from semgs.cli.options.types import (
@@ -146,8 +146,9 @@ class Evaluate:
             labelling = self.segmenting.labelling()
             device = chosen_device(self.device)
             precision = chosen_precision(self.precision, device)
-            candidate = self._candidate(plan, data.classes, device, labelling, self._depth_maps(), precision)
-            remarks = (*self._remarks(plan, labelling), *self._computed(precision))
+            depth = self._depth_maps()
+            candidate = self._candidate(plan, data.classes, device, labelling, depth, precision)
+            remarks = (*self._remarks(plan, labelling, depth), *self._computed(precision))
             job = Job(data, plan, candidate, remarks, self.workers)
         with what_fits(), show_progress(f"Evaluating {candidate.subject.name}", len(plan.tasks)) as done:
             summary = run_evaluation(self.out, job, overwrite=self.overwrite, done=done)
@@ -316,8 +317,13 @@ class Evaluate:
                 self.segmenting.segmenter, f"answers in the classes of the labels, {classes.name}", theirs.name
             )
 
-    def _remarks(self, plan: FramePlan, labelling: Callable[[Scene], Labelling] | None) -> tuple[str, ...]:
-        """Remarks for the report: who gives the classes, and whether the weights were trained on rooms that are scored here.
+    def _remarks(
+        self,
+        plan: FramePlan,
+        labelling: Callable[[Scene], Labelling] | None,
+        depth: Callable[[Scene], DepthMaps] | None,
+    ) -> tuple[str, ...]:
+        """Remarks for the report: who gives classes and depth, and whether the weights were trained on rooms that are scored here.
 
         Such rooms are refused without --allow-seen.
         """
@@ -325,6 +331,10 @@ class Evaluate:
         if labelling is not None:
             first = labelling(plan.scenes[0])
             said = (f"The classes are from {first.description}.", *first.notes)
+        if depth is not None:
+            said += (f"The depth is from the network and {depth(plan.scenes[0]).title}.",)
+        if self.depth == OWN:
+            said += ("The same maps are the truth of the depth error.",)
         if self.exposure != "as-taken":
             where = "that clearly differ in exposure " if self.exposure == "auto" else ""
             said += (f"Input views {where}came to a common exposure; target views are as taken.",)

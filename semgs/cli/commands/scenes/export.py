@@ -38,7 +38,7 @@ UP_OF: dict[Format, Axes] = {
 NAMES_OF_COUNTS = {"points": "points", "colmap": "points", "objects": "things", "map": "cells", "voxels": "voxels"}
 """What the files contain, by the beginnings of their names; others contain Gaussians."""
 
-Metres = Annotated[float, one_word("METRES", at_least(0.0, more=True))]
+Metres = Annotated[float, one_word("METRES", at_least(0.0, more=True, finite=True))]
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,10 @@ def recognises(path: Path) -> bool:
     if path.is_file():
         return path.suffix.lower() in ENDINGS
     try:
-        return "rosbag2_bagfile_information" in (path / "metadata.yaml").read_text(errors="replace")[:4000]
+        return (
+            "rosbag2_bagfile_information"
+            in (path / "metadata.yaml").read_text(encoding="utf-8", errors="replace")[:4000]
+        )
     except OSError:
         return False
 

@@ -161,7 +161,7 @@ def masked_vertices(path: Path, count: int) -> Int[np.ndarray, " n"]:
         InputError: the file cannot be read, or a vertex does not exist.
     """
     try:
-        words = path.read_text().split()
+        words = path.read_text(encoding="utf-8").split()
         vertices = np.array(words, np.int64)
     except (OSError, ValueError, OverflowError) as error:
         raise InputError(path, "numbers of vertices", str(error)) from error
