@@ -35,8 +35,12 @@ def misses(rig: Rig, matches: Matches) -> Float64[np.ndarray, " m"]:
 def pair_misses(rig: Rig, matches: Matches) -> Float64[np.ndarray, " p"]:
     """The median miss of each pair of frames [px]; NaN if a frame has no pose."""
     each = misses(rig, matches)
-    bounds = np.flatnonzero(np.diff(matches.pair)) + 1
-    return np.array([np.median(part) for part in np.split(each, bounds)]) if len(each) else np.zeros(0)
+    starts = np.flatnonzero(np.diff(matches.pair, prepend=-1))
+    counts = np.diff(starts, append=len(each))
+    of = np.repeat(np.arange(len(starts)), counts)
+    ordered = each[np.lexsort((each, of))]  # within each pair; NaN is last
+    medians = (ordered[starts + (counts - 1) // 2] + ordered[starts + counts // 2]) / 2
+    return np.where(np.isnan(ordered[starts + counts - 1]), np.nan, medians)
 
 
 def miss(rig: Rig, matches: Matches) -> float:
