@@ -21,15 +21,14 @@ def misses(rig: Rig, matches: Matches) -> Float64[np.ndarray, " m"]:
     """
     frames = matches.pairs[matches.pair]
     relative = _second_from_first(rig, matches)
-    back = inverse(relative)
     rays = (matches.points - rig.centre[frames]) / rig.focal[frames]
     depths = rig.depth_unit * matches.depths
     px = rig.focal[frames] * matches.shrink[..., None]
     forth_px = _one_way(relative, rays[:, 0], rays[:, 1], depths[:, 0], px[:, 1])
-    back_px = _one_way(back, rays[:, 1], rays[:, 0], depths[:, 1], px[:, 0])
+    back_px = _one_way(inverse(relative), rays[:, 1], rays[:, 0], depths[:, 1], px[:, 0])
     known = np.isfinite(depths)
-    weight = np.where(known.any(1, keepdims=True), known, 1.0)
-    return (weight * np.stack((forth_px, back_px), axis=1)).sum(1) / weight.sum(1)
+    forth, back = np.where(known[:, 0] | known[:, 1], known.T, 1.0)
+    return (forth * forth_px + back * back_px) / (forth + back)
 
 
 def pair_misses(rig: Rig, matches: Matches) -> Float64[np.ndarray, " p"]:
@@ -109,15 +108,20 @@ def _one_way(
     scaled_far = far[:, :2] * focal_px
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         line = scaled_step * far[:, 2:] - scaled_far * step[:, 2:]
-        above = (target * line).sum(1) * far[:, 2] - (scaled_far * line).sum(1)
-        below = (scaled_step * line).sum(1) - (target * line).sum(1) * step[:, 2]
+        above = _dot(target, line) * far[:, 2] - _dot(scaled_far, line)
+        below = _dot(scaled_step, line) - _dot(target, line) * step[:, 2]
         nearest = np.where(below == 0, 0.0, above / below)
         distances = []
         # On the free ray both the nearest point and the vanishing point may count: the first may be behind a camera.
         for w in (np.where(np.isfinite(depths), 1 / depths, nearest), np.zeros(len(a))):
             depth = far[:, 2] + w * step[:, 2]
             at = (scaled_far + w[:, None] * scaled_step) / depth[:, None]
-            distance = np.linalg.norm(at - target, axis=1)
+            distance = np.sqrt(_dot(at - target, at - target))
             distances.append(np.where((w >= 0) & (depth > 0), np.minimum(distance, CAP_PX), CAP_PX))
     least = np.where(np.isfinite(depths), distances[0], np.minimum(*distances))
     return np.where(np.isfinite(step).all(1), least, np.nan)
+
+
+def _dot(a: Float64[np.ndarray, "m 2"], b: Float64[np.ndarray, "m 2"]) -> Float64[np.ndarray, " m"]:
+    """Dot products of points; a sum over an axis of two takes several times as long."""
+    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]
