@@ -91,7 +91,7 @@ SLOW = (
     "ablate", "app", "batch", "bench", "export-network", "figure", "label", "poses", "recipe", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
     "kitchen_colmap", "splat-transform", "mosaic.tflite", "scripts/", "tests/", "tools.", "--protocol neighbours", "eval/other", "eval/segformer",
     "examples/train", "examples/score", "examples/robot", "examples/depth_maps_in", "segmenters fit", "--correspondence", "--weights runs/small", "--html", "--refine",
-    "label-splat", "--rerun", "--single", "scannet-sray-test", "--features",
+    "label-splat", "--rerun", "--single", "--features",
 )  # fmt: skip
 """Words of lines that run in `make long` only; in `make test` their options are parsed."""
 SLOW_IN_PYTHON = ("train(", "open_library(", "make_plan(")
