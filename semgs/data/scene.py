@@ -50,6 +50,7 @@ class Scene:
         splits: positions of the frames in each split of the data set ("train", "test").
         labeller: the network that the labels are from; None for the labels of the scene's files.
         posed: whether the cameras are known. If not, each image stands alone: intrinsics and poses are placeholders.
+        stated_range: near and far that the user states for all frames; None to find them.
     """
 
     path: Path
@@ -68,6 +69,7 @@ class Scene:
     labeller: Labeller | None = None
     posed: bool = True
     unit_source: str = ""
+    stated_range: DepthRange | None = None
 
     def __post_init__(self) -> None:
         if len(self.frames) < 2 and self.posed:
@@ -171,7 +173,7 @@ class Scene:
         *,
         stated: bool = False,
     ) -> DepthRange:
-        """Near and far for some frames, with the reason.
+        """Near and far for some frames, with the reason: those that the user states, or else what fits the frames.
 
         Args:
             frames: positions or names; None for all.
@@ -182,6 +184,8 @@ class Scene:
             ValueError: no frame has that position or name, or the list is empty.
             InputError: the scale has to be found from images, and one cannot be read.
         """
+        if self.stated_range is not None:
+            return self.stated_range
         if not self.posed:
             return DepthRange(*INDOOR_DEPTH_RANGE, self.unit, "the range of rooms, as the cameras are unknown")
         return depth_range(self.frames, self._positions(frames), self.unit, self.points, features, stated=stated)

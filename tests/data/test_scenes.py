@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 import shutil
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ import torch
 from landmarks import looking
 from PIL import Image
 
+from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.resampling import reframed
 from semgs.data.scene_details import USED_BY, SceneDetails
 from semgs.data.scenes import open_scene, open_scenes
@@ -48,6 +49,8 @@ def test_frames_are_read_in_the_order_asked_for(folder):
         torch.testing.assert_close(image, stored.float() / 255)
     torch.testing.assert_close(views.cameras[0].world_from_camera, scene.cameras[3].world_from_camera)
     assert views.depth_range.tolist() == [[0.5, 10.0]] * 2
+    closer = replace(scene, stated_range=DepthRange(0.25, 5.0, "metric", "you say so"))
+    assert closer.read([3, 0]).depth_range.tolist() == [[0.25, 5.0]] * 2
     assert views.labels is None
     assert views.depths is None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from contextlib import suppress
-from math import isinf
+from math import inf, isinf
 from typing import Annotated, Any, Literal
 
 import tyro
@@ -190,6 +190,28 @@ def _probability(text: str) -> float:
 
 Probability = Annotated[float, one_word("FLOAT", _probability)]
 """A number from 0 to 1."""
+
+
+def _near_far(typed: list[str]) -> tuple[float, float]:
+    with suppress(ValueError):
+        near, far = map(float, typed)
+        if 0 < near < far < inf:
+            return near, far
+    raise ValueError(f"expected near and far, 0 < near < far, found {' '.join(typed)!r}")
+
+
+NearFar = Annotated[
+    tuple[float, float] | None,
+    PrimitiveConstructorSpec(
+        nargs=2,
+        metavar="NEAR FAR",
+        instance_from_str=_near_far,
+        is_instance=lambda value: True,
+        str_from_instance=lambda value: list(map(str, value or ())),
+    ),
+    optional(),
+]
+"""The range of depths to look in, in the scene's unit; None to find it."""
 
 Minutes = Annotated[float | None, one_word("FLOAT", at_least(0.0, more=True))]
 """More than 0; None for no limit."""

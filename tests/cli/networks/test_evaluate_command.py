@@ -289,7 +289,8 @@ def test_readings_as_peers_are_known_ones_of_the_layout(refused: Refused):
 
 
 def test_near_and_far_that_cannot_be(refused: Refused):
-    assert "--depth-range is 2 1; expected near and far" in refused("small", "--depth-range", "2", "1")
+    line = refused("small", "--depth-range", "2", "1")
+    assert "--depth-range: expected near and far, 0 < near < far, found '2 1'" in line
     assert "expected a text file of scenes, or one of" in refused("small", "--scenes", "scannet-sray")
 
 

@@ -115,13 +115,17 @@ def test_a_second_run_replaces_the_folder_with_the_same_bytes(
         assert (out / name).read_bytes() == (first / name).read_bytes()
 
 
-def test_frames_by_name_another_size_and_weights_from_a_file(
+def test_frames_by_name_another_size_other_bounds_and_weights_from_a_file(
     room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     save(tmp_path / "mine.safetensors", load("small", "random"), {"description": "drawn for a test"})
     arguments = ["--weights", str(tmp_path / "mine.safetensors"), "--context", "002.png", "0", "--size", "32x50"]
-    assert main(["reconstruct", str(room / "transforms.json"), "--out", str(tmp_path / "out"), *arguments]) == 0
+    bounds = ["--depth-range", "0.25", "5"]
+    assert (
+        main(["reconstruct", str(room / "transforms.json"), "--out", str(tmp_path / "out"), *arguments, *bounds]) == 0
+    )
     numbers = json.loads((tmp_path / "out/report.json").read_text())
+    assert numbers["depth_range"] == {"near": 0.25, "far": 5.0, "reason": "you say so"}
     assert numbers["choice"]["context"] == [2, 0]
     assert numbers["size"] == {"height": 32, "width": 50}
     assert "drawn for a test" in numbers["model"]["weights"]

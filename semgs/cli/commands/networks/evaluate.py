@@ -17,6 +17,7 @@ from semgs.cli.options.types import (
     Count,
     Device,
     Exposure,
+    NearFar,
     Passes,
     PrecisionOrAuto,
     Protocol,
@@ -90,7 +91,7 @@ class Evaluate:
     """Numbers of input views. By default 2, 3 and 4, or those in the pinned file or the predictions."""
     size: AutoSize = None
     """Height x width for the comparison. By default 240x320, 320x240 for portrait scenes, or that of the pinned file."""
-    depth_range: Annotated[tuple[float, float] | None, optional("NEAR FAR")] = None
+    depth_range: NearFar = None
     """Depth bounds for the network, in the scenes' unit. By default they come from the scene; 0.5 10 if it is metric. Other papers use
     0.1 10 for ScanNet and 0.1 6 for Replica."""
     gsnerf_distance: bool = False
@@ -225,9 +226,6 @@ class Evaluate:
             raise UsageError(f"--depth cannot go with {'--predictions' if self.predictions else '--workers'}")
         if self.depth_meaning is not None and self.depth is None:
             raise UsageError("--depth-meaning is for --depth")
-        if self.depth_range is not None and not 0 < self.depth_range[0] < self.depth_range[1] < float("inf"):
-            near, far = self.depth_range
-            raise UsageError(f"--depth-range is {near:g} {far:g}; expected near and far, 0 < near < far")
 
     def _check_single(self) -> None:
         """Refuse options that say how views become other views, which --single does not do."""

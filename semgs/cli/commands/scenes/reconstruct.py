@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,6 +18,7 @@ from semgs.cli.options.types import (
     AutoSize,
     Device,
     Exposure,
+    NearFar,
     Passes,
     PrecisionOrAuto,
     Probability,
@@ -104,6 +105,9 @@ class Reconstruct:
     size: AutoSize = None
     """Resize the images to height x width, such as 240x320; other aspect ratios are centre-cropped. By default, images are reduced
     to at most 76,800 pixels, with the same aspect ratio and sides that are multiples of 16."""
+    depth_range: NearFar = None
+    """Depth bounds for the network, in the scene's unit. By default they come from the scene; most metric scenes get 0.5 10. For a camera that is
+    nearer to things, state them, such as 0.25 5."""
     weights: Annotated[WeightsOrRandom, tyro.conf.arg(help_behavior_hint="(default: small)")] = None
     """"small" for the included weights, a weights file, hf://OWNER/NAME[@REVISION] to download from the Hugging Face hub, or "random".
     A file says which network it is for; MVSplat's checkpoints give colour and depth only."""
@@ -160,6 +164,7 @@ class Reconstruct:
 
     def _reconstruct(self, device: str, photos: PhotoScene | None) -> None:
         """Reconstruct the scene, or that of photos whose cameras were estimated."""
+        from semgs.data.bounds.depth_range import DepthRange
         from semgs.data.scenes import open_with_details
         from semgs.reconstruction.output.files import summary, write_results
         from semgs.reconstruction.pipeline import reconstruct
@@ -171,6 +176,8 @@ class Reconstruct:
             check_apart(self.out, scene.places)
         else:
             scene = photos.scene(*asked)
+        if self.depth_range is not None:
+            scene = replace(scene, stated_range=DepthRange(*self.depth_range, scene.unit, "you say so"))
         stages = Stages(show_stage, say_compiling, show_progress)
         frames: Choice | Walk = Walk(self.views)
         notes: list[str] = []
