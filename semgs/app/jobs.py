@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from semgs.app.limits import Limits
+from semgs.app.plain_errors import plain
 from semgs.app.requests import Request, RoomOptions
 from semgs.app.uploads import GONE, UnusableUploadError, Upload, check_uploads
 from semgs.files.errors import ERROR_LINE
@@ -56,21 +57,6 @@ IDENTIFIER = re.compile(r"[a-z0-9]{20}")
 BUG = "SemGS failed on these files, and this is a bug. The details are in the terminal where semgs app runs."
 KILLED = "The work was stopped by the system, probably because memory ran out. Try fewer or smaller files."
 NO_WORKER = f"The work could not be started in {TRIES} tries. Try again in some minutes. The reason is in the terminal where semgs app runs."
-
-
-WORKERS_PHOTO = r"(?<![\w/])(?:[\w./-]*/)?\d{3}\.jpg\b"
-"""The name that the worker gives a photo, wherever it is."""
-
-PLAIN = (
-    (
-        r"expected photos whose cameras can be estimated, found (.+?)(?: \(\d+ photos\))?; ",
-        r"it cannot be found where they were taken: \1. ",
-    ),
-    (r"expected two or more photos, found (?:1|none)(?:; )?", "fewer than two can be used. "),
-    (r"expected a video that OpenCV can decode, found no frames; ", "it cannot be decoded. "),
-    (r"expected a scene, found no known layout", "it has neither photos nor a scene in a layout that is known here"),
-)
-"""Errors of the command line that users of the page meet most, in words for them."""
 
 
 @dataclass
@@ -348,7 +334,7 @@ class Jobs:
             limit = f"This took more than {self.limits.seconds / 60:.0f} minutes, so it was stopped."
             self._fail(job, f"{limit} Use fewer photos, or a shorter clip.")
         elif job.stages and sentence:
-            self._fail(job, plain(sentence, job))
+            self._fail(job, plain(sentence, job.request))
         elif job.stages and not job.over:
             self._fail(job, KILLED if code == -signal.SIGKILL else BUG)
             _tell(f"semgs: a worker ended with code {code}:", *log)
@@ -400,36 +386,6 @@ class Jobs:
             job = Job(folder.name, folder, request, title, state="done", started=ended, ended=ended)
             self._jobs[folder.name] = job
         self.expire()
-
-
-def plain(sentence: str, job: Job) -> str:
-    """An error of the command line for somebody who sees a page: no folders of the server, no options of the command line."""
-    shown = {path: Upload(Path(path), name).shown for path, name in job.request.files}
-    patterns = [re.escape(path) for path in shown]
-    if job.request.kind == "photos":
-        shown |= {f"{number:03d}.jpg": name for number, name in enumerate(shown.values(), 1)}
-        patterns.append(WORKERS_PHOTO)
-    if patterns:  # all at once: the name of one may be what the worker calls another
-        names = re.compile("|".join(patterns))
-        sentence = names.sub(
-            lambda found: shown.get(found[0], shown.get(found[0].rsplit("/", 1)[-1], found[0])), sentence
-        )
-    sentence = sentence.replace(str(job.folder), "your files")
-    sentence = re.sub(
-        r"^(?:photos|scene|clip\.\w+)(?=:)",
-        {"archive": "Your zip", "clip": "Your clip"}.get(job.request.kind, "Your photos"),
-        sentence,
-    )
-    sentence = re.sub(r"(?<![\w/])scene/(?=\S)", "", sentence)
-    sentence = sentence.replace("; see --size and --views", "; use fewer views or smaller photos")
-    sentence = re.sub(r"--([a-z]+(?:-[a-z]+)*)", lambda found: found[1].replace("-", " "), sentence)
-    for pattern, words in PLAIN:
-        sentence = re.sub(pattern, words, sentence)
-    sentence = printable(sentence).strip()
-    sentence = re.sub(r"(?<=\. )[a-z]", lambda found: found[0].upper(), sentence)
-    if "." not in sentence.split(" ")[0]:  # names of files stay as they are
-        sentence = sentence[:1].upper() + sentence[1:]
-    return sentence if sentence.endswith((".", "!", "?")) else f"{sentence}."
 
 
 def _listen(job: Job, process: subprocess.Popen[str], log: deque[str]) -> None:

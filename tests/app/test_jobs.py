@@ -16,9 +16,9 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from semgs.app.jobs import BUG, KILLED, NO_WORKER, UPLOAD_SECONDS, Job, Jobs, plain
+from semgs.app.jobs import BUG, KILLED, NO_WORKER, UPLOAD_SECONDS, Job, Jobs
 from semgs.app.limits import Limits
-from semgs.app.requests import Request, RoomOptions
+from semgs.app.requests import RoomOptions
 from semgs.app.uploads import UnusableUploadError, Upload
 
 WORKER = """
@@ -298,49 +298,6 @@ def test_old_uploads_are_deleted_although_others_disappear_meanwhile(start: Call
     assert [path.exists() for path in (old, broken_off, new)] == [False, False, True]
     shutil.rmtree(jobs.uploads)  # the user's cache may be emptied at any time
     jobs.expire()
-
-
-@pytest.mark.parametrize(
-    ("sentence", "expected"),
-    [
-        ("photos: expected two or more photos, found 1", "Your photos: fewer than two can be used."),
-        (
-            "photos: expected photos whose cameras can be estimated, found too little overlap (3 photos); take more",
-            "Your photos: it cannot be found where they were taken: too little overlap. Take more.",
-        ),
-        ("a.zip is not a zip that can be read.", "a.zip is not a zip that can be read."),
-        ("photos/002.jpg cannot be read", "B.jpg cannot be read."),
-        ("out/cameras/images/001.jpg is dark", "A.jpg is dark."),
-        ("there is too little memory; see --size and --views", "There is too little memory; use fewer views or smaller photos."),
-        ("/rooms/x/work: it; reconstruct it with --scale-from", "Your files/work: it; reconstruct it with scale from."),
-    ],
-)  # fmt: skip
-def test_errors_of_the_command_line_name_neither_folders_nor_options(sentence: str, expected: str):
-    request = Request(
-        "photos", [["/rooms/x/files/000.jpg", "A.jpg"], ["/rooms/x/files/001.jpg", "B.jpg"]], "/rooms/x", {}
-    )
-    assert plain(sentence, Job("x", Path("/rooms/x"), request, "2 photos")) == expected
-
-
-@pytest.mark.parametrize(
-    ("sentence", "expected"),
-    [
-        ("photos/001.jpg is dark", "002.jpg is dark."),
-        ("photos/002.jpg is dark", "003.jpg is dark."),
-        ("/rooms/x/files/002.jpg is dark", "A\\1.jpg is dark."),
-        ("004.jpg is dark", "004.jpg is dark."),
-    ],
-)
-def test_a_photo_keeps_its_name_if_the_worker_calls_another_one_so(sentence: str, expected: str):
-    files = [[f"/rooms/x/files/00{at}.jpg", name] for at, name in enumerate(("002.jpg", "003.jpg", "A\\1.jpg"))]
-    shown = plain(sentence, Job("x", Path("/rooms/x"), Request("photos", files, "/rooms/x", {}), "3 photos"))
-    assert shown == expected.replace("A\\", "")  # shown names have no folders, of Windows neither
-
-
-def test_a_zip_is_named_as_the_user_has_it():
-    request = Request("archive", [["/rooms/x/files/000.zip", "flat.zip"]], "/rooms/x", {})
-    job = Job("x", Path("/rooms/x"), request, "a zip")
-    assert plain("/rooms/x/files/000.zip: it is empty, like 001.jpg", job) == "flat.zip: it is empty, like 001.jpg."
 
 
 @pytest.mark.parametrize(
