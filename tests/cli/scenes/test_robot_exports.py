@@ -119,7 +119,9 @@ def test_what_robots_cannot_use_is_refused_in_one_line(
         capsys, ceiling, out, "--as", "occupancy", "--up", "z"
     )
     assert "expected a smaller step" in refused(capsys, scene_file, out, "--as", "occupancy", "--step-height", 2)
-    assert "expected more than 0" in refused(capsys, scene_file, out, "--as", "occupancy", "--resolution", 0)
+    assert "expected a finite number, more than 0, found '0'" in refused(
+        capsys, scene_file, out, "--as", "occupancy", "--resolution", 0
+    )
     assert "larger resolution" in refused(capsys, scene_file, out, "--as", "occupancy", "--resolution", 0.001)
     side = tmp_path / "side.safetensors"
     save_scene(side, _on_its_side())
