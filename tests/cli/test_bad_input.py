@@ -97,6 +97,13 @@ def test_a_scale_that_is_no_distance(refused: Refused, scene: Path, words: list[
     assert said in refused(scene, "--scale-from", *words)
 
 
+def test_bounds_of_photos_without_cameras_have_no_unit(refused: Refused, scene: Path) -> None:
+    (scene / "transforms.json").unlink()
+    assert "--depth-range is for cameras whose unit is known; add --scale-from" in refused(
+        scene, "--depth-range", "0.25", "5"
+    )
+
+
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"frames": 3}', '{"frames": []}', "\x00\xff"])
 def test_a_broken_transforms_file(refused: Refused, scene: Path, text: str) -> None:
     (scene / "transforms.json").write_bytes(text.encode("latin-1"))
