@@ -25,17 +25,27 @@ PROTOCOLS = ("neighbours", "peers", "pinned FILE")
 DEVICES = ("auto", "cpu", "cuda")
 
 
+def words(
+    count: int | tuple[int, ...] | Literal["*"],
+    metavar: str,
+    read: Callable[[list[str]], Any],
+    shown: Callable[[Any], list[str]] = lambda values: list(map(str, values or ())),
+) -> PrimitiveConstructorSpec[Any]:
+    """An option of so many words; `read` turns them into a value, or raises ValueError with what was expected and found."""
+    return PrimitiveConstructorSpec(
+        nargs=count,
+        metavar=metavar,
+        instance_from_str=read,
+        is_instance=lambda value: True,
+        str_from_instance=shown,
+    )
+
+
 def one_word(
     metavar: str, read: Callable[[str], Any], shown: Callable[[Any], str] = str
 ) -> PrimitiveConstructorSpec[Any]:
-    """An option of one word; `read` turns it into a value, or raises ValueError with what was expected and found."""
-    return PrimitiveConstructorSpec(
-        nargs=1,
-        metavar=metavar,
-        instance_from_str=lambda typed: read(typed[0]),
-        is_instance=lambda value: True,
-        str_from_instance=lambda value: [shown(value)],
-    )
+    """An option of one word, read as for `words`."""
+    return words(1, metavar, lambda typed: read(typed[0]), lambda value: [shown(value)])
 
 
 def optional(metavar: str | None = None) -> Any:
@@ -45,13 +55,7 @@ def optional(metavar: str | None = None) -> Any:
 
 def several(metavar: str, read: Callable[[str], Any]) -> PrimitiveConstructorSpec[Any]:
     """An option of any number of words, each read as for `one_word`."""
-    return PrimitiveConstructorSpec(
-        nargs="*",
-        metavar=metavar,
-        instance_from_str=lambda typed: tuple(map(read, typed)),
-        is_instance=lambda value: True,
-        str_from_instance=lambda values: list(map(str, values)),
-    )
+    return words("*", metavar, lambda typed: tuple(map(read, typed)))
 
 
 def height_and_width(text: str) -> tuple[int, int]:
@@ -150,13 +154,7 @@ WeightsOrRandom = Annotated[str | None, one_word("WEIGHTS", lambda text: text if
 
 Protocol = Annotated[
     tuple[str, ...],
-    PrimitiveConstructorSpec(
-        nargs="*",
-        metavar="NAME [FILE]",
-        instance_from_str=_protocol,
-        is_instance=lambda value: True,
-        str_from_instance=list,
-    ),
+    words("*", "NAME [FILE]", _protocol),
 ]
 """("neighbours",), ("peers",), or ("pinned", FILE)."""
 
@@ -202,13 +200,7 @@ def _near_far(typed: list[str]) -> tuple[float, float]:
 
 NearFar = Annotated[
     tuple[float, float] | None,
-    PrimitiveConstructorSpec(
-        nargs=2,
-        metavar="NEAR FAR",
-        instance_from_str=_near_far,
-        is_instance=lambda value: True,
-        str_from_instance=lambda value: list(map(str, value or ())),
-    ),
+    words(2, "NEAR FAR", _near_far),
     optional(),
 ]
 """The range of depths to look in, in the scene's unit; None to find it."""
@@ -219,12 +211,6 @@ Minutes = Annotated[float | None, one_word("FLOAT", at_least(0.0, more=True))]
 
 Passes = Annotated[
     int,
-    PrimitiveConstructorSpec(
-        nargs=(0, 1),
-        metavar="[PASSES]",
-        instance_from_str=_passes,
-        is_instance=lambda value: True,
-        str_from_instance=lambda value: [str(value)],
-    ),
+    words((0, 1), "[PASSES]", _passes, lambda value: [str(value)]),
 ]
 """How often to pass over the photos: a number, or -1 for the default."""

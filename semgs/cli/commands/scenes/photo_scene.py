@@ -60,7 +60,9 @@ class PhotoScene:
 
 
 @contextmanager
-def photo_scene(path: Path, out: Path, posing: PosingOptions, kept: bool = True) -> Iterator[PhotoScene | None]:
+def photo_scene(
+    path: Path, out: Path, posing: PosingOptions, kept: bool = True, in_units: str = ""
+) -> Iterator[PhotoScene | None]:
     """Estimate the cameras of a folder of photos or a clip; None if the path is something else.
 
     Args:
@@ -68,6 +70,7 @@ def photo_scene(path: Path, out: Path, posing: PosingOptions, kept: bool = True)
         out: the output folder of the command.
         posing: options for it.
         kept: whether images and cameras will stay in the output folder.
+        in_units: an option that was given in the unit of the cameras; refused if they will have none.
 
     Raises:
         InputError: the photos cannot be used, or their cameras cannot be estimated.
@@ -82,6 +85,8 @@ def photo_scene(path: Path, out: Path, posing: PosingOptions, kept: bool = True)
             )
         yield None
         return
+    if in_units and not posing.scale_from:
+        raise UsageError(f"{in_units} is for cameras whose unit is known; add --scale-from, or leave it out")
     known = posing.known()
     folder = partial_name(out.resolve())
     folder.mkdir(parents=True)

@@ -157,12 +157,10 @@ class Reconstruct:
         with show_stage("Starting"):
             # Importing torch takes seconds; typing errors are reported before.
             from semgs.cli.commands.scenes.photo_scene import photo_scene
-            from semgs.sfm.photos import has_only_photos
 
-        if self.depth_range is not None and not self.posing.scale_from and has_only_photos(self.scene):
-            raise UsageError("--depth-range is for cameras whose unit is known; add --scale-from, or leave it out")
         device = chosen_device(self.device)
-        with photo_scene(self.scene, self.out, self.posing, not self.drop_photos) as photos:
+        in_units = "" if self.depth_range is None else "--depth-range"
+        with photo_scene(self.scene, self.out, self.posing, not self.drop_photos, in_units) as photos:
             self._reconstruct(device, photos)
 
     def _reconstruct(self, device: str, photos: PhotoScene | None) -> None:
