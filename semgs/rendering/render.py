@@ -57,8 +57,8 @@ def render(
         Rendering in the dtype of the means (half precision is computed in float32).
 
     Raises:
-        ValueError: batch axes disagree, there is no view, a number of the Gaussians' geometry is not finite, an opacity is not in 0..1,
-            devices differ, intrinsics have skew, near is not positive, or the back-end is unknown or cannot render these Gaussians.
+        ValueError: batch axes disagree, there is no view, a number of the Gaussians is not finite, an opacity is not in 0..1, a scale is
+            negative, devices differ, intrinsics have skew, near is not positive, or the back-end is unknown or cannot render these Gaussians.
         ImportError: the back-end is gsplat, which is not installed.
         RuntimeError: this process was forked from one that had already rendered or encoded.
     """
@@ -205,14 +205,16 @@ def _is_gsplat_installed() -> bool:
 
 
 def _check_gaussians(gaussians: Gaussians) -> None:
-    """Refuse geometry that is not finite (it would vanish silently), invalid opacities, and several devices."""
+    """Refuse numbers that are not finite (Gaussians would vanish silently, or blacken pixels), invalid opacities, negative scales, and several devices."""
     for name, tensor in gaussians.tensors().items():
         if tensor.device != gaussians.means.device:
             raise ValueError(
                 f"{name} is on {tensor.device} but means is on {gaussians.means.device}; move all to one with Gaussians.to"
             )
-        if not name.endswith("features") and not _finite(tensor):
+        if not _finite(tensor):
             raise ValueError(f"{name} contains a number that is not finite; expected finite numbers only")
+        if name.endswith("scales") and tensor.numel() and not tensor.amin() >= 0:
+            raise ValueError(f"{name} go down to {float(tensor.amin()):g}; expected 0 or more")
     opacities = gaussians.opacities
     if opacities.numel() and not (opacities.amin() >= 0 and opacities.amax() <= 1):
         low, high = float(opacities.amin()), float(opacities.amax())

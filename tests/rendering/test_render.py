@@ -223,3 +223,37 @@ def test_what_cannot_be_rendered_is_refused(random_scene) -> None:
     lost[2, 1] = torch.nan
     with pytest.raises(ValueError, match="means contains a number that is not finite"):
         render(replace(gaussians, means=lost), cameras)
+
+
+@pytest.mark.parametrize("name", ["quaternions", "scales", "features"])
+@pytest.mark.parametrize("branch", ["colour", "semantic"])
+@pytest.mark.parametrize("number", [torch.nan, torch.inf, -torch.inf])
+def test_no_field_of_a_branch_may_have_a_number_that_is_not_finite(
+    random_scene, branch: str, name: str, number: float):
+    gaussians, cameras = random_scene(13, count=5)
+    field = getattr(getattr(gaussians, branch), name).clone()
+    field[(3, *[-1] * (field.ndim - 1))] = number
+    wrong = replace(gaussians, **{branch: replace(getattr(gaussians, branch), **{name: field})})
+    with pytest.raises(ValueError, match=rf"^{branch}\.{name} contains a number that is not finite"):
+        render(wrong, cameras)
+
+
+@pytest.mark.parametrize("branch", ["colour", "semantic"])
+def test_scales_are_not_negative_and_may_be_zero(random_scene, branch: str):
+    gaussians, cameras = random_scene(13, count=5)
+    shape = getattr(gaussians, branch)
+    scales = shape.scales.clone()
+    scales[4, 1] = 0
+    render(replace(gaussians, **{branch: replace(shape, scales=scales)}), cameras)
+    scales[4, 1] = -0.25
+    with pytest.raises(ValueError, match=rf"^{branch}\.scales go down to -0\.25; expected 0 or more"):
+        render(replace(gaussians, **{branch: replace(shape, scales=scales)}), cameras)
+
+
+@pytest.mark.parametrize("number", [torch.nan, torch.inf])
+def test_an_opacity_is_finite(random_scene, number: float):
+    gaussians, cameras = random_scene(13, count=5)
+    opacities = gaussians.opacities.clone()
+    opacities[2] = number
+    with pytest.raises(ValueError, match="^opacities contains a number that is not finite"):
+        render(replace(gaussians, opacities=opacities), cameras)
