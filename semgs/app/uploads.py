@@ -1,15 +1,12 @@
 """From uploaded files to what `semgs reconstruct` takes: a folder of photos, a clip, or the folder of a scene.
 
-Names of uploaded files are never used as paths. Archives are unpacked member by member, after the whole list was checked: nothing is written outside the folder,
-no links, no more bytes than the list says.
+Names of uploaded files are never used as paths. Archives are unpacked by `semgs.app.unzipping`.
 """
 
 from __future__ import annotations
 
 import io
-import lzma
 import math
-import stat
 import zipfile
 import zlib
 from collections.abc import Callable, Sequence
@@ -18,6 +15,7 @@ from pathlib import Path, PurePosixPath
 from typing import Literal
 
 from semgs.app.limits import MIB, Limits
+from semgs.app.unzipping import UnfitZipError, unpack_zip
 from semgs.files.atomic import write_bytes
 from semgs.files.text import counted, listed, printable
 
@@ -32,10 +30,8 @@ LONGEST_SIDE = 1024
 
 QUALITY = 95
 
-DAMAGED = (
-    zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, NotImplementedError, ValueError, RuntimeError,
-)  # fmt: skip
-"""What reading a damaged zip raises, by how its members are compressed."""
+DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError, RuntimeError)
+"""What reading a damaged zip raises."""
 
 Kind = Literal["photos", "clip", "archive"]
 
@@ -163,62 +159,15 @@ def unpack(upload: Upload, folder: Path, limits: Limits) -> None:
     """
     folder.mkdir()
     try:
-        with zipfile.ZipFile(upload.path) as archive:
-            members = [one for one in archive.infolist() if not one.is_dir()]
-            _check_members(upload, members, limits)
-            left = limits.unpacked_bytes
-            for member in members:
-                target = folder.joinpath(*PurePosixPath(member.filename).parts)
-                if _is_clutter(target):
-                    continue
-                with archive.open(member) as source:
-                    content = source.read(member.file_size + 1)
-                left -= len(content)
-                if len(content) != member.file_size or left < 0:
-                    raise UnusableUploadError(f"{upload.shown} contains more than it says. It may be damaged.")
-                target.parent.mkdir(parents=True, exist_ok=True)
-                write_bytes(target, content)
+        unpack_zip(upload.path, folder, limits)
+    except UnfitZipError as error:
+        raise UnusableUploadError(f"{upload.shown} {error}") from error
     except DAMAGED as error:
         raise UnusableUploadError(
             f"{upload.shown} is not a zip that can be read. It may be damaged; make it again."
         ) from error
     except OSError as error:
         raise UnusableUploadError(f"{upload.shown} cannot be unpacked: {error.strerror or error}.") from error
-
-
-def _check_members(upload: Upload, members: Sequence[zipfile.ZipInfo], limits: Limits) -> None:
-    """Check the list of an archive.
-
-    Raises:
-        UnusableUploadError: it has too many or too large members, or one that an honest archive does not have.
-    """
-    if not members:
-        raise UnusableUploadError(f"{upload.shown} is an empty zip.")
-    if len(members) > limits.members:
-        raise UnusableUploadError(
-            f"{upload.shown} contains {len(members):,} files; at most {limits.members:,} are accepted."
-        )
-    unpacked = sum(one.file_size for one in members)
-    if unpacked > limits.unpacked_bytes:
-        raise UnusableUploadError(
-            f"{upload.shown} would unpack to {unpacked // MIB:,} MB; at most {limits.unpacked_bytes // MIB:,} MB are accepted."
-        )
-    for one in members:
-        path = PurePosixPath(one.filename)
-        if not path.parts:
-            raise UnusableUploadError(f"{upload.shown} contains a file without a name. Make the zip again.")
-        outside = path.is_absolute() or ".." in path.parts or "\\" in one.filename or ":" in path.parts[0]
-        if outside or "\0" in one.orig_filename:
-            raise UnusableUploadError(f"{upload.shown} contains a path that leads outside of it. It was not unpacked.")
-        if stat.S_ISLNK(one.external_attr >> 16):
-            raise UnusableUploadError(f"{upload.shown} contains a link. Pack the files themselves.")
-        if one.flag_bits & 0x1:
-            raise UnusableUploadError(f"{upload.shown} has a password. Make a zip without one.")
-
-
-def _is_clutter(path: Path) -> bool:
-    """Whether a member is what systems add to archives."""
-    return "__MACOSX" in path.parts or path.name in (".DS_Store", "Thumbs.db")
 
 
 def _inner(folder: Path) -> Path:

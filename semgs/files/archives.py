@@ -7,6 +7,7 @@ compressed (deflated) ones are inflated.
 from __future__ import annotations
 
 import errno
+import io
 import posixpath
 import struct
 import zipfile
@@ -20,10 +21,45 @@ from semgs.files.errors import InputError
 MOST_BYTES = 1 << 28
 """Largest inflated member that is read [bytes]: 256 MiB, four times the largest photo."""
 
+MOST_LISTED = 1 << 26
+"""Longest list of members that is read [bytes]: 64 MiB, half a million members."""
+
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _ENCRYPTED = 0x1
 _HEADER = struct.Struct("<4s22xHH")
 """A local file header: signature, then the lengths of the name and the extra field that follow it."""
+
+
+class LongReadError(ValueError):
+    """A file said that a part of it is longer than may be read at once."""
+
+
+class BoundedFile(io.BufferedReader):
+    """A file of which only so much can be read at once. A zip itself says how long the list of its members is, and `zipfile` reads all of it.
+
+    Args:
+        path: the file.
+        most: bytes of one call.
+    """
+
+    def __init__(self, path: Path, most: int) -> None:
+        super().__init__(path.open("rb", buffering=0))
+        self._most = most
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """The next `size` bytes, by default the rest.
+
+        Raises:
+            LongReadError: these are too many.
+        """
+        if size is None or size < 0:
+            size = self._most + 1
+        elif size > self._most:
+            raise LongReadError(f"a part of {size:,} bytes")
+        data = super().read(size)
+        if len(data) > self._most:
+            raise LongReadError(f"more than {self._most:,} bytes")
+        return data
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,11 +151,11 @@ def members(archive: Path) -> dict[str, Member]:
     """The files of a zip archive by their names in it.
 
     Raises:
-        InputError: it is not a zip archive or is damaged, two members have the same name, or a member is encrypted, compressed by
+        InputError: it is not a zip archive or is damaged, its list is longer than `MOST_LISTED`, two members have the same name, or a member is encrypted, compressed by
             another method than deflate, or longer than the archive.
     """
     try:
-        with zipfile.ZipFile(archive) as opened:
+        with BoundedFile(archive, MOST_LISTED) as file, zipfile.ZipFile(file) as opened:
             listed = [one for one in opened.infolist() if not one.filename.endswith("/")]
             end = archive.stat().st_size
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:

@@ -68,9 +68,9 @@ WRONG: dict[str, tuple[Callable[[Path], list[Upload]], str]] = {
     "a file without a name": (lambda folder: [zipped(folder / "a.zip", {".": b"x"})], "a file without a name"),
     "a link": (lambda folder: [with_link(folder / "a.zip")], "contains a link"),
     "deflated damage": (lambda folder: [damaged(folder / "a.zip", zipfile.ZIP_DEFLATED)], "a.zip is not a zip that can be read"),
-    "LZMA damage": (lambda folder: [damaged(folder / "a.zip", zipfile.ZIP_LZMA)], "a.zip is not a zip that can be read"),
+    "LZMA": (lambda folder: [damaged(folder / "a.zip", zipfile.ZIP_LZMA)], "compressed by an unusual method"),
     "a lie": (lambda folder: [lying(folder / "a.zip")], "a.zip"),
-    "a zip in which a file is a folder": (lambda folder: [zipped(folder / "a.zip", {"a": b"x", "a/b": b"x"})], "cannot be unpacked"),
+    "a zip in which a file is a folder": (lambda folder: [zipped(folder / "a.zip", {"a": b"x", "a/b": b"x"})], "a file and a folder of the same name"),
     "vanished": (lambda folder: [Upload(folder / "a.jpg", "a.jpg"), picture(folder / "b.jpg")], "no longer on the server"),
 }  # fmt: skip
 """What users drop by mistake or on purpose, and the sentence that they get."""

@@ -228,8 +228,7 @@ def test_what_cannot_be_rendered_is_refused(random_scene) -> None:
 @pytest.mark.parametrize("name", ["quaternions", "scales", "features"])
 @pytest.mark.parametrize("branch", ["colour", "semantic"])
 @pytest.mark.parametrize("number", [torch.nan, torch.inf, -torch.inf])
-def test_no_field_of_a_branch_may_have_a_number_that_is_not_finite(
-    random_scene, branch: str, name: str, number: float):
+def test_no_field_of_a_branch_may_have_a_number_that_is_not_finite(random_scene, branch: str, name: str, number: float):
     gaussians, cameras = random_scene(13, count=5)
     field = getattr(getattr(gaussians, branch), name).clone()
     field[(3, *[-1] * (field.ndim - 1))] = number
