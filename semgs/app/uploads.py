@@ -131,6 +131,7 @@ def prepare(
     if kind == "photos":
         return _photos(uploads, folder / "photos", limits, say)
     if kind == "clip":
+        _check_clip(uploads[0], limits)
         clip = folder / f"clip{uploads[0].ending}"
         uploads[0].path.rename(clip)
         return clip, []
@@ -214,6 +215,23 @@ def _check_pixels(upload: Upload, limits: Limits) -> None:
         raise UnusableUploadError(
             f"{upload.shown} has {width}x{height} pixels; at most {limits.pixels // 1_000_000} megapixels are accepted."
         )
+
+
+def _check_clip(upload: Upload, limits: Limits) -> None:
+    """Check the size in a clip's header, before anything opens it.
+
+    Raises:
+        UnusableUploadError: its frames are too large.
+    """
+    from semgs.files.errors import InputError
+    from semgs.sfm.clip_sizes import check_clip_size
+
+    try:
+        check_clip_size(upload.path, limits.pixels)
+    except InputError as error:
+        raise UnusableUploadError(
+            f"{upload.shown} has {error.found} pixels; frames of at most {limits.pixels // 1_000_000} megapixels are accepted."
+        ) from error
 
 
 def _reduced(upload: Upload) -> bytes | None:

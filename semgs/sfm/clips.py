@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import count, islice, takewhile
 from pathlib import Path
 
 import cv2
@@ -11,12 +12,16 @@ import numpy as np
 
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
-from semgs.files.images.pictures import jpeg_bytes
+from semgs.files.images.pictures import MOST_PIXELS, jpeg_bytes
 from semgs.files.paths import check_utf8
+from semgs.sfm.clip_sizes import check_clip_size, limit_frames
 from semgs.sfm.photos import BLANK, QUALITY, PhotoSet, UprightPhoto, is_panorama, sharpness_of, small_grey
 
 MOST_JUDGED = 900
 """Of longer clips, every n-th frame is judged."""
+
+MOST_FRAMES = 108_000
+"""Longer clips are refused: an hour with 30 frames a second."""
 
 LEAST_MOTION = 0.02
 """Frames whose picture moved less than this since the last chosen one are left out [share of the longer side]."""
@@ -52,7 +57,8 @@ def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
         most: the largest number of frames.
 
     Raises:
-        InputError: it cannot be decoded, its path is not UTF-8, or it has fewer than two sharp frames with motion between them.
+        InputError: it cannot be decoded, its path is not UTF-8, its frames are larger than `MOST_PIXELS` or more than `MOST_FRAMES`, or fewer than two
+            are sharp with motion between them.
         OSError: a frame cannot be written.
     """
     check_utf8(path, "OpenCV")
@@ -115,8 +121,8 @@ def measure_motion(first: np.ndarray, second: np.ndarray) -> float:
 
 
 def _judged(path: Path) -> Iterator[Judged]:
-    """The frames of a clip to choose from."""
-    for index, pixels in _frames(path, max(1, _count_frames(path) // MOST_JUDGED)):
+    """The frames of a clip to choose from: fewer than `2 * MOST_JUDGED`, also if its header says that it has fewer than it has."""
+    for index, pixels in islice(_frames(path, max(1, _count_frames(path) // MOST_JUDGED)), 2 * MOST_JUDGED):
         grey = small_grey(pixels)
         yield Judged(index, grey, sharpness_of(grey) if grey.std() >= BLANK else 0.0)
 
@@ -126,27 +132,41 @@ def _count_frames(path: Path) -> int:
     video = _opened(path)
     try:
         stated = int(video.get(cv2.CAP_PROP_FRAME_COUNT))
-        return stated if stated > 0 else sum(1 for _ in iter(video.grab, False))
+        return stated if stated > 0 else sum(1 for _ in islice(iter(video.grab, False), MOST_FRAMES))
     finally:
         video.release()
 
 
 def _frames(path: Path, step: int) -> Iterator[tuple[int, np.ndarray]]:
     """Every `step`-th frame of a clip with its position, RGB, upright."""
-    video, index = _opened(path), 0
+    video = _opened(path)
     try:
-        while video.grab():
+        for index in takewhile(lambda _: video.grab(), count()):
+            if index >= MOST_FRAMES:
+                raise InputError(path, f"a clip of at most {MOST_FRAMES:,} frames", "more", advice="cut it")
             if index % step == 0:
                 good, pixels = video.retrieve()
-                if good:
-                    yield index, cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
-            index += 1
+                if not good:  # a frame that became too large on the way; those behind it would be as large
+                    break
+                yield index, cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
     finally:
         video.release()
 
 
 def _opened(path: Path) -> cv2.VideoCapture:
-    """A clip, opened; its rotation flag is applied to the frames."""
+    """A clip, opened; its rotation flag is applied to the frames.
+
+    Raises:
+        InputError: its frames are larger than `MOST_PIXELS`.
+    """
+    check_clip_size(path)
+    limit_frames(MOST_PIXELS)
     video = cv2.VideoCapture(str(path))
+    # What the frames themselves say may differ from what the container announced.
+    width, height = (int(video.get(one)) for one in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+    if width * height > MOST_PIXELS:
+        video.release()
+        raise InputError(path, f"frames of at most {MOST_PIXELS:,} pixels", f"{width}x{height}")
+    limit_frames(width * height or MOST_PIXELS)  # frames may not grow on the way
     video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
     return video

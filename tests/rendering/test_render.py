@@ -254,5 +254,5 @@ def test_an_opacity_is_finite(random_scene, number: float):
     gaussians, cameras = random_scene(13, count=5)
     opacities = gaussians.opacities.clone()
     opacities[2] = number
-    with pytest.raises(ValueError, match="^opacities contains a number that is not finite"):
+    with pytest.raises(ValueError, match=r"^opacities contains a number that is not finite"):
         render(replace(gaussians, opacities=opacities), cameras)
