@@ -34,6 +34,8 @@ from semgs.app.uploads import GONE, UnusableUploadError, Upload, check_uploads
 from semgs.files.errors import ERROR_LINE
 from semgs.files.strict_json import parse_json
 from semgs.files.text import counted, printable
+from semgs.runtime.free_memory import free_bytes
+from semgs.runtime.process_groups import group_bytes
 
 State = Literal["waiting", "working", "done", "failed", "cancelled"]
 
@@ -49,6 +51,12 @@ UPLOAD_SECONDS = 3600.0
 STOP_SECONDS = 8.0
 """A worker has this long to end when it is asked to; then it is killed."""
 
+WATCH_SECONDS = 0.2
+"""How often a worker's memory is measured."""
+
+FREE_SHARE = 0.9
+"""A job may take this share of the memory that is free when it starts, so that the system never has to choose what it kills."""
+
 TRIES = 3
 """A job fails if so many workers in a row end before they have begun it."""
 
@@ -56,6 +64,10 @@ IDENTIFIER = re.compile(r"[a-z0-9]{20}")
 
 BUG = "SemGS failed on these files, and this is a bug. The details are in the terminal where semgs app runs."
 KILLED = "The work was stopped by the system, probably because memory ran out. Try fewer or smaller files."
+TOO_MUCH = (
+    "This needed more than {gb:.1f} GB of memory, so it was stopped. Use fewer or smaller files, or a shorter clip."
+)
+LATE = "This took more than {minutes:.0f} minutes, so it was stopped. Use fewer photos, or a shorter clip."
 NO_WORKER = f"The work could not be started in {TRIES} tries. Try again in some minutes. The reason is in the terminal where semgs app runs."
 
 
@@ -311,15 +323,13 @@ class Jobs:
         assert process.stdin is not None
         log: deque[str] = deque(maxlen=LOG_LINES)
         reader = threading.Thread(target=_listen, args=(job, process, log), daemon=True)
-        late = False
+        stopped = ""
         try:
             reader.start()
             with suppress(BrokenPipeError):
                 process.stdin.write(json.dumps(job.request.data()) + "\n")
                 process.stdin.close()
-            process.wait(self.limits.seconds)
-        except subprocess.TimeoutExpired:
-            late = True
+            stopped = _watch(process, self.limits)
         finally:
             _stop(process)  # with what it started, which would keep its pipe open
         reader.join()
@@ -330,9 +340,8 @@ class Jobs:
             if not job.over and code == 0 and (job.room / "room.json").exists():
                 job.state, job.ended = "done", time.time()
         sentence = next((line for line in reversed(log) if line.startswith(ERROR_LINE)), "").removeprefix(ERROR_LINE)
-        if late:
-            limit = f"This took more than {self.limits.seconds / 60:.0f} minutes, so it was stopped."
-            self._fail(job, f"{limit} Use fewer photos, or a shorter clip.")
+        if stopped:
+            self._fail(job, stopped)
         elif job.stages and sentence:
             self._fail(job, plain(sentence, job.request))
         elif job.stages and not job.over:
@@ -386,6 +395,24 @@ class Jobs:
             job = Job(folder.name, folder, request, title, state="done", started=ended, ended=ended)
             self._jobs[folder.name] = job
         self.expire()
+
+
+def _watch(process: subprocess.Popen[str], limits: Limits) -> str:
+    """Wait for a worker. If it, with what it started, takes too much memory, all of it is killed at once.
+
+    Returns:
+        why it has to be stopped; empty if it has ended.
+    """
+    end = time.monotonic() + limits.seconds
+    most = min(limits.memory_bytes, (group_bytes(process.pid) or 0.0) + FREE_SHARE * free_bytes())
+    while (left := end - time.monotonic()) > 0:
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(min(WATCH_SECONDS, left))
+            return ""
+        if (group_bytes(process.pid) or 0.0) > most:
+            _kill(process, signal.SIGKILL)
+            return TOO_MUCH.format(gb=most / 1e9)
+    return LATE.format(minutes=limits.seconds / 60)
 
 
 def _listen(job: Job, process: subprocess.Popen[str], log: deque[str]) -> None:
@@ -463,10 +490,15 @@ def _linked(uploads: Sequence[Upload], folder: Path) -> list[list[str]]:
 def _stop(process: subprocess.Popen[str]) -> None:
     """End a worker and what it started, also if it has ended itself: first with a request, then by force."""
     for number in (signal.SIGTERM, signal.SIGKILL):
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(process.pid, number)
+        _kill(process, number)
         with suppress(subprocess.TimeoutExpired):
             process.wait(STOP_SECONDS)
+
+
+def _kill(process: subprocess.Popen[str], number: signal.Signals) -> None:
+    """Send a signal to a worker and what it started, if there is still something."""
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, number)
 
 
 def _close(process: subprocess.Popen[str]) -> None:

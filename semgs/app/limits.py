@@ -20,6 +20,7 @@ class Limits:
         members: files in an archive.
         unpacked_bytes: of an archive.
         seconds: a job may take.
+        memory_bytes: a job may take; if less is free when it starts, nine tenths of that.
         waiting: jobs in the queue.
         kept_seconds: results are deleted afterwards.
     """
@@ -31,6 +32,7 @@ class Limits:
     members: int = 5_000
     unpacked_bytes: int = 2048 * MIB
     seconds: float = 900.0
+    memory_bytes: int = 16 * 1024 * MIB
     waiting: int = 20
     kept_seconds: float = 24 * 3600.0
 

@@ -16,10 +16,11 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from semgs.app.jobs import BUG, KILLED, NO_WORKER, UPLOAD_SECONDS, Job, Jobs
+from semgs.app.jobs import BUG, KILLED, NO_WORKER, TOO_MUCH, UPLOAD_SECONDS, Job, Jobs
 from semgs.app.limits import Limits
 from semgs.app.requests import RoomOptions
 from semgs.app.uploads import UnusableUploadError, Upload
+from semgs.runtime.process_groups import group_bytes
 
 WORKER = """
 import json, os, pathlib, sys, time
@@ -36,6 +37,13 @@ stage("Starting")
 if what == "orphan":
     if os.fork(): os.kill(os.getpid(), 9)
     time.sleep(3600)
+if what in ("grow", "child grows"):
+    if what == "child grows" and os.fork(): os.wait()
+    held = []
+    for _ in range(25):  # 250 MB, 10 of them in 20 ms
+        held.append(b"x" * 10_000_000)
+        time.sleep(0.02)
+    time.sleep(60)
 if what == "sleep":
     time.sleep(60)
 if what == "fail":
@@ -247,6 +255,27 @@ def test_a_job_that_takes_too_long_is_stopped(start: Callable[..., Jobs]):
     job = start(seconds=0.3).submit((), asked("sleep"), True)
     wait(lambda: job.over)
     assert job.sentence.startswith("This took more than")
+
+
+@pytest.mark.parametrize("what", ["grow", "child grows"])
+def test_a_job_that_takes_too_much_memory_is_killed_with_all_that_it_started(start: Callable[..., Jobs], what: str):
+    jobs = start(memory_bytes=100_000_000)
+    job = jobs.submit((), asked(what), True)
+    wait(lambda: job.state == "working" and jobs._process is not None)
+    group = jobs._process.pid  # type: ignore[union-attr]
+    wait(lambda: job.over)
+    assert job.sentence == TOO_MUCH.format(gb=0.1)
+    wait(lambda: group_bytes(group) == 0)
+    assert_done(jobs.submit((), example=True))
+
+
+def test_a_job_may_take_nine_tenths_of_what_is_free_when_it_starts(
+    start: Callable[..., Jobs], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("semgs.app.jobs.free_bytes", lambda: 100e6)
+    job = start().submit((), asked("grow"), True)
+    wait(lambda: job.over)
+    assert job.sentence.startswith("This needed more than 0.1 GB of memory")
 
 
 def test_a_full_queue_refuses_more(start: Callable[..., Jobs]):
