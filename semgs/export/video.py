@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
-from semgs.files.atomic import partial_name
 from semgs.files.extras import needs_extra
+from semgs.files.staging import staged
 
 CRF = "18"
 """Constant quality: visually lossless."""
@@ -45,27 +45,25 @@ def write_video(path: Path, frames: Iterable[UInt8[np.ndarray, "h w 3"]], fps: i
         OSError: the file cannot be written.
     """
     av = _av()
-    partial = partial_name(path)
     try:
-        with av.open(str(partial), "w", format="mp4", options={"movflags": "+faststart"}) as container:
-            stream = None
-            for frame in frames:
-                height, width = (side - side % 2 for side in frame.shape[:2])
-                if stream is None:
-                    stream = container.add_stream("libx264", rate=fps, options={"crf": CRF, "preset": "medium"})
-                    stream.height, stream.width, stream.pix_fmt = height, width, "yuv420p"
-                    stream.codec_context.colorspace = stream.codec_context.color_primaries = BT709
-                    stream.codec_context.color_trc = BT709
-                    stream.codec_context.color_range = LIMITED_RANGE
-                rgb = av.VideoFrame.from_ndarray(np.ascontiguousarray(frame[:height, :width]), format="rgb24")
-                container.mux(stream.encode(rgb.reformat(format="yuv420p", dst_colorspace="ITU709")))
-            if stream is not None:
-                container.mux(stream.encode())
-        partial.replace(path)
+        with staged(path) as partial:
+            with av.open(str(partial), "w", format="mp4", options={"movflags": "+faststart"}) as container:
+                stream = None
+                for frame in frames:
+                    height, width = (side - side % 2 for side in frame.shape[:2])
+                    if stream is None:
+                        stream = container.add_stream("libx264", rate=fps, options={"crf": CRF, "preset": "medium"})
+                        stream.height, stream.width, stream.pix_fmt = height, width, "yuv420p"
+                        stream.codec_context.colorspace = stream.codec_context.color_primaries = BT709
+                        stream.codec_context.color_trc = BT709
+                        stream.codec_context.color_range = LIMITED_RANGE
+                    rgb = av.VideoFrame.from_ndarray(np.ascontiguousarray(frame[:height, :width]), format="rgb24")
+                    container.mux(stream.encode(rgb.reformat(format="yuv420p", dst_colorspace="ITU709")))
+                if stream is not None:
+                    container.mux(stream.encode())
+            partial.replace(path)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error  # with this name, not the temporary one
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def _av():

@@ -15,6 +15,7 @@ from filelock import FileLock, Timeout
 from semgs.files.atomic import partial_name
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import typed_path
+from semgs.files.staging import staged
 
 MARK = ".semgs"
 """The file that marks a folder as written by semgs."""
@@ -51,9 +52,8 @@ def check_folder(
         if target.is_mount():
             raise _mounted(path)
         nearest = next(parent for parent in target.parents if parent.exists())
-    trial = partial_name(nearest / target.name)
-    _make(path, trial)
-    trial.rmdir()
+    with _staging(path, nearest / target.name):
+        pass
 
 
 def check_name(path: str | Path) -> None:
@@ -192,7 +192,8 @@ def own_folder(path: str | Path, command: str, overwrite: bool = False) -> Itera
             write_json(folder / "report.json", numbers)
 
     `path` may be new or empty. A folder that the same command wrote (the file `.semgs` in it says so) is replaced only with
-    `overwrite`, and stays untouched until the new one is complete. Missing parent folders are created, and stay if the block fails.
+    `overwrite`, and stays untouched until the new one is complete. Missing parent folders are created, and stay if the block fails. If
+    the process is killed, the next one that fills `path` removes what it left.
 
     Args:
         path: the folder to create.
@@ -210,25 +211,24 @@ def own_folder(path: str | Path, command: str, overwrite: bool = False) -> Itera
     with readable(path):
         _check_free(path, command, overwrite)
         target = Path(path).resolve()  # a link stays; its target is replaced
-    staging = partial_name(target)
-    _make(path, staging)
-    try:
+    with _staging(path, target) as staging:
         (staging / MARK).write_text(_WRITER.format(command), encoding="utf-8")
         yield staging
         _check_free(path, command, overwrite)  # again, as time has passed
         _swap(staging, target)
-    except BaseException:
-        shutil.rmtree(staging, ignore_errors=True)
-        raise
 
 
-def _make(path: str | Path, folder: Path) -> None:
-    """Create a folder that will become `path`, and its parents."""
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        folder.mkdir()
-    except OSError as error:
-        raise InputError(path, "a folder that can be created", f"{error.strerror} ({folder.parent})") from error
+@contextlib.contextmanager
+def _staging(path: str | Path, target: Path) -> Iterator[Path]:
+    """A new folder under a temporary name beside `target`, which will become `path`; parents are created."""
+    with contextlib.ExitStack() as stack:
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            staging = stack.enter_context(staged(target))
+            staging.mkdir()
+        except OSError as error:
+            raise InputError(path, "a folder that can be created", f"{error.strerror} ({target.parent})") from error
+        yield staging
 
 
 def _swap(staging: Path, target: Path) -> None:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
 
+from semgs.files.folders import LOCK
+
 Tree = dict[str, bytes]
 """The files of a folder by their relative paths."""
 
@@ -112,7 +114,9 @@ def tree(folder: Path) -> Tree:
 
 
 def _temporary(name: Path) -> bool:
-    return any(part.startswith(".") and part.endswith((".part", ".old")) for part in name.parts)
+    return any(
+        part.startswith(".") and part.endswith((".part", ".old", ".lock")) and part != LOCK for part in name.parts
+    )
 
 
 def _matches(name: str, patterns: tuple[str, ...]) -> bool:

@@ -115,8 +115,9 @@ class Bench:
             if self._result(out) != self.results[resumed]:
                 found.append("the result is another")
             found += [
-                f"{path.relative_to(out)} stays behind"
-                for path in out.rglob(".*.part")
+                f"{path.relative_to(out.parent)} stays behind"
+                for pattern in (".*.part", ".*.lock")
+                for path in out.parent.rglob(pattern)
                 if not is_part_of(path, out / "settings.json")
             ]
         return Kill(stage, number, resumed, tuple(found))

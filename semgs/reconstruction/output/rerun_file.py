@@ -23,7 +23,7 @@ from semgs.data.tables.classes import ClassTable
 from semgs.export.scene_objects import occupancy_of, place_things, things_of
 from semgs.figures.class_images import UNKNOWN_GREY
 from semgs.figures.view_images import as_bytes
-from semgs.files.atomic import partial_name
+from semgs.files.staging import staged
 from semgs.geometry.rotations import quaternion_from_matrix
 from semgs.reconstruction.output.rerun_library import rerun_library
 from semgs.reconstruction.result import Reconstruction, RenderedViews
@@ -58,8 +58,7 @@ def save_rerun(path: Path, result: Reconstruction) -> list[str]:
         OSError: the file cannot be written.
     """
     rr = rerun_library()
-    partial = partial_name(path)
-    try:
+    with staged(path) as partial:
         with rr.RecordingStream("semgs", send_properties=False) as recording:
             recording.set_log_time_enabled(False)
             recording.set_log_tick_enabled(False)
@@ -68,8 +67,6 @@ def save_rerun(path: Path, result: Reconstruction) -> list[str]:
             recording.flush()
             recording.disconnect()
         partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
     return notes
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -14,8 +13,8 @@ from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.data.scenes import open_with_details
-from semgs.files.atomic import partial_name
 from semgs.files.errors import readable
+from semgs.files.staging import staged
 from semgs.sfm.photos import has_only_photos
 from semgs.sfm.scene_folder import write_photo_scene
 from semgs.sfm.writing import IMAGES
@@ -88,11 +87,10 @@ def photo_scene(
     if in_units and not posing.scale_from:
         raise UsageError(f"{in_units} is for cameras whose unit is known; add --scale-from, or leave it out")
     known = posing.known()
-    folder = partial_name(out.resolve())
-    folder.mkdir(parents=True)
-    try:
+    target = out.resolve()
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with staged(target) as folder:
+        folder.mkdir()
         with what_the_user_gave():
             notes = write_photo_scene(path, folder, known, announce).notes
         yield PhotoScene(path, folder, out, kept, notes)
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
