@@ -30,7 +30,7 @@ from semgs.data.scene import Scene
 from semgs.depth_maps.depth_source import Meaning
 from semgs.files.errors import InputError
 from semgs.files.extras import needs_extra
-from semgs.files.images.pictures import read_uint16
+from semgs.files.images.pictures import MOST_PIXELS, read_uint16
 from semgs.files.records import make_record
 from semgs.files.stored import stored
 from semgs.files.strict_json import read_json
@@ -39,6 +39,9 @@ from semgs.segmenters.class_map_files import MadeBy, file_of, only_array, stems_
 RECORD = "depth.json"
 ENDINGS = (".npy", ".npz", ".exr", ".png")
 CHANNELS = ("Z", "Y", "R")
+
+MOST_NUMBERS = 4 * MOST_PIXELS
+"""OpenEXR files with more numbers in all their channels are not read."""
 
 
 @dataclass(frozen=True)
@@ -176,10 +179,20 @@ def _read_exr(path: Path) -> Float32[np.ndarray, "rows columns"]:
     with needs_extra("exr", f"{path} is an OpenEXR file", "OpenEXR"):
         import OpenEXR
     try:
+        numbers = sum(_numbers_in(part.header) for part in OpenEXR.File(str(path), header_only=True).parts)
+        if numbers > MOST_NUMBERS:
+            raise InputError(path, f"an image of at most {MOST_NUMBERS:,} numbers", f"{numbers:,}")
         channels = OpenEXR.File(str(path), separate_channels=True).channels()
         names = [name for name in CHANNELS if name in channels] or (list(channels) if len(channels) == 1 else [])
         if not names:
             raise InputError(path, f"a channel {', '.join(CHANNELS)}", ", ".join(sorted(channels)) or "none")
         return np.asarray(channels[names[0]].pixels, np.float32)
     except (RuntimeError, ValueError, TypeError) as error:
-        raise InputError(path, "an OpenEXR image", str(error).splitlines()[0]) from error
+        raise InputError(path, "an OpenEXR image", (str(error).splitlines() or ["a damaged one"])[0]) from error
+
+
+def _numbers_in(header: dict[str, Any]) -> int:
+    """How many numbers of all channels an OpenEXR file says that it has: all of them are read."""
+    low, high = (np.asarray(corner, np.int64) for corner in header["dataWindow"])
+    width, height = (high - low + 1).tolist()
+    return max(0, width) * max(0, height) * max(1, len(header["channels"]))

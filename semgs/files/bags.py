@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import bz2
+import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, BinaryIO, Self
 
 from semgs.files.extras import needs_extra
+
+MOST_CHUNK = 1 << 28
+"""Longest chunk or message that is inflated [bytes]: 256 MiB. Recorders make chunks of a megabyte, or of one large image."""
+
+MOST_GROWTH = 100
+"""A bag that is compressed as a whole may become so many times longer, beside `MOST_CHUNK`."""
 
 VISION = {
     "BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
@@ -31,7 +39,89 @@ def bag_reader(path: Path) -> Any:
     with needs_extra("ros", f"{path} is a ROS bag; reading it needs rosbags", "rosbags"):
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
+    _bound_rosbags()
     return AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
+
+
+def inflate(data: bytes, decompressor: Callable[[], Any]) -> bytes:
+    """What compressed data become, at most `MOST_CHUNK` bytes.
+
+    Args:
+        data: one or more streams, one behind the other.
+        decompressor: makes an object for one stream, as `bz2.BZ2Decompressor` does.
+
+    Raises:
+        ValueError: they would become more, or end early.
+    """
+    parts, left = list[bytes](), MOST_CHUNK
+    while data:
+        stream = decompressor()
+        parts.append(stream.decompress(data, max_length=left + 1))
+        left -= len(parts[-1])
+        if left < 0:
+            raise ValueError(f"a compressed part of more than {MOST_CHUNK:,} bytes")
+        if not stream.eof:
+            raise ValueError("a compressed part that ends early")
+        data = stream.unused_data or b""
+    return b"".join(parts)
+
+
+class _Zstd:
+    """The functions of Python's zstd that rosbags calls, with limits."""
+
+    def __init__(self, zstd: Any) -> None:
+        self._zstd = zstd
+
+    def decompress(self, data: bytes) -> bytes:
+        """What data become."""
+        return inflate(data, self._zstd.ZstdDecompressor)
+
+    def open(self, file: BinaryIO, mode: str) -> _Growing:
+        """A file that is read, inflated."""
+        length = os.fstat(file.fileno()).st_size
+        return _Growing(self._zstd.open(file, mode), MOST_GROWTH * length + MOST_CHUNK)
+
+
+class _Growing:
+    """A file of which at most `left` bytes can be read; then an error tells it."""
+
+    def __init__(self, file: Any, left: int) -> None:
+        self._file, self._left = file, left
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._file.close()
+
+    def read(self, size: int = -1) -> bytes:
+        """The next bytes."""
+        data: bytes = self._file.read(min(size, MOST_CHUNK) if size >= 0 else MOST_CHUNK)
+        self._left -= len(data)
+        if self._left < 0:
+            raise ValueError(f"a compressed bag that becomes more than {MOST_GROWTH} times longer")
+        return data
+
+
+@cache
+def _bound_rosbags() -> None:
+    """Give rosbags functions that inflate no more than `MOST_CHUNK` at once: its own inflate whatever a few kilobytes say.
+
+    It looks them up in tables, or in its modules. A version that has them elsewhere stays as it is.
+    """
+    from lz4.frame import LZ4FrameDecompressor
+    from rosbags.rosbag1 import reader as reader_of_ros_1
+    from rosbags.rosbag2 import reader as reader_of_ros_2
+    from rosbags.rosbag2 import storage_mcap
+
+    streams: dict[str, Callable[[], Any]] = {"bz2": bz2.BZ2Decompressor, "lz4": LZ4FrameDecompressor}
+    zstd = getattr(reader_of_ros_2, "zstd", None)
+    if hasattr(zstd, "ZstdDecompressor"):
+        streams["zstd"] = zstd.ZstdDecompressor
+        reader_of_ros_2.zstd = _Zstd(zstd)  # type: ignore[attr-defined]
+    for table in (getattr(reader_of_ros_1, "decompressors", {}), getattr(storage_mcap, "DECOMPRESSORS", {})):
+        for name in table.keys() & streams.keys():
+            table[name] = lambda data, *_, stream=streams[name]: inflate(data, stream)
 
 
 @cache

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import torch
 from jaxtyping import Float32, Float64, UInt8
@@ -20,7 +19,7 @@ from semgs.data.layouts.ros.camera import lens_of
 from semgs.data.layouts.ros.image_messages import as_file, is_depth, pixels_of
 from semgs.data.maps import MILLIMETRE, SATURATED
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
-from semgs.files.images.pictures import decode_rgb
+from semgs.files.images.pictures import MOST_PIXELS, decode_png, decode_rgb
 from semgs.geometry.rotations import matrix_from_quaternion
 
 PosedImage = tuple[UInt8[np.ndarray, "h w 3"], Float64[np.ndarray, "4 4"], Float64[np.ndarray, "3 3"], float]
@@ -171,5 +170,8 @@ def _depth_pixels(depth: Any) -> np.ndarray:
         return pixels_of(depth)
     data = as_file(depth)
     if data[:4] == b"\x89PNG":
-        return np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED))
+        counts = decode_png(data)
+        if counts is None:
+            raise ValueError(f"depth that is no PNG of at most {MOST_PIXELS:,} pixels")
+        return counts
     return np.load(io.BytesIO(data), allow_pickle=False)

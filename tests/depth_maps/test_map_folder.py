@@ -59,6 +59,17 @@ def test_numbers_come_as_they_are_and_what_is_no_depth_is_unknown(scene: Scene, 
     assert inverse[0, 1:3].tolist() == [-1, 0]
 
 
+def test_an_openexr_image_of_too_many_numbers_is_not_read(scene: Scene, folder: Path, monkeypatch: pytest.MonkeyPatch):
+    OpenEXR = pytest.importorskip("OpenEXR")
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {"Z": RAMP, "other": RAMP}).write(str(folder / "000.exr"))
+    monkeypatch.setattr("semgs.depth_maps.map_folder.MOST_NUMBERS", 2 * RAMP.size)
+    open_map_folder(folder, scene, "metric").of(scene.frames[0], SIZE)
+    monkeypatch.setattr("semgs.depth_maps.map_folder.MOST_NUMBERS", 2 * RAMP.size - 1)
+    with pytest.raises(InputError, match=r"at most 1,535 numbers, found 1,536"):
+        open_map_folder(folder, scene, "metric").of(scene.frames[0], SIZE)
+
+
 def test_counts_are_millimetres_or_in_the_stated_unit(scene: Scene, folder: Path):
     counts = np.full(SIZE, 1500, np.uint16)
     counts[0, :2] = 0, 65535

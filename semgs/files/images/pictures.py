@@ -13,7 +13,7 @@ import re
 import struct
 import warnings
 import zlib
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,6 +31,9 @@ FORMATS = ("JPEG", "PNG")
 
 MOST_PIXELS = 1 << 26
 """Larger images are not decoded: 67 megapixels, 0.8 GB as float32."""
+
+STRIP = 256
+"""Rows of an image that are blended at a time."""
 
 _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 _PGM = re.compile(rb"P5" + rb"(?:\s|#[^\n]*\n)+(\d{1,9})" * 3 + rb"\s")
@@ -225,10 +228,10 @@ def _rgb(data: bytes, path: str | Stored, image: Image.Image) -> np.ndarray:
         return _on_white(_channels(path, image))
     # Pillow accepts a file without its last bytes; OpenCV does not, and prints warnings.
     complete = _PNG_END in data
-    decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if complete else None
+    decoded = decode_png(data) if complete else None
     if decoded is None:
         raise InputError(path, "a complete image", "a truncated one")
-    return _on_white(_eight_bits(np.asarray(decoded)))
+    return _on_white(_eight_bits(decoded))
 
 
 def read_grey(path: str | Stored, size: tuple[int, int], longest: int) -> np.ndarray:
@@ -309,6 +312,17 @@ def _map(data: bytes, path: str | Stored, modes: Collection[str], expected: str)
         if image.format != "PNG" or image.mode not in modes:
             raise InputError(path, expected, f"a {image.format} of mode {image.mode}")
         return np.asarray(image).astype(np.uint16 if image.mode in _SIXTEEN_BITS else np.uint8)
+
+
+def decode_png(data: bytes) -> np.ndarray | None:
+    """The pixels of a PNG as OpenCV decodes them: BGR, 16 bits unchanged. None if it is damaged, something else, or larger than `MOST_PIXELS`."""
+    if data[:4] != b"\x89PNG" or data[12:16] != b"IHDR" or len(data) < 24:
+        return None
+    width, height = struct.unpack(">2I", data[16:24])
+    if width * height > MOST_PIXELS:
+        return None
+    decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    return None if decoded is None else np.asarray(decoded)
 
 
 def write_png(path: str | Path, array: np.ndarray) -> None:
@@ -417,7 +431,9 @@ def _channels(path: str | Stored, image: Image.Image) -> np.ndarray:
 
 def _eight_bits(pixels: np.ndarray) -> np.ndarray:
     """16-bit pixels in OpenCV's order (grey, BGR or BGRA) as 8-bit RGB or RGBA."""
-    reduced = ((pixels.astype(np.uint32) + 128) // 257).astype(np.uint8)
+    reduced = np.empty(pixels.shape, np.uint8)
+    for rows in _strips(pixels):
+        reduced[rows] = (pixels[rows].astype(np.uint32) + 128) // 257
     if reduced.ndim == 2:
         return np.repeat(reduced[..., None], 3, axis=-1)
     return np.ascontiguousarray(reduced[..., [2, 1, 0, 3][: reduced.shape[2]]])
@@ -427,6 +443,15 @@ def _on_white(pixels: np.ndarray) -> np.ndarray:
     """RGB pixels as they are; RGBA pixels blended with white."""
     if pixels.shape[2] == 3:
         return pixels
-    alpha = pixels[..., 3:].astype(np.uint32)
-    blend = pixels[..., :3] * alpha + 255 * (255 - alpha)
-    return ((blend + 127) // 255).astype(np.uint8)
+    white = np.empty((*pixels.shape[:2], 3), np.uint8)
+    for rows in _strips(pixels):
+        alpha = pixels[rows, :, 3:].astype(np.uint32)
+        blend = pixels[rows, :, :3] * alpha + 255 * (255 - alpha)
+        white[rows] = (blend + 127) // 255
+    return white
+
+
+def _strips(pixels: np.ndarray) -> Iterator[slice]:
+    """Rows to compute at a time, so that sums of 32 bits take little memory beside the pixels."""
+    for row in range(0, len(pixels), STRIP):
+        yield slice(row, row + STRIP)

@@ -11,6 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from semgs.files.images.pictures import MOST_PIXELS
 from semgs.files.stored import Stored
 
 _END = b"bvx$"
@@ -50,6 +51,10 @@ class LzfseFile:
         Raises:
             OSError: it cannot be read, is damaged, or has another size.
         """
+        if self.size[0] * self.size[1] > MOST_PIXELS:
+            raise OSError(
+                errno.EFBIG, f"a map of {self.size[1]}x{self.size[0]}; at most {MOST_PIXELS:,} pixels are read"
+            )
         expected = self.size[0] * self.size[1] * np.dtype(self.dtype).itemsize
         data = self.compressed.read_bytes()
         # A longer file than its content is none of ours.
@@ -83,7 +88,7 @@ def _inflated(data: bytes, most: int) -> bytes:
     decode.argtypes = [place, size, ctypes.c_char_p, size, place]
     buffer = ctypes.create_string_buffer(most)
     length = decode(buffer, most, data, len(data), None)
-    return buffer.raw[:length]
+    return ctypes.string_at(buffer, length)
 
 
 def can_inflate() -> bool:

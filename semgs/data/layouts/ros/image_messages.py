@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from semgs.data.layouts.ros.rvl import decode_rvl
+from semgs.files.images.pictures import decode_png
 
 COLOURS = {
     "rgb8": (3, cv2.COLOR_RGB2BGR), "bgr8": (3, None), "8UC3": (3, None),
@@ -57,7 +58,7 @@ def depth_fault(message: Any) -> str | None:
         return None
     if data[:2] == b"\xff\xd8":
         return "it is compressed as JPEG, which keeps 8 bits and changes them"
-    counts = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data[:4] == b"\x89PNG" else None
+    counts = decode_png(data)
     return None if counts is not None and counts.dtype == np.uint16 and counts.ndim == 2 else "it is no 16-bit PNG"
 
 
@@ -123,7 +124,7 @@ def _compressed_depth(data: bytes, form: str) -> bytes:
     if not packed and RVL in form.lower():
         counts = decode_rvl(inside)
     else:
-        counts = np.asarray(cv2.imdecode(np.frombuffer(inside, np.uint8), cv2.IMREAD_UNCHANGED)) if packed else None
+        counts = decode_png(inside)
         if counts is None or counts.dtype != np.uint16 or counts.ndim != 2:
             raise ValueError("compressed depth that is neither a 16-bit PNG nor RVL")
     if form.partition(";")[0].strip() != "32FC1":

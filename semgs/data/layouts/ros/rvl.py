@@ -16,6 +16,9 @@ from semgs.files.images.pictures import MOST_PIXELS
 
 _SIZE = struct.Struct("<ii")
 """Columns and rows, before the numbers."""
+MOST_BYTES_PER_PIXEL, SLACK = 4, 64
+"""Most bytes that a map may take: a difference of 17 bits takes three, and a run of one pixel half a byte more."""
+
 MOST_NIBBLES = 10
 """Of one number: 30 bits, more than the length of a run or a difference needs."""
 
@@ -34,6 +37,8 @@ def decode_rvl(data: bytes) -> UInt16[np.ndarray, "h w"]:
     columns, rows = _SIZE.unpack_from(data)
     if min(columns, rows) < 1 or columns * rows > MOST_PIXELS:
         raise ValueError(f"RVL depth of {columns}x{rows} pixels; expected 1 to {MOST_PIXELS:,}")
+    if len(data) > MOST_BYTES_PER_PIXEL * columns * rows + SLACK:
+        raise ValueError(f"RVL depth of {len(data):,} bytes for {columns}x{rows} pixels")
     numbers, total = _numbers(data[_SIZE.size :]), columns * rows
     listed, lengths, heads = numbers.tolist(), list[int](), list[int]()
     place = index = 0

@@ -29,8 +29,10 @@ JPEG, ZLIB = 2, 1
 
 LONGEST_NAME = 4096
 """Longest name of a sensor [bytes]; a longer one means that the file is something else."""
-MOST_PIXELS = 1 << 28
+MOST_PIXELS = 1 << 26
 """Most pixels of an image, likewise."""
+MOST_FRAMES = 1_000_000
+"""Further frames are not read; so many are nine hours of 30 a second."""
 EXTRINSIC_TOLERANCE = 1e-3
 
 _UNWRITTEN = bytes(4)
@@ -208,11 +210,11 @@ def _read(path: Path, file: BinaryIO, length: int) -> Recording:
 def _frames(
     file: BinaryIO, length: int, declared: int
 ) -> tuple[Float32[np.ndarray, "n 4 4"], Int64[np.ndarray, "n 3"]]:
-    """Poses and places of the complete frames, at most as many as declared."""
+    """Poses and places of the complete frames, at most as many as declared, and at most `MOST_FRAMES`."""
     poses = bytearray()
     places: list[tuple[int, int, int]] = []
     position = file.tell()
-    while len(places) < declared:
+    while len(places) < min(declared, MOST_FRAMES):
         file.seek(position)
         header = file.read(_FRAME.size)
         if len(header) < _FRAME.size:

@@ -389,6 +389,7 @@ def test_rvl_of_any_counts_is_what_was_written(share: float):
         (SIX_PIXELS[:8], "ends early"),
         (struct.pack("<iiI", 1 << 16, 1 << 16, 0), "65536x65536 pixels"),
         (struct.pack("<iiI", 3, -2, 0), "3x-2 pixels"),
+        (struct.pack("<ii", 3, 2) + bytes(89), "97 bytes for 3x2 pixels"),
         (struct.pack("<iiI", 2, 2, 0x23A14510), "another number of pixels"),
         (struct.pack("<iiI", 3, 2, 0x23A14000), "another number of pixels|ends early"),
         (struct.pack("<iiII", 3, 2, 0xFFFFFFFF, 0xFFF10000), "too large"),

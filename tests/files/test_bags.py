@@ -1,0 +1,75 @@
+"""Compressed bags are inflated up to a limit, whatever they say."""
+
+from __future__ import annotations
+
+import bz2
+from pathlib import Path
+
+import lz4.frame
+import pytest
+
+from semgs.data.layouts.ros.bag import Bag
+from semgs.files import bags
+from semgs.files.bags import inflate
+from semgs.files.errors import InputError
+
+pytest.importorskip("rosbags")
+
+LZ4 = (lz4.frame.compress, lz4.frame.LZ4FrameDecompressor)
+BZ2 = (bz2.compress, bz2.BZ2Decompressor)
+
+
+@pytest.mark.parametrize(("compress", "decompressor"), [LZ4, BZ2], ids=["lz4", "bz2"])
+def test_streams_become_what_they_were_up_to_the_limit(monkeypatch: pytest.MonkeyPatch, compress, decompressor):
+    monkeypatch.setattr(bags, "MOST_CHUNK", 5000)
+    first, second = b"ab" * 1000, bytes(3000)
+    assert inflate(compress(first), decompressor) == first
+    assert inflate(compress(first) + compress(second), decompressor) == first + second
+    assert inflate(b"", decompressor) == b""
+    for longer in (compress(bytes(5001)), compress(bytes(10_000_000)), compress(first) + compress(bytes(3001))):
+        with pytest.raises(ValueError, match="a compressed part of more than 5,000 bytes"):
+            inflate(longer, decompressor)
+    with pytest.raises(ValueError, match="ends early"):
+        inflate(compress(first)[:-9], decompressor)
+
+
+def write_bag(path: Path, length: int, storage: str, compression: str) -> Path:
+    """Write a bag with one text of so many letters a, compressed in one of rosbags' ways."""
+    from rosbags.rosbag1 import Writer as Writer1
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+    from rosbags.rosbag2 import Writer as Writer2
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC if storage == "ros1" else Stores.ROS2_HUMBLE)
+    text = store.types["std_msgs/msg/String"]("a" * length)
+    if storage == "ros1":
+        writer = Writer1(path.with_suffix(".bag"))
+        writer.set_compression(Writer1.CompressionFormat[compression])
+    else:
+        writer = Writer2(path, version=8, storage_plugin=StoragePlugin[storage])
+        writer.set_compression(CompressionMode[compression], CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection("/words", "std_msgs/msg/String", typestore=store)
+        data = (
+            store.serialize_ros1(text, text.__msgtype__)
+            if storage == "ros1"
+            else store.serialize_cdr(text, text.__msgtype__)
+        )
+        writer.write(connection, 1, data)
+    return path.with_suffix(".bag") if storage == "ros1" else path
+
+
+@pytest.mark.parametrize(
+    ("storage", "compression"),
+    [
+        ("ros1", "BZ2"), ("ros1", "LZ4"), ("MCAP", "STORAGE"), ("MCAP", "MESSAGE"), ("SQLITE3", "MESSAGE"), ("SQLITE3", "FILE"),
+    ],
+)  # fmt: skip
+def test_bags_are_read_up_to_the_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, storage: str, compression: str):
+    monkeypatch.setattr(bags, "MOST_CHUNK", 200_000)
+    monkeypatch.setattr(bags, "MOST_GROWTH", 1)
+    short = write_bag(tmp_path / "short", 100_000, storage, compression)
+    assert len(next(iter(Bag(short).messages(["/words"])))[1].data) == 100_000
+    long = write_bag(tmp_path / "long", 900_000, storage, compression)
+    with pytest.raises(InputError, match=r"a compressed (part|bag)"):
+        list(Bag(long).messages(["/words"]))
