@@ -13,8 +13,8 @@ from time import perf_counter
 
 from semgs.batch.records import FOLDER, PICTURES, Record, write_record
 from semgs.batch.tasks import Task
-from semgs.files.atomic import partial_name
 from semgs.files.errors import ERROR_LINE
+from semgs.files.staging import staged
 
 MOST_NOTES = 10
 """Lines of what a command printed that are kept as notes."""
@@ -77,15 +77,12 @@ def _run(task: Task) -> int:
     if task.command != "label":
         return main([*task.arguments, "--overwrite"] if result.exists() else task.arguments)
     # It fills its folder in several steps, so it gets another one until it has succeeded.
-    part = partial_name(result)
-    try:
+    with staged(result) as part:
         code = main([str(part) if word == str(result) else word for word in task.arguments])
         if code == 0:
             shutil.rmtree(result, ignore_errors=True)
             part.rename(result)
         return code
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
 
 
 def _described(task: Task, record: Record, printed: str) -> Record:

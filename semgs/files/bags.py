@@ -115,10 +115,10 @@ def _bound_rosbags() -> None:
     from rosbags.rosbag2 import storage_mcap
 
     streams: dict[str, Callable[[], Any]] = {"bz2": bz2.BZ2Decompressor, "lz4": LZ4FrameDecompressor}
-    zstd = getattr(reader_of_ros_2, "zstd", None)
+    zstd: Any = getattr(reader_of_ros_2, "zstd", None)
     if hasattr(zstd, "ZstdDecompressor"):
         streams["zstd"] = zstd.ZstdDecompressor
-        reader_of_ros_2.zstd = _Zstd(zstd)  # type: ignore[attr-defined]
+        vars(reader_of_ros_2)["zstd"] = _Zstd(zstd)
     for table in (getattr(reader_of_ros_1, "decompressors", {}), getattr(storage_mcap, "DECOMPRESSORS", {})):
         for name in table.keys() & streams.keys():
             table[name] = lambda data, *_, stream=streams[name]: inflate(data, stream)

@@ -125,3 +125,16 @@ def test_a_member_without_a_name_is_refused(tmp_path: Path):
         file.infolist()[0].filename = ""
     with pytest.raises(InputError, match=r"scene\.zip: expected members with names, found one without"):
         members(path)
+
+
+def test_a_list_of_members_that_is_too_long_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """An entry has 46 bytes and its name, so that of three letters has 49."""
+    path = tmp_path / "scene.zip"
+    with zipfile.ZipFile(path, "w") as file:
+        for number in range(3):
+            file.writestr(f"{number:03d}", b"a")
+    monkeypatch.setattr("semgs.files.archives.MOST_LISTED", 3 * 49)
+    assert len(members(path)) == 3
+    monkeypatch.setattr("semgs.files.archives.MOST_LISTED", 3 * 49 - 1)
+    with pytest.raises(InputError, match=r"one that cannot be read: a part of 147 bytes"):
+        members(path)

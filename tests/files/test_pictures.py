@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import struct
 import sys
@@ -22,9 +23,11 @@ from semgs.files.images.pictures import (
     png_bytes,
     read_grey,
     read_header,
+    read_optics,
     read_rgb,
     read_uint8,
     read_uint16,
+    read_upright,
     write_png,
 )
 
@@ -369,3 +372,43 @@ def test_a_transparent_image_takes_little_more_memory_than_its_pixels(tmp_path: 
     """4,000x4,000 pixels are 64 MB with and 48 MB without alpha; before, sums of 32 bits took 500 MB."""
     (tmp_path / "a.png").write_bytes(png_bytes(np.full((4000, 4000, 4), 90, np.uint8)))
     assert most_memory(lambda: read_rgb(tmp_path / "a.png")) < 200e6
+
+
+def with_chunk(name: bytes, content: bytes) -> bytes:
+    """A PNG of 8x6 pixels with a chunk behind its header."""
+    data = png_bytes(np.full((6, 8, 3), 90, np.uint8))
+    chunk = struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
+    return data[:33] + chunk + data[33:]
+
+
+ZEROS = zlib.compress(bytes(50_000_000), 9)
+"""50 MB in 49 kB."""
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        (b"zTXt", b"Comment\0\0" + ZEROS),
+        (b"iTXt", b"Comment\0\1\0\0\0" + ZEROS),
+        (b"iTXt", b"XML:com.adobe.xmp\0\1\0\0\0" + ZEROS),
+        (b"iCCP", b"profile\0\0" + ZEROS),
+    ],
+)
+def test_chunks_beside_the_pixels_are_not_inflated_without_limit(tmp_path: Path, name: bytes, content: bytes):
+    (tmp_path / "a.png").write_bytes(with_chunk(name, content))
+
+    def read() -> None:
+        for reader in (read_header, read_optics, read_upright, read_rgb):
+            with contextlib.suppress(InputError):
+                reader(tmp_path / "a.png")
+
+    assert most_memory(read) < 10_000_000
+
+
+def test_of_an_animated_image_one_frame_is_decoded(tmp_path: Path):
+    frames = [Image.new("RGB", (1000, 800), (number, 0, 0)) for number in range(60)]
+    frames[0].save(tmp_path / "a.png", save_all=True, append_images=frames[1:])
+    frames[0].save(tmp_path / "a.jpg", format="MPO", save_all=True, append_images=frames[1:])
+    for path in (tmp_path / "a.png", tmp_path / "a.jpg"):
+        assert most_memory(lambda path=path: read_rgb(path)) < 12_000_000  # one frame has 2.4 MB
+        assert read_rgb(path).shape == (800, 1000, 3)

@@ -431,7 +431,7 @@ def _channels(path: str | Stored, image: Image.Image) -> np.ndarray:
 
 def _eight_bits(pixels: np.ndarray) -> np.ndarray:
     """16-bit pixels in OpenCV's order (grey, BGR or BGRA) as 8-bit RGB or RGBA."""
-    reduced = np.empty(pixels.shape, np.uint8)
+    reduced: np.ndarray = np.empty(pixels.shape, np.uint8)
     for rows in _strips(pixels):
         reduced[rows] = (pixels[rows].astype(np.uint32) + 128) // 257
     if reduced.ndim == 2:

@@ -136,6 +136,12 @@ def test_noise_that_lzfse_cannot_compress_is_read(tmp_path: Path):
     np.testing.assert_array_equal(open_scene(tmp_path).read([1], "native").depths[0].numpy(), noise)
 
 
+def test_a_map_of_a_stated_size_that_nobody_has_is_refused_before_memory_is_taken(tmp_path: Path):
+    (tmp_path / "a").write_bytes(lzfse.compress(bytes(3072)))
+    with pytest.raises(OSError, match=r"a map of 100000x90000; at most 67,108,864 pixels are read"):
+        LzfseFile(tmp_path / "a", (90_000, 100_000)).read_bytes()
+
+
 @pytest.mark.parametrize("kept", range(1, 54, 4))
 def test_a_map_that_is_cut_off_is_refused_and_takes_no_memory(tmp_path: Path, kept: int):
     # lzfse's own function doubles its buffer without end for such a file.

@@ -333,6 +333,13 @@ def test_a_header_that_claims_2_to_the_40_frames_allocates_nothing(tmp_path, wri
     assert "6 of the 1099511627776 frames" in scene.notes[0]
 
 
+def test_of_a_recording_of_very_many_frames_the_first_are_read(tmp_path, written, monkeypatch):
+    monkeypatch.setattr("semgs.data.layouts.scannet.sens.MOST_FRAMES", 5)
+    path = tmp_path / "scene.sens"
+    path.write_bytes(sens(written, declared=6))
+    assert "5 of the 6 frames" in open_scene(path).notes[0]
+
+
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
