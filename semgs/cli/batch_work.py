@@ -77,6 +77,7 @@ def _run(task: Task) -> int:
     if task.command != "label":
         return main([*task.arguments, "--overwrite"] if result.exists() else task.arguments)
     # It fills its folder in several steps, so it gets another one until it has succeeded.
+    result.parent.mkdir(parents=True, exist_ok=True)
     with staged(result) as part:
         code = main([str(part) if word == str(result) else word for word in task.arguments])
         if code == 0:
