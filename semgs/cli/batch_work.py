@@ -14,7 +14,7 @@ from time import perf_counter
 from semgs.batch.records import FOLDER, PICTURES, Record, write_record
 from semgs.batch.tasks import Task
 from semgs.files.errors import ERROR_LINE
-from semgs.files.staging import staged
+from semgs.files.folders import staged
 
 MOST_NOTES = 10
 """Lines of what a command printed that are kept as notes."""

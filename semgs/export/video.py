@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from semgs.files.extras import needs_extra
-from semgs.files.staging import staged
+from semgs.files.folders import staged
 
 CRF = "18"
 """Constant quality: visually lossless."""

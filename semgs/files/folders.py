@@ -6,6 +6,7 @@ import contextlib
 import ctypes
 import errno
 import os
+import re
 import shutil
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -15,7 +16,6 @@ from filelock import FileLock, Timeout
 from semgs.files.atomic import partial_name
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import typed_path
-from semgs.files.staging import staged
 
 MARK = ".semgs"
 """The file that marks a folder as written by semgs."""
@@ -29,6 +29,12 @@ FILE_ENDINGS = frozenset([
     ".txt", ".usd", ".usda", ".usdc", ".usdz", ".webm", ".webp", ".zip",
 ])  # fmt: skip
 """Endings, in lower case, of files that a user may expect instead of a folder."""
+
+_PART, _LOCKED = ".part", ".lock"
+"""Endings of a temporary name and of the lock beside it: `.out.1a2b3c4d.part` becomes `out`, and the process that writes it has locked `.out.1a2b3c4d.lock`. Without
+that file it is unknown whether the process lives, so what has none is never removed."""
+
+_CANNOT_LOCK = (Timeout, OSError, NotImplementedError)
 
 _WRITER = "This folder was written by semgs {}. The same command replaces it as a whole if you add --overwrite.\n"
 
@@ -105,6 +111,80 @@ def check_writable(path: str | Path) -> None:
         trial.unlink(missing_ok=True)  # a process that has locked the folder may have removed it
     except OSError as error:
         raise InputError(path, "a folder that can be created", f"{error.strerror} ({nearest})") from error
+
+
+@contextlib.contextmanager
+def staged(target: Path) -> Iterator[Path]:
+    """A temporary name beside `target`, for a file or folder that will be renamed to it. What has that name at the end of the block is removed.
+
+    First, what killed processes left under such names is removed.
+
+        with staged(path) as partial:
+            write(partial)
+            partial.replace(path)
+
+    Args:
+        target: in an existing folder.
+
+    Raises:
+        OSError: nothing can be written there.
+    """
+    remove_left(target)
+    partial, lock = _lock_name(target)
+    try:
+        yield partial
+    finally:
+        with contextlib.suppress(OSError):
+            _remove(partial)
+            partial.with_suffix(_LOCKED).unlink(missing_ok=True)
+        if lock is not None:
+            lock.release()
+
+
+def remove_left(target: Path) -> None:
+    """Remove what killed processes left under temporary names of `target`, from this version on. What a process is writing stays."""
+    name = re.compile(rf"\.{re.escape(target.name)}\.[0-9a-f]{{8}}\{_LOCKED}")
+    try:
+        with os.scandir(target.parent) as entries:
+            locks = [target.parent / entry.name for entry in entries if name.fullmatch(entry.name)]
+    except OSError:
+        return
+    for path in locks:
+        lock = FileLock(path)
+        with contextlib.suppress(*_CANNOT_LOCK):
+            lock.acquire(timeout=0)
+            try:
+                _remove(path.with_suffix(_PART))
+                path.unlink(missing_ok=True)
+            finally:
+                lock.release()
+
+
+def _remove(path: Path) -> None:
+    """Remove a file or folder, if there is one."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _lock_name(target: Path) -> tuple[Path, FileLock | None]:
+    """A temporary name and its lock, which this process holds; None if the file system has no locks. Then what a killed process leaves stays."""
+    while True:
+        partial = partial_name(target)
+        path = partial.with_suffix(_LOCKED)
+        path.touch(exist_ok=False)
+        lock = FileLock(path)
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:  # another process has just found the file, and takes it for one of a killed process
+            continue
+        except (OSError, NotImplementedError):
+            path.unlink(missing_ok=True)
+            return partial, None
+        if path.exists():
+            return partial, lock
+        lock.release()
 
 
 @contextlib.contextmanager

@@ -9,15 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from semgs.files import staging
-from semgs.files.folders import MARK, check_folder, own_folder
-from semgs.files.staging import remove_left, staged
+from semgs.files import folders
+from semgs.files.folders import MARK, check_folder, own_folder, remove_left, staged
 
 FILLS = """
 import os, signal, sys
 from pathlib import Path
 from semgs.files.folders import own_folder
-from semgs.files.staging import staged
+from semgs.files.folders import staged
 
 with own_folder(sys.argv[1], "export") as folder, staged(Path(sys.argv[2])) as file:
     (folder / "a.txt").write_text("half")
@@ -113,16 +112,16 @@ def test_a_failed_block_leaves_nothing(tmp_path: Path):
 def test_a_name_that_another_process_took_for_a_left_one_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Between the creation of a lock file and its lock, another process may find and remove it."""
     chosen = iter([tmp_path / ".out.00000001.part", tmp_path / ".out.00000002.part"])
-    monkeypatch.setattr(staging, "partial_name", lambda target: next(chosen))
+    monkeypatch.setattr(folders, "partial_name", lambda target: next(chosen))
 
-    class Overtaken(staging.FileLock):  # type: ignore[misc, valid-type]
+    class Overtaken(folders.FileLock):  # type: ignore[misc, valid-type]
         def acquire(self, **options: float) -> object:
             held = super().acquire(**options)
             if "00000001" in self.lock_file:
                 Path(self.lock_file).unlink()
             return held
 
-    monkeypatch.setattr(staging, "FileLock", Overtaken)
+    monkeypatch.setattr(folders, "FileLock", Overtaken)
     with staged(tmp_path / "out") as partial:
         assert partial.name == ".out.00000002.part"
         assert names(tmp_path) == [".out.00000002.lock"]
@@ -135,7 +134,7 @@ def test_without_locks_outputs_are_written_and_nothing_is_removed(tmp_path: Path
 
     (tmp_path / ".out.1a2b3c4d.part").mkdir()
     (tmp_path / ".out.1a2b3c4d.lock").touch()
-    monkeypatch.setattr(staging.FileLock, "acquire", refuse)
+    monkeypatch.setattr(folders.FileLock, "acquire", refuse)
     with own_folder(tmp_path / "out", "export"):
         assert len(names(tmp_path)) == 3
     assert names(tmp_path) == [".out.1a2b3c4d.lock", ".out.1a2b3c4d.part", "out"]

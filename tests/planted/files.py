@@ -32,7 +32,7 @@ FILES = (
     ),
     Mutant(
         "two processes may have one folder", FOLDERS,
-        "lock.acquire(timeout=0)", "lock.is_locked",
+        "lock.acquire(timeout=0)\n    except Timeout as error", "lock.is_locked\n    except Timeout as error",
         ("tests/files/test_folders.py::test_one_process_at_a_time_has_a_folder",),
     ),
     Mutant(

@@ -23,7 +23,7 @@ from semgs.data.tables.classes import ClassTable
 from semgs.export.scene_objects import occupancy_of, place_things, things_of
 from semgs.figures.class_images import UNKNOWN_GREY
 from semgs.figures.view_images import as_bytes
-from semgs.files.staging import staged
+from semgs.files.folders import staged
 from semgs.geometry.rotations import quaternion_from_matrix
 from semgs.reconstruction.output.rerun_library import rerun_library
 from semgs.reconstruction.result import Reconstruction, RenderedViews

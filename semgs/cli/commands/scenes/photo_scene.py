@@ -14,7 +14,7 @@ from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.data.scenes import open_with_details
 from semgs.files.errors import readable
-from semgs.files.staging import staged
+from semgs.files.folders import staged
 from semgs.sfm.photos import has_only_photos
 from semgs.sfm.scene_folder import write_photo_scene
 from semgs.sfm.writing import IMAGES
