@@ -12,13 +12,7 @@ from semgs.app.limits import MIB, Limits
 from semgs.app.serving import application, serve
 
 LIMITS = Limits(
-    file_bytes=128 * MIB,
-    total_bytes=256 * MIB,
-    photos=30,
-    unpacked_bytes=512 * MIB,
-    seconds=600.0,
-    memory_bytes=8 * 1024 * MIB,
-    waiting=10,
+    file_bytes=128 * MIB, total_bytes=256 * MIB, photos=30, unpacked_bytes=512 * MIB, seconds=600.0, waiting=10
 )
 """Less than on your own machine, because strangers share this one."""
 
