@@ -48,6 +48,9 @@ MOST_JSON = 256 * 1024
 BODY_SECONDS = 30.0
 """A browser that sends nothing of a body for so long is gone."""
 
+PREFIX = re.compile(r"(/[A-Za-z0-9_.~@-]+)*")
+"""Where a proxy may put the page."""
+
 SESSION = re.compile(r"[a-z0-9]{1,40}")
 
 BASE_POLICY = "default-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; object-src 'none'; base-uri 'self'; form-action 'self'"
@@ -89,6 +92,7 @@ class Door:
             return await _answer(scope, send, refusal.status, refusal.sentence, refusal.headers)
         if websocket or not is_known(method, path):
             return await _answer(scope, send, 404, "There is no such page.")
+        scope = self._named(scope, dict(headers))
         send = self._with_policy(send, path)
         if path == JOIN:
             return await self._join(scope, receive, send)
@@ -157,6 +161,16 @@ class Door:
             await self._pass(scope, counted, send)
         finally:
             self._arriving -= announced
+
+    def _named(self, scope: Scope, headers: dict[str, str]) -> Scope:
+        """A request that tells gradio no other name of this server than those it has. gradio writes them into its page, and calls them from there.
+
+        A proxy may serve the page below a path of its own, and says so.
+        """
+        forwarded, prefix = headers.get("x-forwarded-host", ""), headers.get("x-forwarded-prefix", "").rstrip("/")
+        left_out = {b"x-gradio-server", *(() if self._access.knows(forwarded) else (b"x-forwarded-host",))}
+        kept = [(name, value) for name, value in scope["headers"] if name not in left_out]
+        return {**scope, "headers": kept, "root_path": prefix if PREFIX.fullmatch(prefix) else ""}
 
     def _with_policy(self, send: Send, path: str) -> Send:
         """Adds the headers that say what a page may load, and who may frame it."""

@@ -387,4 +387,4 @@ def _alert(sentence: str) -> str:
 
 def _frame(job: Job) -> str:
     """The page of a room, in a frame that grows with it."""
-    return f'<iframe class="room" src="/rooms/{job.identifier}/index.html" title="Your room"></iframe>'
+    return f'<iframe class="room" src="rooms/{job.identifier}/index.html" title="Your room"></iframe>'

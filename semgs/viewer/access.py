@@ -81,6 +81,10 @@ class Access:
         named = [f"{scheme}://{name}:*" for name in self.names for scheme in ("http", "https")]
         return " ".join(["frame-ancestors 'self'", *named, *self.frames])
 
+    def knows(self, host: str) -> bool:
+        """Whether the server may be opened under a name, with a port or without."""
+        return self.hosts is None or _name(host.lower()) in (*self.hosts, *self.names)
+
     def refusal(
         self, method: str, headers: Iterable[tuple[str, str]], query: str = "", websocket: bool = False
     ) -> Refusal | None:
@@ -99,7 +103,7 @@ class Access:
         if len(hosts) != 1 or len(origins) > 1:
             return Refusal(421 if not hosts else 400, WRONG_HOST)
         host = hosts[0].lower()
-        if self.hosts is not None and _name(host) not in (*self.hosts, *self.names):
+        if not self.knows(host):
             return Refusal(421, WRONG_HOST)
         if origins and not self._is_own(origins[0].lower(), host):
             return Refusal(403, WRONG_ORIGIN)

@@ -252,6 +252,40 @@ def test_pages_say_what_they_may_load_and_who_may_frame_them(uploads: Path):
     assert (headers["x-content-type-options"], headers["referrer-policy"]) == ("nosniff", "same-origin")
 
 
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ("/user/me/proxy/7860", "/user/me/proxy/7860"),
+        ("/a/", "/a"),
+        ("", ""),
+        ("//evil.example", ""),
+        ("a", ""),
+        ("/a?b", ""),
+        ("/<script>", ""),
+    ],
+)
+def test_a_proxy_says_below_which_path_it_has_the_page(uploads: Path, given: str, expected: str):
+    seen: list[Any] = []
+
+    async def behind(scope: Any, receive: Any, send: Any) -> None:
+        seen.append(scope)
+
+    headers = {
+        "host": "127.0.0.1",
+        "x-forwarded-prefix": given,
+        "x-forwarded-host": "evil.example",
+        "x-gradio-server": "http://evil.example",
+    }
+    listed = [(name.encode(), value.encode()) for name, value in headers.items()]
+    scope = {"type": "http", "method": "GET", "path": "/", "headers": listed, "query_string": b""}
+    asyncio.run(Door(behind, Access(), uploads, LIMITS)(scope, None, None))  # type: ignore[arg-type]
+    assert seen[0]["root_path"] == expected
+    assert [name for name, _ in seen[0]["headers"]] == [
+        b"host",
+        b"x-forwarded-prefix",
+    ]  # no other name gets into the page
+
+
 def test_a_failure_is_one_line_in_the_terminal_and_a_sentence_in_the_browser(
     uploads: Path, capsys: pytest.CaptureFixture[str]
 ):
