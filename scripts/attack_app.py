@@ -182,7 +182,7 @@ def _serve(app: Any) -> int:
     """Serve until the process ends. Returns the port, once it answers."""
     from uvicorn import Server
 
-    Server.capture_signals = lambda self: nullcontext()  # type: ignore[method-assign,assignment] # signals belong to the main thread
+    Server.capture_signals = lambda self: nullcontext()  # type: ignore[method-assign,assignment,return-value] # signals belong to the main thread
     ports: list[int] = []
     threading.Thread(target=serving.serve, args=(app, "127.0.0.1", 0, ports.append), daemon=True).start()
     while not ports or not _open(ports[0]):
@@ -243,8 +243,8 @@ def call_with_paths(target: Target, report: Report) -> None:
         target.leaks(),
     )
     (target.folder / "beside.jpg").unlink()
-    for path in (inside / "link.jpg", inside / "pipe.jpg", target.uploads / "all"):
-        path.unlink()
+    for left in (inside / "link.jpg", inside / "pipe.jpg", target.uploads / "all"):
+        left.unlink()
 
 
 def call_gradio_itself(target: Target, report: Report) -> None:

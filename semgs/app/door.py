@@ -13,7 +13,7 @@ import stat
 import sys
 from collections.abc import Awaitable, Callable, MutableMapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from semgs.app.limits import Limits
 from semgs.app.uploads import GONE, UnusableUploadError
@@ -280,7 +280,7 @@ def _checked_file(value: Any, uploads: Path) -> dict[str, Any]:
     }
 
 
-def _is_count(value: Any) -> bool:
+def _is_count(value: Any) -> TypeGuard[int]:
     """Whether a value is a whole number from 0."""
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 1_000_000
 

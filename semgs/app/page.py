@@ -123,7 +123,7 @@ def _restrain(gradio: Any, limits: Limits) -> None:
             super().__init__(*given, **{**options, "max_fields": 0, "max_files": limits.photos + 1})
 
     for module in (queueing, route_utils, routes):
-        module.traceback = Failures  # type: ignore[assignment]
+        setattr(module, "traceback", Failures)  # noqa: B010 - no part of what it promises
     route_utils.GradioMultiPartParser = FilesOnly  # type: ignore[misc]
 
 

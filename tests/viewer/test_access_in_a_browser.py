@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(900)]
 SIZE = (360, 640)
 ON_WALL = (0.25, 0.6)
 
-NEAR_RED = tuple(round(255 * one) for one in RED)
+NEAR_RED = (round(255 * RED[0]), round(255 * RED[1]), round(255 * RED[2]))
 
 
 def port_of(url: str) -> int:
