@@ -50,7 +50,7 @@ def answer(
     method: str = "POST",
     length: int | None = None,
     limits: Limits = LIMITS,
-    **more: str,
+    **more: Any,
 ) -> tuple[int, str, list[bytes], dict[str, str]]:
     """The status and text of an answer, the bodies that got through, and the headers."""
     behind, sent = Behind(), list[Any]()
