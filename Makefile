@@ -82,7 +82,7 @@ $(COMPILED): $(STAMP)
 		torchmetrics networkx huggingface_hub rerun onnxscript beartype trimesh mpmath hypothesis _pytest coverage || true
 	@touch $(COMPILED)
 
-test: setup $(COMPILED)
+test: setup $(APP) $(COMPILED)
 	OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --maxprocesses 4 --dist loadfile -m 'not long and not gpu'
 	$(MAKE) docs
 

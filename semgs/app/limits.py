@@ -22,6 +22,7 @@ class Limits:
         seconds: a job may take.
         memory_bytes: a job may take; if less is free when it starts, nine tenths of that.
         waiting: jobs in the queue.
+        uploads, uploads_bytes: number and size of all uploaded files that no job has yet; beyond them, new ones are refused.
         kept_seconds: results are deleted afterwards.
     """
 
@@ -34,6 +35,8 @@ class Limits:
     seconds: float = 900.0
     memory_bytes: int = 16 * 1024 * MIB
     waiting: int = 20
+    uploads: int = 1_000
+    uploads_bytes: int = 4096 * MIB
     kept_seconds: float = 24 * 3600.0
 
     @property
