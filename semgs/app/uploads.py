@@ -27,6 +27,9 @@ ARCHIVES = (".zip",)
 ACCEPTED = (*PICTURES, *CLIPS, *ARCHIVES)
 """Endings of files that can be dropped."""
 
+UNPACKED = "scene"
+"""The folder of an unpacked archive, beside that of reduced photos."""
+
 LONGEST_SIDE = 1024
 """Photos without cameras are reduced to this [px]: their cameras are found three times as fast, and the network sees less than 76,800 pixels anyway."""
 
@@ -139,7 +142,7 @@ def prepare(
         uploads[0].path.rename(clip)
         return clip, []
     say("Unpacking the zip")
-    unpacked = folder / "scene"
+    unpacked = folder / UNPACKED
     unpack(uploads[0], unpacked, limits)
     scene = _inner(unpacked)
     pictures = sorted(path for path in scene.rglob("*") if path.suffix.lower() in PICTURES)
@@ -210,8 +213,13 @@ def _check_members(upload: Upload, members: Sequence[zipfile.ZipInfo], limits: L
         outside = path.is_absolute() or ".." in path.parts or "\\" in one.filename or ":" in path.parts[0]
         if outside or "\0" in one.orig_filename:
             raise UnusableUploadError(f"{upload.shown} contains a path that leads outside of it. It was not unpacked.")
-        if stat.S_ISLNK(one.external_attr >> 16):
+        kind = stat.S_IFMT(one.external_attr >> 16)
+        if kind == stat.S_IFLNK:
             raise UnusableUploadError(f"{upload.shown} contains a link. Pack the files themselves.")
+        if kind not in (0, stat.S_IFREG):
+            raise UnusableUploadError(
+                f"{upload.shown} contains something that is neither a file nor a folder. Pack files only."
+            )
         if one.flag_bits & 0x1:
             raise UnusableUploadError(f"{upload.shown} has a password. Make a zip without one.")
 

@@ -23,6 +23,7 @@ from semgs.data.paper_variants import check_applicable, check_readings
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails, Unit
 from semgs.data.scene_lists import SceneList, scenes_by_name
+from semgs.files.confined import check_inside
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import existing_folder, typed_path, without_dots
 from semgs.files.text import listed
@@ -256,7 +257,9 @@ def _open_known(
     layout = ZOO if details.scenezoo else next((known for known in LAYOUTS if known.recognises(path)), None)
     if layout is None:
         return None
-    scene = without_unreadable_depth(layout.scene(without_dots(path), as_peers, details))
+    scene = layout.scene(without_dots(path), as_peers, details)
+    check_inside(path, scene)
+    scene = without_unreadable_depth(scene)
     if needs_cameras and not scene.posed:
         raise InputError(
             path, "images with cameras", f"{scene.layout}, which have none",

@@ -1,8 +1,14 @@
-"""Frames of a clip: sharp ones, with motion between them."""
+"""Frames of a clip: sharp ones, with motion between them.
+
+ffmpeg, which OpenCV decodes with, goes by the content of a file and not by its name, and some formats are lists of other files and addresses, which it
+would open. So a clip has to begin like a video that contains its frames, and ffmpeg may open that kind only, and no address.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +16,7 @@ import cv2
 import numpy as np
 
 from semgs.files.atomic import write_bytes
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, readable
 from semgs.files.images.pictures import jpeg_bytes
 from semgs.files.paths import check_utf8
 from semgs.sfm.photos import BLANK, QUALITY, PhotoSet, UprightPhoto, is_panorama, sharpness_of, small_grey
@@ -23,6 +29,12 @@ LEAST_MOTION = 0.02
 
 CORNERS, TRACKED = 200, 0.3
 """Corners that are followed from one frame to the next. If fewer than this share can be followed, the picture has moved enough."""
+
+BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
+"""What the first box of an MP4 or MOV may be, after its length in four bytes."""
+
+OPTIONS, CONTAINERS = "OPENCV_FFMPEG_CAPTURE_OPTIONS", "protocol_whitelist;file|format_whitelist;mov,avi,matroska"
+"""OpenCV's environment variable with the options of ffmpeg, and those that keep it from opening anything else than the file."""
 
 MOVING = 0.2
 """This share of the corners has to move: when you walk around something, most of the picture stays where it is."""
@@ -52,10 +64,11 @@ def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
         most: the largest number of frames.
 
     Raises:
-        InputError: it cannot be decoded, its path is not UTF-8, or it has fewer than two sharp frames with motion between them.
+        InputError: it has another format, it cannot be decoded, its path is not UTF-8, or it has fewer than two sharp frames with motion between them.
         OSError: a frame cannot be written.
     """
     check_utf8(path, "OpenCV")
+    check_container(path)
     judged = list(_judged(path))
     if not judged:
         raise InputError(path, "a video that OpenCV can decode", "no frames", advice="convert it to H.264 in MP4")
@@ -85,6 +98,20 @@ def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
             break
     note = f"{len(photos)} of {len(judged)} frames of the clip were chosen: sharp ones, with motion between them."
     return PhotoSet(path, folder, tuple(photos), ordered=True, notes=(note,))
+
+
+def check_container(path: Path) -> None:
+    """Check that a file begins like a video that contains its frames: MP4, MOV, AVI, MKV or WebM.
+
+    Raises:
+        InputError: it does not, or cannot be read.
+    """
+    with readable(path), path.open("rb") as file:
+        start = file.read(12)
+    avi, matroska = start[:4] == b"RIFF" and start[8:] == b"AVI ", start[:4] == b"\x1aE\xdf\xa3"
+    if not (avi or matroska or start[4:8] in BOXES):
+        found = "something else" if start else "an empty file"
+        raise InputError(path, "a video in MP4, MOV, AVI, MKV or WebM", found, advice="convert it to H.264 in MP4")
 
 
 def sharpest(frames: list[Judged], most: int) -> list[Judged]:
@@ -147,6 +174,21 @@ def _frames(path: Path, step: int) -> Iterator[tuple[int, np.ndarray]]:
 
 def _opened(path: Path) -> cv2.VideoCapture:
     """A clip, opened; its rotation flag is applied to the frames."""
-    video = cv2.VideoCapture(str(path))
+    with _own_file_only():
+        video = cv2.VideoCapture(str(path.absolute()), cv2.CAP_FFMPEG)
     video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
     return video
+
+
+@contextmanager
+def _own_file_only() -> Iterator[None]:
+    """While a clip is opened, ffmpeg reads videos that contain their frames, and opens no address."""
+    before = os.environ.get(OPTIONS)
+    os.environ[OPTIONS] = CONTAINERS
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[OPTIONS]
+        else:
+            os.environ[OPTIONS] = before

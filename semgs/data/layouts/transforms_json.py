@@ -27,6 +27,7 @@ from semgs.data.spread import spread
 from semgs.data.tables.class_files import read_class_file
 from semgs.data.tables.classes import IGNORE, ClassTable, class_table
 from semgs.files.archives import Archive, Member, members
+from semgs.files.confined import named_file
 from semgs.files.errors import InputError, input_error
 from semgs.files.images.pictures import is_turned, read_header
 from semgs.files.stored import Stored
@@ -93,7 +94,9 @@ def open_transforms(path: Path, details: SceneDetails | None = None) -> Scene:
             raise InputError(path, FILE_NAMES[0], "none in the archive")
         return _scene(path, member, path.stem, lambda name: archive.beside(member, name), depth_unit)
     file = path if path.is_file() else _file(path) or path / FILE_NAMES[0]
-    return _scene(file, file, file.absolute().parent.name, lambda name: _on_disk(file.parent / name), depth_unit)
+    return _scene(
+        file, file, file.absolute().parent.name, lambda name: _on_disk(named_file(file, file.parent, name)), depth_unit
+    )
 
 
 def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside, depth_unit: float | None) -> Scene:

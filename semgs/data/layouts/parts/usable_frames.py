@@ -16,6 +16,7 @@ from semgs.data.layouts.parts.trajectories import FoundPose
 from semgs.data.maps import MapSource
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import ClassTable
+from semgs.files.confined import may_read
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import is_turned, read_header
 from semgs.files.stored import Stored
@@ -153,7 +154,8 @@ def pictures_in(folder: Path) -> list[Path]:
 
 def first_file(folders: Iterable[Path], names: Sequence[str]) -> Path | None:
     """The first existing file with one of these names, looking through the folders in order; None if there is none."""
-    return next((one for folder in folders for name in names if (one := folder / name).is_file()), None)
+    places = (folder / name for folder in folders if may_read(folder) for name in names)
+    return next((one for one in places if one.is_file()), None)
 
 
 def sequence_name(path: Path) -> str:

@@ -25,6 +25,7 @@ from semgs.data.layouts.parts.usable_frames import Shot, ShotList, sequence_name
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
+from semgs.files.confined import named_file
 from semgs.files.errors import InputError
 
 LAYOUT = "TUM RGB-D"
@@ -72,16 +73,16 @@ def open_tum(path: Path, details: SceneDetails) -> Scene:
         mapped = associate(times, depth_times)
     unit = details.depth_unit or 1 / COUNTS_PER_METRE
     maps = {
-        index: DepthMap(path / depths[other], unit)
+        index: DepthMap(file, unit)
         for index, other in mapped.items()
-        if (path / depths[other]).is_file()
+        if (file := named_file(path / DEPTH, path, depths[other])).is_file()
     }
     calibration, why = _calibration(path, details)
     return ShotList(
         path=path,
         layout=LAYOUT,
         shots=[
-            Shot(name, path / name, trajectory.at(posed.get(index)), maps.get(index))
+            Shot(name, named_file(path / RGB, path, name), trajectory.at(posed.get(index)), maps.get(index))
             for index, name in enumerate(names)
         ],
         lens=calibration.lens,
