@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import predicted_files
 import pytest
+import scannetpp_writer
 from dropped_files import zipped
 from fuzz.scenes import (
     bag,
@@ -35,6 +36,7 @@ from known_scenes import write_scene
 
 from semgs.app.limits import Limits
 from semgs.app.uploads import UNPACKED, Upload, prepare
+from semgs.data.layouts.parts.fields import Fields
 from semgs.data.scenes import LAYOUTS, open_scene
 from semgs.files.confined import EXPECTED, VARIABLE, confine_to
 from semgs.files.errors import InputError
@@ -42,11 +44,23 @@ from semgs.files.errors import InputError
 
 def predictions(folder: Path) -> Path:
     """Predictions with the names of their photos, which are beside them."""
-    made = predicted_files.SMALL
+    made = predicted_files.Made((100, 140), (364, 504), (3.6, 3.64))
     made.write_photos(folder / "scene/photos")
     names = np.array([f"photos/{index:03d}.png" for index in range(made.count)])
-    predicted_files.save(folder / "scene/predictions.npz", {**predicted_files.vggt(made), "names": names})
+    fields = predicted_files.depth_anything(made, mini=False)
+    predicted_files.save(folder / "scene/predictions.npz", {**fields, "names": names})
     return folder / "scene"
+
+
+def scannetpp_device(write: Callable[[Path], None]) -> Callable[[Path], Path]:
+    """A scan of ScanNet++ with one device and without its mesh, which takes seconds."""
+
+    def write_scan(folder: Path) -> Path:
+        (folder / "scan").mkdir(parents=True)
+        write(folder / "scan")
+        return folder / "scan"
+
+    return write_scan
 
 
 def labelled_images(folder: Path) -> Path:
@@ -65,9 +79,10 @@ SAMPLES: dict[str, Callable[[Path], Path]] = {
     "RGB-D": posed("pose_files"),
     "ScanNet": scannet(True),
     "ScanNet recording": scannet(False),
-    "ScanNet++": scannetpp,
+    "ScanNet++": scannetpp_device(scannetpp_writer.write_phone),
+    "ScanNet++ of a camera": scannetpp_device(scannetpp_writer.write_dslr),
+    "ScanNet++ with its mesh": scannetpp,
     "ROS": bag("mcap"),
-    "ROS in SQLite": bag("sqlite3"),
     "Polycam": phone("polycam"),
     "Record3D": phone("record3d"),
     "frame files": posed("write_frames", "test_frame_files"),
@@ -77,6 +92,8 @@ SAMPLES: dict[str, Callable[[Path], Path]] = {
     "labelled images": labelled_images,
 }
 """Scenes with all files that their layouts can name, as the tests' own writers write them: at least one of each layout."""
+
+SLOW = ("ScanNet++ of a camera", "ScanNet++ with its mesh")
 
 REFUSED = {
     ("transforms", "transforms.json", "frames.file_path"),
@@ -129,6 +146,11 @@ def slots(sample: Path) -> Iterator[Slot]:
             texts_in(tree, (), found)
             for key, place in found.items():
                 yield Slot(file, key, at(tree, place), lambda name, data=data, place=place: changed(data, place, name))
+        elif path.suffix == ".npz":
+            with np.load(path) as arrays:
+                fields = dict(arrays)
+            if "names" in fields:
+                yield Slot(file, "names", str(fields["names"][0]), lambda name, fields=fields: renamed(fields, name))
         elif path.suffix in (".txt", ".xml", ".yaml", ".tsv", ".bin", ".ply"):
             text = data.decode("latin-1")
             shown = [
@@ -159,6 +181,12 @@ def changed(data: bytes, place: list[Any], name: str) -> bytes:
     tree = json.loads(data)
     at(tree, place[:-1])[place[-1]] = name
     return json.dumps(tree).encode()
+
+
+def renamed(fields: dict[str, np.ndarray], name: str) -> bytes:
+    buffer = io.BytesIO()
+    np.savez(buffer, **{**fields, "names": np.array([name, *fields["names"][1:].tolist()])})
+    return buffer.getvalue()
 
 
 class Watch:
@@ -204,13 +232,12 @@ def outcome(scene: Path) -> str:
     try:
         opened = open_scene(scene, needs_cameras=False)
         opened.read(range(min(2, len(opened))), (24, 32))
-    except (InputError, ImportError) as error:
-        assert "\n" not in str(error)
+    except InputError as error:
         return str(error)
     return "read"
 
 
-@pytest.mark.parametrize("name", SAMPLES)
+@pytest.mark.parametrize("name", [pytest.param(one, marks=pytest.mark.long) if one in SLOW else one for one in SAMPLES])
 def test_an_honest_scene_is_read_and_a_name_that_leads_outside_touches_nothing_there(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -224,28 +251,115 @@ def test_an_honest_scene_is_read_and_a_name_that_leads_outside_touches_nothing_t
     for slot in slots(sample):
         secret = outside / f"secret{PurePosixPath(slot.name).suffix or '.png'}"
         content = sample / PurePosixPath(slot.file).parent / slot.name
-        for lead in ("/", "../" * 30):
-            lines = []
-            for exists in (True, False):
-                if exists and content.is_file():
-                    shutil.copy(content, secret)
-                elif exists:
-                    secret.write_bytes(b"x")
-                else:
-                    secret.unlink()
-                scene = upload(sample, {slot.file: slot.put(lead + str(secret).lstrip("/"))}, work)
-                watch.seen.clear()
-                lines.append(outcome(scene))
-                assert watch.seen == [], slot
-            assert lines[0] == lines[1], slot
-            if EXPECTED in lines[0]:
-                refused.add((name, PurePosixPath(slot.file).name, slot.key))
+        lines = []
+        for lead, exists in (("/", True), ("../" * 30, True), ("/", False)):
+            if not exists:
+                secret.unlink()
+            elif content.is_file():
+                shutil.copy(content, secret)
+            else:
+                secret.write_bytes(b"x")
+            scene = upload(sample, {slot.file: slot.put(lead + str(secret).lstrip("/"))}, work)
+            watch.seen.clear()
+            lines.append(outcome(scene))
+            assert watch.seen == [], slot
+        assert lines[0] == lines[2], slot
+        refused |= {(name, PurePosixPath(slot.file).name, slot.key) for line in lines[:2] if EXPECTED in line}
     assert refused == {one for one in REFUSED if one[0] == name}
 
 
-def test_every_reader_has_a_sample(tmp_path: Path):
-    read = set()
+def test_every_reader_and_every_text_that_it_asks_for_is_in_a_sample(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    asked, ask = set[str](), Fields.text
+    monkeypatch.setattr(Fields, "text", lambda fields, key: asked.add(key) or ask(fields, key))
+    layouts, keys = set[int](), set[str]()
     for name, write in SAMPLES.items():
-        sample = write(tmp_path / name)
-        read.add(next(place for place, layout in enumerate(LAYOUTS) if layout.recognises(sample)))
-    assert read == set(range(len(LAYOUTS))), "add a sample of the new layout to SAMPLES"
+        if name not in SLOW:
+            sample = write(tmp_path / name)
+            layouts.add(next(place for place, layout in enumerate(LAYOUTS) if layout.recognises(sample)))
+            keys |= {slot.key.rpartition(".")[2] for slot in slots(sample)}
+            open_scene(sample, needs_cameras=False)
+    assert layouts == set(range(len(LAYOUTS))), "add a sample of the new layout to SAMPLES"
+    assert asked - keys == set(), "add a scene with these keys to SAMPLES, so that the test above replaces their values"
+
+
+KINDS = {
+    "absolute": lambda secret, scene: str(secret),
+    "climbing": lambda secret, scene: os.path.relpath(secret, scene),
+    "climbing as on Windows": lambda secret, scene: os.path.relpath(secret, scene).replace("/", "\\"),
+    "climbing far": lambda secret, scene: "../" * 40 + str(secret).lstrip("/"),
+    "through a folder": lambda secret, scene: "images/" + "../" + os.path.relpath(secret, scene),
+    "through the process": lambda secret, scene: f"/proc/self/root{secret}",
+    "an address": lambda secret, scene: f"file://{secret}",
+    "a home": lambda secret, scene: "~/secret.png",
+    "a device": lambda secret, scene: "/dev/zero",
+    "a name of many letters": lambda secret, scene: "a" * 5000,
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_real_photo_outside_is_refused_in_the_same_words_as_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+):
+    sample, work, secret = tmp_path / "room", tmp_path / "job/work", tmp_path / "home/secret.png"
+    work.mkdir(parents=True)
+    secret.parent.mkdir()
+    monkeypatch.setenv("HOME", str(secret.parent))
+    write_scene(sample, 3, (24, 32))
+    described = json.loads((sample / "transforms.json").read_text())
+    described["frames"][1]["file_path"] = KINDS[kind](secret, work / UNPACKED)
+    lines = []
+    for exists in (True, False):
+        if exists:
+            shutil.copy(sample / "images/001.png", secret)
+        else:
+            secret.unlink()
+        lines.append(outcome(upload(sample, {"transforms.json": json.dumps(described).encode()}, work)))
+    assert EXPECTED in lines[0]
+    assert lines[0] == lines[1]
+    if kind in ("absolute", "climbing"):  # as on the command line, where the photo would be read
+        monkeypatch.setenv(VARIABLE, "")
+        shutil.copy(sample / "images/001.png", secret)
+        assert outcome(work / UNPACKED) == "read"
+
+
+@pytest.mark.parametrize("lead", ["images/", "./images/", "images/../images/", "../images/", "../deep/../images/"])
+def test_a_zip_whose_names_climb_inside_of_it_is_read(tmp_path: Path, lead: str):
+    work, sample = tmp_path / "job/work", tmp_path / "room"
+    work.mkdir(parents=True)
+    write_scene(sample, 3, (24, 32))
+    text = (sample / "transforms.json").read_text().replace('"images/', f'"{lead}')
+    file = "deep/transforms.json" if lead.startswith("..") else "transforms.json"
+    text = text.replace('"labels/', '"../labels/').replace('"depth/', '"../depth/') if "deep" in file else text
+    (sample / "transforms.json").unlink()
+    scene = upload(sample, {file: text.encode()}, work)
+    assert outcome((scene / file).parent) == "read"
+
+
+def test_a_link_out_of_the_scene_is_refused_wherever_it_comes_from(tmp_path: Path):
+    """No link comes out of a zip; the files of an opened scene are checked again."""
+    sample, work, outside = tmp_path / "room", tmp_path / "job/work", tmp_path / "outside"
+    work.mkdir(parents=True)
+    sample.mkdir()
+    outside.mkdir()
+    write_image_set(sample / "set", {one: random_numbers(seed, (24, 32)) for seed, one in enumerate("ab")})
+    scene = upload(sample / "set", {}, work)
+    shutil.move(scene / "images/a.png", outside / "a.png")
+    (scene / "images/a.png").symlink_to(outside / "a.png")
+    assert outcome(scene).endswith(f"expected {EXPECTED}, found one that leads out of it")
+
+
+def test_a_mesh_opens_no_texture_that_its_header_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("trimesh")
+    from semgs.data.layouts.scannetpp.scannetpp_mesh import read_mesh
+
+    (tmp_path / "outside").mkdir()
+    write_scene(tmp_path / "room", 2, (24, 32))
+    shutil.copy(tmp_path / "room/images/000.png", tmp_path / "outside/a.png")
+    head = "ply\nformat ascii 1.0\ncomment TextureFile {}\nelement vertex 3\n" + "".join(
+        f"property float {axis}\n" for axis in "xyz"
+    )
+    body = "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+    (tmp_path / "mesh.ply").write_text(head.format(tmp_path / "outside/a.png") + body)
+    watch = Watch(tmp_path / "outside", monkeypatch)
+    vertices, faces = read_mesh(tmp_path / "mesh.ply")
+    assert (len(vertices), len(faces), watch.seen) == (3, 1, [])
