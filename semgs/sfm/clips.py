@@ -33,7 +33,7 @@ CORNERS, TRACKED = 200, 0.3
 BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
 """What the first box of an MP4 or MOV may be, after its length in four bytes."""
 
-OPTIONS, CONTAINERS = "OPENCV_FFMPEG_CAPTURE_OPTIONS", "protocol_whitelist;file|format_whitelist;mov,avi,matroska"
+OPTIONS, CONTAINERS = "OPENCV_FFMPEG_CAPTURE_OPTIONS", "protocol_whitelist;file|format_whitelist;mov,avi,matroska|enable_drefs;0"
 """OpenCV's environment variable with the options of ffmpeg, and those that keep it from opening anything else than the file."""
 
 MOVING = 0.2
