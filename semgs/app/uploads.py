@@ -213,13 +213,8 @@ def _check_members(upload: Upload, members: Sequence[zipfile.ZipInfo], limits: L
         outside = path.is_absolute() or ".." in path.parts or "\\" in one.filename or ":" in path.parts[0]
         if outside or "\0" in one.orig_filename:
             raise UnusableUploadError(f"{upload.shown} contains a path that leads outside of it. It was not unpacked.")
-        kind = stat.S_IFMT(one.external_attr >> 16)
-        if kind == stat.S_IFLNK:
+        if stat.S_ISLNK(one.external_attr >> 16):
             raise UnusableUploadError(f"{upload.shown} contains a link. Pack the files themselves.")
-        if kind not in (0, stat.S_IFREG):
-            raise UnusableUploadError(
-                f"{upload.shown} contains something that is neither a file nor a folder. Pack files only."
-            )
         if one.flag_bits & 0x1:
             raise UnusableUploadError(f"{upload.shown} has a password. Make a zip without one.")
 

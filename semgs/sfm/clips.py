@@ -1,14 +1,8 @@
-"""Frames of a clip: sharp ones, with motion between them.
-
-ffmpeg, which OpenCV decodes with, goes by the content of a file and not by its name, and some formats are lists of other files and addresses, which it
-would open. So a clip has to begin like a video that contains its frames, and ffmpeg may open that kind only, and no address.
-"""
+"""Frames of a clip: sharp ones, with motion between them."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,9 +10,10 @@ import cv2
 import numpy as np
 
 from semgs.files.atomic import write_bytes
-from semgs.files.errors import InputError, readable
+from semgs.files.errors import InputError
 from semgs.files.images.pictures import jpeg_bytes
 from semgs.files.paths import check_utf8
+from semgs.sfm.clip_containers import check_container, only_this_file
 from semgs.sfm.photos import BLANK, QUALITY, PhotoSet, UprightPhoto, is_panorama, sharpness_of, small_grey
 
 MOST_JUDGED = 900
@@ -29,12 +24,6 @@ LEAST_MOTION = 0.02
 
 CORNERS, TRACKED = 200, 0.3
 """Corners that are followed from one frame to the next. If fewer than this share can be followed, the picture has moved enough."""
-
-BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
-"""What the first box of an MP4 or MOV may be, after its length in four bytes."""
-
-OPTIONS, CONTAINERS = "OPENCV_FFMPEG_CAPTURE_OPTIONS", "protocol_whitelist;file|format_whitelist;mov,avi,matroska|enable_drefs;0"
-"""OpenCV's environment variable with the options of ffmpeg, and those that keep it from opening anything else than the file."""
 
 MOVING = 0.2
 """This share of the corners has to move: when you walk around something, most of the picture stays where it is."""
@@ -100,20 +89,6 @@ def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
     return PhotoSet(path, folder, tuple(photos), ordered=True, notes=(note,))
 
 
-def check_container(path: Path) -> None:
-    """Check that a file begins like a video that contains its frames: MP4, MOV, AVI, MKV or WebM.
-
-    Raises:
-        InputError: it does not, or cannot be read.
-    """
-    with readable(path), path.open("rb") as file:
-        start = file.read(12)
-    avi, matroska = start[:4] == b"RIFF" and start[8:] == b"AVI ", start[:4] == b"\x1aE\xdf\xa3"
-    if not (avi or matroska or start[4:8] in BOXES):
-        found = "something else" if start else "an empty file"
-        raise InputError(path, "a video in MP4, MOV, AVI, MKV or WebM", found, advice="convert it to H.264 in MP4")
-
-
 def sharpest(frames: list[Judged], most: int) -> list[Judged]:
     """The sharpest frame of each of at most `most` equal stretches of a clip."""
     parts = np.array_split(np.arange(len(frames)), min(most, len(frames)))
@@ -174,21 +149,7 @@ def _frames(path: Path, step: int) -> Iterator[tuple[int, np.ndarray]]:
 
 def _opened(path: Path) -> cv2.VideoCapture:
     """A clip, opened; its rotation flag is applied to the frames."""
-    with _own_file_only():
+    with only_this_file():
         video = cv2.VideoCapture(str(path.absolute()), cv2.CAP_FFMPEG)
     video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
     return video
-
-
-@contextmanager
-def _own_file_only() -> Iterator[None]:
-    """While a clip is opened, ffmpeg reads videos that contain their frames, and opens no address."""
-    before = os.environ.get(OPTIONS)
-    os.environ[OPTIONS] = CONTAINERS
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[OPTIONS]
-        else:
-            os.environ[OPTIONS] = before

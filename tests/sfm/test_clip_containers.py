@@ -13,7 +13,8 @@ import pytest
 from clip_files import write_clip
 
 from semgs.files.errors import InputError
-from semgs.sfm.clips import CONTAINERS, OPTIONS, check_container, copy_frames
+from semgs.sfm.clip_containers import OPTIONS, VARIABLE, check_container
+from semgs.sfm.clips import copy_frames
 
 SIZE = (120, 160)
 
@@ -62,10 +63,10 @@ def test_ffmpeg_itself_opens_no_list(tmp_path: Path, monkeypatch: pytest.MonkeyP
     real = write_clip(tmp_path / "real.mp4", frames())
     (tmp_path / "a.mp4").write_text(LISTS[kind](real))
     monkeypatch.setattr("semgs.sfm.clips.check_container", lambda path: None)
-    monkeypatch.setenv(OPTIONS, "hwaccel;none")
+    monkeypatch.setenv(VARIABLE, "hwaccel;none")
     with pytest.raises(InputError, match="expected a video that OpenCV can decode, found no frames"):
         copy_frames(tmp_path / "a.mp4", tmp_path, 4)
-    assert os.environ[OPTIONS] == "hwaccel;none"
+    assert os.environ[VARIABLE] == "hwaccel;none"
     assert "/real.mp4" not in capfd.readouterr().err.replace("Unsafe file name", "")
 
 
@@ -122,9 +123,9 @@ def test_samples_in_another_file_are_not_read(tmp_path: Path, monkeypatch: pytes
     place = tmp_path / ("a.mov" if relative else "b/a.mov")
     place.parent.mkdir(exist_ok=True)
     place.write_bytes(pointing(secret.read_bytes(), str(secret), int(relative)))
-    monkeypatch.setenv(OPTIONS, "enable_drefs;1|use_absolute_path;1")
+    monkeypatch.setenv(VARIABLE, "enable_drefs;1|use_absolute_path;1")
     assert decoded(place) == 6, "the file should lead ffmpeg to the other one if it is allowed"
-    monkeypatch.setenv(OPTIONS, CONTAINERS)
+    monkeypatch.setenv(VARIABLE, OPTIONS)
     assert decoded(place) == 0
     check_container(place)
     with pytest.raises(InputError, match="expected a video"):
