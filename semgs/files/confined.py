@@ -70,7 +70,7 @@ def check_inside(path: str | Path, content: object) -> None:
 def _root() -> Path | None:
     """The folder that this process is confined to, None if it is not."""
     folder = os.environ.get(VARIABLE)
-    return Path(folder) if folder else None
+    return Path(folder).resolve() if folder else None
 
 
 def _leads_inside(root: Path, folder: Path, name: str) -> bool:

@@ -8,7 +8,10 @@ import json
 import os
 import re
 import shutil
+import stat
+import zipfile
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -35,11 +38,12 @@ from image_sets import random_numbers, write_image_set
 from known_scenes import write_scene
 
 from semgs.app.limits import Limits
-from semgs.app.uploads import UNPACKED, Upload, prepare
+from semgs.app.uploads import UNPACKED, UnusableUploadError, Upload, prepare, unpack
 from semgs.data.layouts.parts.fields import Fields
 from semgs.data.scenes import LAYOUTS, open_scene
 from semgs.files.confined import EXPECTED, VARIABLE, confine_to
 from semgs.files.errors import InputError
+from semgs.files.images.pictures import read_header, read_optics, read_rgb, read_upright
 
 
 def predictions(folder: Path) -> Path:
@@ -363,3 +367,44 @@ def test_a_mesh_opens_no_texture_that_its_header_names(tmp_path: Path, monkeypat
     watch = Watch(tmp_path / "outside", monkeypatch)
     vertices, faces = read_mesh(tmp_path / "mesh.ply")
     assert (len(vertices), len(faces), watch.seen) == (3, 1, [])
+
+
+@pytest.mark.parametrize(
+    "kind", [stat.S_IFIFO, stat.S_IFCHR, stat.S_IFBLK, stat.S_IFSOCK, stat.S_IFDIR, stat.S_IFREG | stat.S_ISUID]
+)
+def test_only_files_and_folders_come_out_of_a_zip(tmp_path: Path, kind: int):
+    member = zipfile.ZipInfo("images/0.jpg")
+    member.external_attr = (kind | 0o777) << 16
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr(member, b"x")
+    with suppress(UnusableUploadError):
+        unpack(Upload(tmp_path / "a.zip", "a.zip"), tmp_path / "out", Limits())
+    for path in (tmp_path / "out").rglob("*"):
+        mode = path.lstat().st_mode
+        assert stat.S_ISREG(mode) or stat.S_ISDIR(mode), path
+        assert not mode & (stat.S_ISUID | stat.S_ISGID)
+
+
+@pytest.mark.parametrize("name", ["a.jpg", "a.png", "a.heic"])
+@pytest.mark.parametrize(
+    "content",
+    [
+        "%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n({secret}) run\n",
+        '<svg xmlns="http://www.w3.org/2000/svg"><image href="{secret}"/></svg>',
+        "push graphic-context\nimage over 0,0 9,9 '{secret}'\npop graphic-context\n",
+        "GIF89a",
+        "P3 {secret}",
+        "#EXTM3U\n{secret}\n",
+    ],
+)  # fmt: skip
+def test_a_photo_that_is_a_program_or_a_list_is_not_decoded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, content: str
+):
+    (tmp_path / "outside").mkdir()
+    (tmp_path / "outside/secret").write_bytes(b"x")
+    (tmp_path / name).write_text(content.format(secret=tmp_path / "outside/secret"))
+    watch = Watch(tmp_path / "outside", monkeypatch)
+    for read in (read_header, read_rgb, read_upright, read_optics):
+        with pytest.raises(InputError):
+            read(tmp_path / name)
+    assert watch.seen == []

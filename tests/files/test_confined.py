@@ -97,6 +97,15 @@ def test_a_process_that_is_not_confined_reads_what_data_name(scene: Path, monkey
     check_inside(scene, Content((scene.parent,)))
 
 
+def test_the_folder_may_be_named_by_a_user(scene: Path, monkeypatch: pytest.MonkeyPatch):
+    (scene.parent / "link").symlink_to(scene)
+    for folder in ("scene", "link", "./scene/", f"{scene}/images/.."):
+        monkeypatch.setenv(VARIABLE, folder)
+        assert named_file("a.txt", scene, "images/0.png") == scene / "images/0.png"
+        with pytest.raises(InputError):
+            named_file("a.txt", scene, "../secret.png")
+
+
 def test_places_above_are_searched_unless_they_are_outside(scene: Path):
     assert may_read(scene / "views")
     assert may_read(scene)
