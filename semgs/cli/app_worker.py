@@ -17,7 +17,7 @@ from typing import Any
 from semgs.cli.main import main, run_guarded
 from semgs.cli.progress import VARIABLE, report_stage
 from semgs.cli.usage_errors import UsageError
-from semgs.files.confined import confine_to
+from semgs.data.confined import confine_to
 from semgs.files.strict_json import read_json
 from semgs.runtime.threads import adapt_threads, prepare_threads
 

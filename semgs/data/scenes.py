@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from semgs.data.confined import check_inside
 from semgs.data.layouts import labelled_images, llff, metashape, transforms_json
 from semgs.data.layouts.colmap import colmap_scene as colmap
 from semgs.data.layouts.parts.readable_depths import without_unreadable_depth
@@ -23,7 +24,6 @@ from semgs.data.paper_variants import check_applicable, check_readings
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails, Unit
 from semgs.data.scene_lists import SceneList, scenes_by_name
-from semgs.files.confined import check_inside
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import existing_folder, typed_path, without_dots
 from semgs.files.text import listed

@@ -39,9 +39,9 @@ from known_scenes import write_scene
 
 from semgs.app.limits import Limits
 from semgs.app.uploads import UNPACKED, UnusableUploadError, Upload, prepare, unpack
+from semgs.data.confined import EXPECTED, VARIABLE, confine_to
 from semgs.data.layouts.parts.fields import Fields
 from semgs.data.scenes import LAYOUTS, open_scene
-from semgs.files.confined import EXPECTED, VARIABLE, confine_to
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_header, read_optics, read_rgb, read_upright
 

@@ -18,7 +18,7 @@ from room_folders import write_reconstruction
 from semgs.app.limits import Limits
 from semgs.app.requests import Request, RoomOptions
 from semgs.cli import app_worker
-from semgs.files.confined import VARIABLE
+from semgs.data.confined import VARIABLE
 from semgs.files.errors import ERROR_LINE
 
 PHOTOS = (".jpg", ".png")

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.cameras.lens import Lens
+from semgs.data.confined import named_file
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.fields import Fields, read_fields
 from semgs.data.layouts.parts.pose_files import listed_poses
@@ -27,7 +28,6 @@ from semgs.data.spread import spread
 from semgs.data.tables.class_files import read_class_file
 from semgs.data.tables.classes import IGNORE, ClassTable, class_table
 from semgs.files.archives import Archive, Member, members
-from semgs.files.confined import named_file
 from semgs.files.errors import InputError, input_error
 from semgs.files.images.pictures import is_turned, read_header
 from semgs.files.stored import Stored

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.cameras.lens import AbstractLens
+from semgs.data.confined import may_read, named_file
 from semgs.data.frames import Frame
 from semgs.data.layouts.colmap.colmap_files import ColmapPoints, read_cameras, read_images, read_points
 from semgs.data.layouts.parts.pose_files import checked_poses
 from semgs.data.layouts.parts.sentences import note_damaged_points, note_lacking, note_transparent
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
-from semgs.files.confined import may_read, named_file
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import is_turned, read_header
 from semgs.files.text import listed

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.cameras.lens import Lens
+from semgs.data.confined import may_read
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.pose_files import checked_poses
 from semgs.data.layouts.parts.sentences import note_lacking
@@ -16,7 +17,6 @@ from semgs.data.layouts.parts.trajectories import FoundPose
 from semgs.data.maps import MapSource
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import ClassTable
-from semgs.files.confined import may_read
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import is_turned, read_header
 from semgs.files.stored import Stored

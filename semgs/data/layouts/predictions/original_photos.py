@@ -9,10 +9,10 @@ from pathlib import Path, PurePosixPath
 import cv2
 import numpy as np
 
+from semgs.data.confined import may_read, named_file
 from semgs.data.layouts.parts.usable_frames import pictures_in
 from semgs.data.layouts.predictions.predicted import Predicted
 from semgs.data.layouts.predictions.preprocessing import Placement, Size
-from semgs.files.confined import may_read, named_file
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import PictureHeader, read_grey, read_header
 

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.cameras.lens import HALF
+from semgs.data.confined import named_file
 from semgs.data.layouts.parts.association import associate, in_seconds
 from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details, read_calibration
 from semgs.data.layouts.parts.text_numbers import read_lines
@@ -25,7 +26,6 @@ from semgs.data.layouts.parts.usable_frames import Shot, ShotList, sequence_name
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
-from semgs.files.confined import named_file
 from semgs.files.errors import InputError
 
 LAYOUT = "TUM RGB-D"

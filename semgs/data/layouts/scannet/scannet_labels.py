@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
+from semgs.data.confined import may_read
 from semgs.data.tables.nyu40 import NAMES, scannet20_labels
-from semgs.files.confined import may_read
 from semgs.files.contents import read_text
 from semgs.files.errors import InputError
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from semgs.files.confined import VARIABLE, check_inside, confine_to, may_read, named_file
+from semgs.data.confined import VARIABLE, check_inside, confine_to, may_read, named_file
 from semgs.files.errors import InputError
 
 
@@ -139,7 +139,7 @@ def test_threads_and_child_processes_are_confined_too(scene: Path):
     thread = threading.Thread(target=lambda: refused.append(not may_read(scene.parent)))
     thread.start()
     thread.join()
-    line = f"from pathlib import Path; from semgs.files.confined import may_read; print(may_read(Path({str(scene.parent)!r})))"
+    line = f"from pathlib import Path; from semgs.data.confined import may_read; print(may_read(Path({str(scene.parent)!r})))"
     root = Path(__file__).resolve().parents[2]
     told = subprocess.run(
         [sys.executable, "-c", line], capture_output=True, text=True, check=True, cwd=root, timeout=60
