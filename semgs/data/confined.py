@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from semgs.files.errors import InputError
@@ -70,12 +71,12 @@ def check_inside(path: str | Path, content: object) -> None:
 def _root() -> Path | None:
     """The folder that this process is confined to, None if it is not."""
     folder = os.environ.get(VARIABLE)
-    return Path(folder).resolve() if folder else None
+    return _resolved(Path(folder).absolute()) if folder else None
 
 
 def _leads_inside(root: Path, folder: Path, name: str) -> bool:
     """Whether a name leads to a place inside a folder, without leaving it on the way. Outside, nothing is touched."""
-    base, plain = folder.resolve(), name.replace("\\", "/")
+    base, plain = _resolved(folder.absolute()), name.replace("\\", "/")
     if "\0" in name or "://" in name or plain.startswith("~") or Path(plain).is_absolute() or Path(name).is_absolute():
         return False
     if not base.is_relative_to(root) or len(name) > LONGEST_PATH:
@@ -85,7 +86,13 @@ def _leads_inside(root: Path, folder: Path, name: str) -> bool:
         depth += -1 if part == ".." else part not in ("", ".")
         if depth < 0 or len(part.encode(errors="surrogatepass")) > LONGEST_NAME:
             return False
-    return _is_inside(root, base / name) and _is_inside(root, base / plain)
+    return all(_is_inside(root, folder / one) for one in {name, plain})
+
+
+@lru_cache(maxsize=256)
+def _resolved(folder: Path) -> Path:
+    """A folder with its links resolved. Kept, as a model of COLMAP has thousands of names in a few folders; the files themselves are resolved each time."""
+    return folder.resolve()
 
 
 def _is_inside(root: Path, path: Path) -> bool:

@@ -82,9 +82,8 @@ def test_links_inside_are_followed_and_those_that_lead_outside_are_not(scene: Pa
     (scene / "good.png").symlink_to(scene / "images/0.png")
     (scene / "bad.png").symlink_to(scene.parent / "secret.png")
     (scene / "up").symlink_to(scene.parent)
-    (scene / "loop").symlink_to(scene / "loop")
     assert named_file("a.txt", scene, "good.png") == scene / "good.png"
-    for name in ("bad.png", "up/secret.png", "loop/a"):
+    for name in ("bad.png", "up/secret.png"):
         with pytest.raises(InputError):
             named_file("a.txt", scene, name)
 

@@ -147,7 +147,7 @@ def _picture(file: Path, folder: Path, name: str) -> Path | None:
     """The image with a name, None if there is no such file. Names made on Windows have backslashes; if a name was Latin-1, the file name may still have these bytes."""
     bytewise = name.encode("latin-1", "ignore").decode("utf-8", "surrogateescape")
     names = (name, name.replace("\\", "/"), bytewise, bytewise.replace("\\", "/"))
-    places = (named_file(file, folder, one) for one in names)
+    places = (named_file(file, folder, one) for one in dict.fromkeys(names))
     return next((one for one in places if one.is_file()), None)
 
 
