@@ -21,6 +21,7 @@ class Limits:
         unpacked_bytes: of an archive.
         seconds: a job may take.
         waiting: jobs in the queue.
+        uploads, uploads_bytes: number and size of all uploaded files that no job has yet; beyond them, new ones are refused.
         kept_seconds: results are deleted afterwards.
     """
 
@@ -32,6 +33,8 @@ class Limits:
     unpacked_bytes: int = 2048 * MIB
     seconds: float = 900.0
     waiting: int = 20
+    uploads: int = 1_000
+    uploads_bytes: int = 4096 * MIB
     kept_seconds: float = 24 * 3600.0
 
     @property

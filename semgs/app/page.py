@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from html import escape
@@ -11,10 +12,11 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from semgs.app.door import inside, tell_failure
 from semgs.app.jobs import IDENTIFIER, Job, Jobs
 from semgs.app.limits import Limits
 from semgs.app.requests import DEPTHS, OWN, RoomOptions
-from semgs.app.uploads import UnusableUploadError, Upload
+from semgs.app.uploads import GONE, UnusableUploadError, Upload
 from semgs.files.extras import needs_extra
 
 POLL_SECONDS = 0.4
@@ -65,22 +67,27 @@ def check_page_library() -> None:
         import gradio  # noqa: F401
 
 
-def mount_page(application: Any, jobs: Jobs, local: bool) -> Any:
+def mount_page(application: Any, jobs: Jobs, local: bool) -> tuple[Any, list[int]]:
     """Mount the page in an application of FastAPI.
 
     Args:
         application: the application.
         jobs: the queue.
         local: whether the page says that photos stay on this computer.
+
+    Returns:
+        the application with the page, and how many values each function of the page takes.
     """
     os.environ["GRADIO_TEMP_DIR"] = str(jobs.uploads)
     check_page_library()
     import gradio
 
+    _restrain(gradio, jobs.limits)
+    page = _build(jobs, local)
     css = files("semgs.app").joinpath("web/page.css").read_text(encoding="utf-8")
-    return gradio.mount_gradio_app(
+    mounted = gradio.mount_gradio_app(
         application,
-        _build(jobs, local),
+        page,
         path="/",
         css=css,
         theme=_theme(),
@@ -91,6 +98,33 @@ def mount_page(application: Any, jobs: Jobs, local: bool) -> Any:
         ssr_mode=False,
         enable_monitoring=False,
     )
+    # Only `launch` sets this, and without it gradio takes any file of this machine for an uploaded one.
+    page.has_launched = True
+    return mounted, [len(function.inputs) for _, function in sorted(page.fns.items())]
+
+
+def _restrain(gradio: Any, limits: Limits) -> None:
+    """Let gradio print failures on one line, and take no more files in a request than the page accepts, and no fields, which it would keep in memory."""
+    from gradio import queueing, route_utils, routes
+
+    class Failures:
+        """In place of the module `traceback`."""
+
+        @staticmethod
+        def print_exc() -> None:
+            error = sys.exc_info()[1]
+            if error is not None and not isinstance(error, gradio.Error):  # that is an answer to a user
+                tell_failure(error)
+
+    class FilesOnly(route_utils.GradioMultiPartParser):
+        """Reads uploads."""
+
+        def __init__(self, *given: Any, **options: Any) -> None:
+            super().__init__(*given, **{**options, "max_fields": 0, "max_files": limits.photos + 1})
+
+    for module in (queueing, route_utils, routes):
+        module.traceback = Failures  # type: ignore[assignment]
+    route_utils.GradioMultiPartParser = FilesOnly  # type: ignore[misc]
 
 
 def _theme() -> Any:
@@ -156,6 +190,11 @@ def _build(jobs: Jobs, local: bool) -> Any:
         room = gr.HTML(EMPTY, elem_id="result")
         shown = [identifier, ask, status, cancel, again, room]
 
+        def _upload(path: str) -> Upload:
+            if not inside(Path(path), jobs.uploads):  # the door has checked this, too
+                raise UnusableUploadError(GONE)
+            return Upload(Path(path), Path(path).name)
+
         def view(job: Job | None, sentence: str = "") -> list[Any]:
             working = job is not None and not job.over
             done = job is not None and job.state == "done"
@@ -181,8 +220,8 @@ def _build(jobs: Jobs, local: bool) -> Any:
                 time.sleep(POLL_SECONDS)
 
         def start(request: gr.Request, paths: Sequence[str] | None, *values: Any) -> Iterator[list[Any]]:
-            uploads = [Upload(Path(path), Path(path).name) for path in paths or ()]
             try:
+                uploads = [_upload(path) for path in paths or ()]
                 job = jobs.submit(uploads, _chosen(values), page=str(request.session_hash or ""))
             except UnusableUploadError as error:
                 yield view(None, str(error))
@@ -348,4 +387,4 @@ def _alert(sentence: str) -> str:
 
 def _frame(job: Job) -> str:
     """The page of a room, in a frame that grows with it."""
-    return f'<iframe class="room" src="/rooms/{job.identifier}/index.html" title="Your room"></iframe>'
+    return f'<iframe class="room" src="rooms/{job.identifier}/index.html" title="Your room"></iframe>'

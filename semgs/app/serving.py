@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
-import secrets
 from collections.abc import Callable
 from html import escape
-from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qs, quote
+from urllib.parse import quote
 
+from semgs.app.door import Door
 from semgs.app.jobs import Jobs
 from semgs.app.page import check_page_library, mount_page
+from semgs.viewer.access import Access
 
-COOKIE = "semgs_token"
-LOCAL_HOSTS = ("127.0.0.1", "localhost", "[::1]")
+HEADER_SECONDS = 15.0
+"""The line and the headers of a request have to arrive within this time."""
+
+MOST_CONNECTIONS = 400
 
 HEADERS = {"X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cache-Control": "private, no-store"}
 
 
-def application(jobs: Jobs, *, local: bool = True, token: str | None = None) -> Any:
+def application(jobs: Jobs, *, local: bool = True, access: Access | None = None) -> Any:
     """The app as an ASGI application.
 
     Args:
         jobs: the queue.
-        local: whether only this machine can reach it: then other host names are refused, so that no page from elsewhere can read it through DNS.
-        token: what a browser has to show once, as ?token=...; None for nothing.
+        local: whether photos stay on this computer, as the page says.
+        access: who may use it; by default this machine's browsers, under its own names.
 
     Raises:
         ImportError: gradio is not installed.
@@ -48,8 +50,8 @@ def application(jobs: Jobs, *, local: bool = True, token: str | None = None) -> 
             return HTMLResponse(folder_page(path), headers=HEADERS)
         return FileResponse(path, headers=HEADERS)
 
-    mounted = mount_page(app, jobs, local)
-    return Door(mounted, token, LOCAL_HOSTS if local else None)
+    mounted, inputs = mount_page(app, jobs, local)
+    return Door(mounted, access or Access(), jobs.uploads, jobs.limits, inputs)
 
 
 def served_path(room: Path, name: str) -> Path | None:
@@ -74,70 +76,6 @@ def folder_page(folder: Path) -> str:
     return f'{head}<title>{title}</title><body style="font: 16px/1.6 system-ui, sans-serif"><h1>{title}</h1><ul>{links}</ul></body></html>'
 
 
-class Door:
-    """Lets in who may come in: with the token, or from this machine.
-
-    Args:
-        app: the ASGI application behind it.
-        token: what a browser has to show once; None for nothing.
-        hosts: names under which the app may be opened; None for any.
-    """
-
-    def __init__(self, app: Callable[..., Any], token: str | None, hosts: tuple[str, ...] | None) -> None:
-        self._app, self._token, self._hosts = app, token, hosts
-
-    async def __call__(self, scope: dict[str, Any], receive: Callable[..., Any], send: Callable[..., Any]) -> None:
-        """Answer one request."""
-        if scope["type"] not in ("http", "websocket"):
-            return await self._app(scope, receive, send)
-        headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
-        if self._hosts is not None and headers.get("host", "").rsplit(":", 1)[0] not in self._hosts:
-            return await _refuse(scope, send, 421, "Open this page as http://127.0.0.1.")
-        if self._token is None:
-            return await self._app(scope, receive, send)
-        if _matches(_cookie(headers.get("cookie", "")), self._token):
-            return await self._app(scope, receive, send)
-        query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
-        if scope["type"] == "http" and _matches(query.get("token", [""])[0], self._token):
-            rest = "&".join(
-                f"{name}={values[0]}" for name, values in query.items() if name == "room" and values[0].isalnum()
-            )
-            cookie = f"{COOKIE}={self._token}; HttpOnly; SameSite=Strict; Path=/"
-            return await _refuse(
-                scope, send, 303, "", {"location": "/" + (f"?{rest}" if rest else ""), "set-cookie": cookie}
-            )
-        return await _refuse(
-            scope, send, 403, "This page needs the address with its token, which semgs app printed when it started."
-        )
-
-
-def _cookie(text: str) -> str:
-    """The token in a header of cookies; empty without one."""
-    try:
-        found = SimpleCookie(text).get(COOKIE)
-    except CookieError:
-        return ""
-    return found.value if found else ""
-
-
-def _matches(given: str, token: str) -> bool:
-    """Whether a token is the right one."""
-    return secrets.compare_digest(given.encode(), token.encode())
-
-
-async def _refuse(
-    scope: dict[str, Any], send: Callable[..., Any], status: int, text: str, more: dict[str, str] | None = None
-) -> None:
-    """Answer with a status and a sentence."""
-    if scope["type"] == "websocket":
-        await send({"type": "websocket.close", "code": 1008})
-        return
-    headers = {"content-type": "text/plain; charset=utf-8", "referrer-policy": "no-referrer", **(more or {})}
-    listed = [(name.encode(), value.encode("latin-1")) for name, value in headers.items()]
-    await send({"type": "http.response.start", "status": status, "headers": listed})
-    await send({"type": "http.response.body", "body": text.encode()})
-
-
 def serve(app: Any, host: str, port: int, started: Callable[[int], None]) -> None:
     """Serve until an interrupt.
 
@@ -153,6 +91,40 @@ def serve(app: Any, host: str, port: int, started: Callable[[int], None]) -> Non
     import socket
 
     from uvicorn import Config, Server
+    from uvicorn.protocols.http.h11_impl import H11Protocol
+
+    class Protocol(H11Protocol):
+        """HTTP whose requests have to arrive in time: else some hundred connections that say nothing would keep everybody out."""
+
+        deadline: Any = None
+
+        def connection_made(self, transport: Any) -> None:
+            super().connection_made(transport)
+            self._watch()
+
+        def data_received(self, data: bytes) -> None:
+            super().data_received(data)
+            self._watch()
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            self._unwatch()
+            super().connection_lost(exc)
+
+        def on_response_complete(self) -> None:
+            super().on_response_complete()
+            self._watch()
+
+        def _watch(self) -> None:
+            """Close the connection later, unless a request has arrived by then. One that is being answered may take its time."""
+            if self.cycle is not None and not self.cycle.response_complete:
+                self._unwatch()
+            elif self.deadline is None:
+                self.deadline = self.loop.call_later(HEADER_SECONDS, self.transport.close)
+
+        def _unwatch(self) -> None:
+            if self.deadline is not None:
+                self.deadline.cancel()
+                self.deadline = None
 
     listening = socket.create_server(
         (host, port),
@@ -161,6 +133,9 @@ def serve(app: Any, host: str, port: int, started: Callable[[int], None]) -> Non
     )
     started(listening.getsockname()[1])
     server = Server(
-        Config(app, log_level="warning", access_log=False, timeout_graceful_shutdown=2, server_header=False)
-    )
+        Config(
+            app, http=Protocol, ws="none", limit_concurrency=MOST_CONNECTIONS, log_level="critical", access_log=False,
+            timeout_graceful_shutdown=2, server_header=False,
+        )
+    )  # fmt: skip
     server.run(sockets=[listening])

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import io
 import socket
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
-from typing import TYPE_CHECKING
+from functools import wraps
+from typing import TYPE_CHECKING, Any
 
 from semgs.files.errors import InputError
 from semgs.files.extras import needs_extra
+from semgs.viewer.access import Access
 
 if TYPE_CHECKING:
     from viser import (  # noqa: F401 - the types of viser, for the modules that use this server
@@ -33,6 +36,8 @@ EVERY_ADDRESS, EVERY_ADDRESS_6 = "0.0.0.0", "::"
 
 ANY_PORT = 0
 
+_starting = threading.Lock()
+
 
 def check_viewer_library() -> None:
     """Check that scenes can be viewed.
@@ -45,12 +50,13 @@ def check_viewer_library() -> None:
 
 
 @contextmanager
-def serving(host: str = LOOPBACK, port: int = ANY_PORT) -> Iterator[ViserServer]:
+def serving(host: str = LOOPBACK, port: int = ANY_PORT, access: Access | None = None) -> Iterator[ViserServer]:
     """A server without content, which stops at the end of the block.
 
     Args:
         host: address to listen on.
         port: to listen on, or the next free one; 0 is any.
+        access: who may talk to it; by default this machine's browsers, under its own names.
 
     Raises:
         ImportError: viser is not installed.
@@ -64,7 +70,8 @@ def serving(host: str = LOOPBACK, port: int = ANY_PORT) -> Iterator[ViserServer]
             trial.bind((host, ANY_PORT))  # viser would try for ever
     except OSError as error:
         raise InputError(host, "an IPv4 address of this machine", str(error.strerror or error)) from error
-    with redirect_stdout(io.StringIO()):  # viser prints addresses, and that it stopped
+    # viser prints addresses, and that it stopped
+    with redirect_stdout(io.StringIO()), _guarded_websockets(access or Access()):
         server = ViserServer(host=host, port=port, verbose=False)
     try:
         # A page from elsewhere that connects to this server could ask for a public address, also without the button.
@@ -74,6 +81,51 @@ def serving(host: str = LOOPBACK, port: int = ANY_PORT) -> Iterator[ViserServer]
     finally:
         with redirect_stdout(io.StringIO()):
             server.stop()
+
+
+@contextmanager
+def _guarded_websockets(access: Access) -> Iterator[None]:
+    """Servers of the library `websockets` that start inside this block answer only requests that `access` lets in. viser itself asks nobody."""
+    from websockets.asyncio import server as library
+
+    serve = library.serve
+
+    @wraps(serve)
+    def guarded(*args: Any, process_request: Callable[..., Any] | None = None, **options: Any) -> Any:
+        return serve(*args, process_request=_guarded(access, process_request), **options)
+
+    with _starting:
+        library.serve = guarded  # type: ignore[assignment,misc]
+        try:
+            yield
+        finally:
+            library.serve = serve  # type: ignore[misc]
+
+
+def _guarded(access: Access, answer: Callable[..., Any] | None) -> Callable[..., Any]:
+    """What answers HTTP requests, WebSocket handshakes included, if `access` lets them in."""
+    from websockets.datastructures import Headers
+    from websockets.http11 import Response
+
+    def process(connection: Any, request: Any) -> Any:
+        headers = list(request.headers.raw_items())
+        websocket = any(name.lower() == "upgrade" for name, _ in headers)
+        refusal = access.refusal("GET", headers, request.path.partition("?")[2], websocket)
+        if refusal is None:
+            response = answer(connection, request) if answer else None
+            if response is not None:
+                response.headers["Content-Security-Policy"] = access.frame_ancestors
+                response.headers["X-Content-Type-Options"] = "nosniff"
+            return response
+        body = refusal.sentence.encode()
+        told = {
+            "Content-Type": "text/plain; charset=utf-8",
+            "Content-Length": str(len(body)),
+            "Referrer-Policy": "no-referrer",
+        }
+        return Response(refusal.status, "Refused", Headers({**told, **dict(refusal.headers)}), body)
+
+    return process
 
 
 def run_script(target: ViserServer | ClientHandle, source: str) -> None:

@@ -28,6 +28,7 @@ from semgs.scene.scene_file import SavedScene
 from semgs.scene.selection import part_of
 from semgs.scene.upright import Up, UpDirection, up_of
 from semgs.viewer import panel_texts as texts
+from semgs.viewer.access import Access
 from semgs.viewer.nodes import add_boxes, add_input_views, add_splats, node_name, set_first_camera, view_data
 from semgs.viewer.panel_texts import Control
 from semgs.viewer.pick import pick
@@ -67,6 +68,7 @@ def open_window(
     near_photos: bool = True,
     host: str = LOOPBACK,
     port: int = ANY_PORT,
+    access: Access | None = None,
 ) -> Iterator[Window]:
     """A viewer of a scene, until the block ends.
 
@@ -78,16 +80,19 @@ def open_window(
         at_most: Gaussians in the viewer: the most opaque ones. None is all.
         things: to show with their boxes.
         near_photos: whether cameras stay where the photos saw, until a user frees them.
-        host, port: as for `serving`.
+        host, port, access: as for `serving`.
 
     Raises:
         ImportError: viser is not installed.
         InputError: it is not possible to listen on this address.
     """
     splats = SceneSplats.of(scene, min_confidence, at_most, None if things is None else things.instances)
-    with serving(host, port) as server:
+    with serving(host, port, access) as server:
         views = input_views(scene, splats.scale, photos)
-        yield Window(server, splats, views, up_of(scene, up), min_confidence, things, near_photos)
+        window = Window(server, splats, views, up_of(scene, up), min_confidence, things, near_photos)
+        if access is not None and access.token is not None:
+            window.url += f"/?token={access.token}"
+        yield window
 
 
 class Window:

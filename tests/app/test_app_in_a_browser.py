@@ -9,6 +9,7 @@ import shutil
 import time
 import zipfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ from app_server import App, drop, make_room, open_options, page_at, room_in, run
 from dropped_files import picture, with_link, written, zipped
 from PIL import Image
 from ply import read_ply
+from tunnels import tunnel_to
 from turned_cameras import write_scene
 
 if TYPE_CHECKING:
@@ -59,6 +61,22 @@ def test_the_page_opens_and_says_what_is_wrong_with_one_photo(tmp_path: Path):
         chosen.wait_for()
         assert chosen.evaluate("input => input.scrollWidth <= input.clientWidth")  # all of the chosen name can be read
         assert page.evaluate("document.documentElement.scrollWidth") == 390
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_the_page_works_below_a_path_of_a_notebooks_proxy(tmp_path: Path):
+    prefix = "/user/me@here/proxy/7860"
+    with (
+        running_app(tmp_path / "app", "--allow-host", "localhost") as app,
+        tunnel_to(int(app.url.rsplit(":", 1)[1]), prefix=prefix) as port,
+        page_at(replace(app, url=f"http://localhost:{port}{prefix}/")) as page,
+    ):
+        drop(page, [picture(tmp_path / "a.jpg").path])
+        make_room(page)
+        assert sentence_on(page).startswith("One photo is not enough")
+        page.get_by_role("button", name="Try the included room").click()
+        room_in(page)
 
 
 @pytest.mark.long

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 FLAGS = (
     "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars",
     "--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run",
+    "--disable-features=LocalNetworkAccessChecks",  # it asks before a page of another site may show one of this machine
 )  # fmt: skip
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 SECONDS = 200

@@ -15,6 +15,7 @@ from semgs.cli.usage_errors import UsageError
 from semgs.files.paths import found_at, typed_path
 from semgs.model.networks import NAMES
 from semgs.model.weights.hub import is_hub_id
+from semgs.viewer.access import host_name
 
 SMALLEST_SIDE, LARGEST_SIDE = 32, 4096
 """Limits for the sides of images [px]."""
@@ -158,6 +159,9 @@ Protocol = Annotated[
 ]
 """("neighbours",), ("peers",), or ("pinned", FILE)."""
 
+AllowedHosts = Annotated[
+    tuple[Annotated[str, one_word("NAME", host_name)], ...], tyro.conf.UseAppendAction, optional("NAME")
+]
 SeveralWeights = Annotated[tuple[str, ...], several("W [W ...]", _weights)]
 
 Views = Annotated[int, one_word("INT", at_least(2))]

@@ -102,7 +102,8 @@ def test_the_viewer_runs_until_an_interrupt_and_warns_once_if_others_can_reach_i
         process.send_signal(signal.SIGINT)
         rest, errors = process.communicate(timeout=60)
     assert (process.returncode, rest) == (0, "")
-    assert errors.count("without a password") == warnings
+    assert errors.count("and has the token can see this scene; the connection is not encrypted") == warnings
+    assert ("?token=" in line) == bool(warnings)
     assert len(errors.splitlines()) == warnings
 
 

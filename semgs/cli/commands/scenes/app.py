@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import secrets
 import sys
 from contextlib import suppress
 from dataclasses import dataclass
@@ -14,13 +13,14 @@ import tyro
 from semgs.app.jobs import Jobs
 from semgs.app.limits import Limits
 from semgs.app.page import check_page_library
-from semgs.cli.options.types import at_least, one_word, optional
+from semgs.cli.options.types import AllowedHosts, at_least, one_word, optional
 from semgs.cli.progress import show_stage
 from semgs.cli.usage_errors import UsageError
 from semgs.files.cache import cache_folder
 from semgs.files.errors import InputError
 from semgs.files.folders import lock_folder
 from semgs.files.paths import found_at, typed_path
+from semgs.viewer.access import Access, access_to
 from semgs.viewer.server import LOOPBACK, check_viewer_library, is_this_machine, url_of_address
 
 LAST_PORT = 65535
@@ -44,6 +44,8 @@ class App:
     host: str = LOOPBACK
     """Address to listen on. Only this machine can reach the default. With another, the page needs the token in the printed address, but the connection
     is not encrypted."""
+    allow_host: AllowedHosts = ()
+    """Another name under which browsers open this page, such as that of a notebook's or a company's proxy. Repeatable."""
     port: Annotated[int, one_word("INT", at_least(0))] = 7860
     """Port to listen on; 0 is any free one."""
     folder: Annotated[
@@ -74,14 +76,14 @@ class App:
         with show_stage("Starting"):
             check_page_library()
         local = is_this_machine(self.host)
-        token = None if local else secrets.token_urlsafe(18)
+        access = access_to(local, self.allow_host)
         folder = (self.folder or cache_folder() / "app").absolute()
         folder.mkdir(parents=True, exist_ok=True)
         with lock_folder(folder, "a folder that no other semgs app uses", "one in use"):
-            self._serve(folder, local, token, segmenters, depths)
+            self._serve(folder, local, access, segmenters, depths)
 
     def _serve(
-        self, folder: Path, local: bool, token: str | None, segmenters: tuple[str, ...], depths: tuple[str, ...]
+        self, folder: Path, local: bool, access: Access, segmenters: tuple[str, ...], depths: tuple[str, ...]
     ) -> None:
         """Serve rooms in a folder until an interrupt."""
         from semgs.app.serving import application, serve
@@ -90,9 +92,9 @@ class App:
         worker = [sys.executable, "-m", "semgs.cli.app_worker"]
         jobs = Jobs(folder / "rooms", worker, limits, segmenters, depths, uploads=folder / "uploads")
         try:
-            app = application(jobs, local=local, token=token)
+            app = application(jobs, local=local, access=access)
             with suppress(KeyboardInterrupt):
-                serve(app, self.host, self.port, lambda port: self._say(port, token))
+                serve(app, self.host, self.port, lambda port: self._say(port, access.token))
         except OSError as error:
             raise InputError(
                 self.host, f"an address of this machine, with port {self.port} free", str(error.strerror or error)

@@ -16,7 +16,16 @@ import tyro
 
 from semgs.cli.commands.scenes.reconstruct import Reconstruct
 from semgs.cli.opened_scene import check_for_robots, open_given
-from semgs.cli.options.types import Count, Probability, Views, WeightsOrRandom, at_least, one_word, optional
+from semgs.cli.options.types import (
+    AllowedHosts,
+    Count,
+    Probability,
+    Views,
+    WeightsOrRandom,
+    at_least,
+    one_word,
+    optional,
+)
 from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_stage
 from semgs.cli.usage_errors import UsageError
@@ -24,6 +33,7 @@ from semgs.files.atomic import write_text
 from semgs.files.paths import existing_folder
 from semgs.robotics.object_libraries import check_object_libraries
 from semgs.splats.endings import is_splat, lacks_classes
+from semgs.viewer.access import access_to
 from semgs.viewer.server import LOOPBACK, check_viewer_library, is_this_machine
 
 if TYPE_CHECKING:
@@ -71,7 +81,10 @@ class View:
     port: Annotated[int, one_word("INT", at_least(1))] = 8080
     """Port of the viewer; if it is taken, the next free one."""
     host: str = LOOPBACK
-    """Address of the viewer. The default can be reached from this machine only; 0.0.0.0 can be reached from the network, without a password."""
+    """Address of the viewer. Only this machine can reach the default. With another, the viewer needs the token in the printed address, but the connection
+    is not encrypted."""
+    allow_host: AllowedHosts = ()
+    """Another name under which browsers open the viewer, such as that of a notebook's or a company's proxy. Repeatable."""
     views: Views = 2
     """Posed photos: number of input views."""
     weights: Annotated[WeightsOrRandom, tyro.conf.arg(help_behavior_hint="(default: small)")] = None
@@ -118,8 +131,11 @@ class View:
         """Check that the page can be written, and that no option is for the viewer."""
         if page.suffix.lower() != PAGE:
             raise UsageError(f"--html is {page}; expected a file name that ends with {PAGE}")
-        if self.port != View.port or self.host != View.host:
-            raise UsageError(f"{'--port' if self.port != View.port else '--host'} is for the viewer, not for --html")
+        for option, given, default in (
+            ("--port", self.port, View.port), ("--host", self.host, View.host), ("--allow-host", self.allow_host, View.allow_host),
+        ):  # fmt: skip
+            if given != default:
+                raise UsageError(f"{option} is for the viewer, not for --html")
         check_new_file(page, self.overwrite)
 
     @contextmanager
@@ -175,9 +191,15 @@ class View:
             from semgs.viewer.window import open_window
 
             scene, content = self._open(path)
-        if not is_this_machine(self.host):
-            print(f"semgs: anybody who can reach {self.host} can see this scene, without a password", file=sys.stderr)
-        viewer = open_window(scene, at_most=self.max_gaussians, host=self.host, port=self.port, **content)
+        access = access_to(is_this_machine(self.host), self.allow_host)
+        if access.token is not None:
+            print(
+                f"semgs: everyone who can reach {self.host} and has the token can see this scene; the connection is not encrypted",
+                file=sys.stderr,
+            )
+        viewer = open_window(
+            scene, at_most=self.max_gaussians, host=self.host, port=self.port, access=access, **content
+        )
         with viewer as window, suppress(KeyboardInterrupt):
             if not window.up.certain:
                 print(f"note: which way is up is uncertain ({window.up.reason}); set it with --up")

@@ -1,0 +1,342 @@
+"""What stands in front of gradio: only what the page uses gets through, only from those who may use it, and no more than fits.
+
+gradio serves some sixty routes, for programs, developers and other sites. The page needs the few in `ROUTES`; the others do not exist here.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import re
+import stat
+import sys
+from collections.abc import Awaitable, Callable, MutableMapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from semgs.app.limits import Limits
+from semgs.app.uploads import GONE, UnusableUploadError
+from semgs.files.strict_json import parse_json
+from semgs.viewer.access import Access
+
+Scope = MutableMapping[str, Any]
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+
+JOIN, UPLOAD = "/gradio_api/queue/join", "/gradio_api/upload"
+
+NAME = r"[A-Za-z0-9_.+-]+"
+
+ROUTES = (
+    ("GET HEAD", r"/"),
+    ("GET HEAD", rf"/(assets|static)(/{NAME})+"),
+    ("GET HEAD", r"/theme\.css"),
+    ("GET HEAD", r"/favicon\.ico"),
+    ("GET HEAD", r"/rooms/[a-z0-9]{20}/.+"),
+    ("GET", r"/gradio_api/queue/data"),
+    ("GET", r"/gradio_api/upload_progress"),
+    ("POST", re.escape(JOIN)),
+    ("POST", re.escape(UPLOAD)),
+)
+"""Methods and paths that the page uses."""
+
+MOST_JSON = 256 * 1024
+"""Largest body of a request other than an upload [bytes]."""
+
+BODY_SECONDS = 30.0
+"""A browser that sends nothing of a body for so long is gone."""
+
+PREFIX = re.compile(r"(/[A-Za-z0-9_.~@-]+)*")
+"""Where a proxy may put the page."""
+
+SESSION = re.compile(r"[a-z0-9]{1,40}")
+
+BASE_POLICY = "default-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; object-src 'none'; base-uri 'self'; form-action 'self'"
+# gradio starts and calls scripts that are written into the page; viser's client is WebAssembly written into the page.
+SCRIPTS = "script-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:"
+
+BAD_REQUEST = "This is not a request of the page."
+FULL = "Too many files wait on this server. Try again in some minutes."
+
+
+class Door:
+    """Lets through what the page needs, from those who may use it.
+
+    Args:
+        app: the ASGI application behind it.
+        access: who may use it.
+        uploads: the folder for what browsers send.
+        limits: of uploads.
+        inputs: how many values each function of the page takes, in gradio's order.
+    """
+
+    def __init__(
+        self, app: Callable[..., Any], access: Access, uploads: Path, limits: Limits, inputs: Sequence[int] = ()
+    ) -> None:
+        self._app, self._access, self._limits, self._inputs = app, access, limits, inputs
+        self._uploads = uploads
+        self._arriving = 0
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        if scope["type"] not in ("http", "websocket"):
+            return await self._app(scope, receive, send)
+        headers = [(name.decode("latin-1"), value.decode("latin-1")) for name, value in scope["headers"]]
+        method, path = scope.get("method", "GET"), scope["path"]
+        websocket = scope["type"] == "websocket"
+        query = scope.get("query_string", b"").decode("latin-1")
+        refusal = self._access.refusal(method, headers, query, websocket)
+        if refusal is not None:
+            return await _answer(scope, send, refusal.status, refusal.sentence, refusal.headers)
+        if websocket or not is_known(method, path):
+            return await _answer(scope, send, 404, "There is no such page.")
+        scope = self._named(scope, dict(headers))
+        send = self._with_policy(send, path)
+        if path == JOIN:
+            return await self._join(scope, receive, send)
+        if path == UPLOAD:
+            return await self._upload(scope, receive, send, dict(headers))
+        return await self._pass(scope, receive, send)
+
+    async def _pass(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let a request through. What fails behind the door is one line in the terminal."""
+        started = False
+
+        async def noted(message: Message) -> None:
+            nonlocal started
+            started = True
+            await send(message)
+
+        try:
+            await self._app(scope, receive, noted)
+        except _StopReadingError as error:
+            if not started:
+                await _answer(scope, send, error.status, error.sentence)
+        except Exception as error:
+            tell_failure(error)
+            if not started:
+                await _answer(scope, send, 500, "This request could not be answered.")
+
+    async def _join(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let through a call of one of the page's functions, rewritten so that it holds nothing but what such a call needs."""
+        try:
+            body = await _whole(receive, MOST_JSON)
+            checked = checked_call(parse_json(body), self._inputs, self._uploads)
+        except _StopReadingError as error:
+            return await _answer(scope, send, error.status, error.sentence)
+        except UnusableUploadError as error:
+            return await _answer(scope, send, 400, str(error))
+        except ValueError:
+            return await _answer(scope, send, 400, BAD_REQUEST)
+        data = json.dumps(checked).encode()
+        kept = [(name, value) for name, value in scope["headers"] if name not in (b"content-length", b"content-type")]
+        told = [(b"content-type", b"application/json"), (b"content-length", str(len(data)).encode())]
+        await self._pass({**scope, "headers": kept + told}, _replayed(data, receive), send)
+
+    async def _upload(self, scope: Scope, receive: Receive, send: Send, headers: dict[str, str]) -> None:
+        """Let through an upload that fits beside the others."""
+        most = self._limits.total_bytes
+        length = headers.get("content-length", "")
+        announced = int(length) if length.isdecimal() and len(length) < 16 else most
+        if announced > most:
+            return await _answer(scope, send, 413, "These files are too large.")
+        files, stored = _content(self._uploads)
+        if files >= self._limits.uploads or stored + self._arriving + announced > self._limits.uploads_bytes:
+            return await _answer(scope, send, 507, FULL)
+        self._arriving += announced
+        left, complete = announced, False
+
+        async def counted() -> Message:
+            nonlocal left, complete
+            message = await receive() if complete else await _next(receive)
+            left -= len(message.get("body", b""))
+            complete = not message.get("more_body", False)
+            if left < 0:
+                raise _StopReadingError(413, "These files are too large.")
+            return message
+
+        try:
+            await self._pass(scope, counted, send)
+        finally:
+            self._arriving -= announced
+
+    def _named(self, scope: Scope, headers: dict[str, str]) -> Scope:
+        """A request that tells gradio no other name of this server than those it has. gradio writes them into its page, and calls them from there.
+
+        A proxy may serve the page below a path of its own, and says so.
+        """
+        forwarded, prefix = headers.get("x-forwarded-host", ""), headers.get("x-forwarded-prefix", "").rstrip("/")
+        left_out = {b"x-gradio-server", *(() if self._access.knows(forwarded) else (b"x-forwarded-host",))}
+        kept = [(name, value) for name, value in scope["headers"] if name not in left_out]
+        return {**scope, "headers": kept, "root_path": prefix if PREFIX.fullmatch(prefix) else ""}
+
+    def _with_policy(self, send: Send, path: str) -> Send:
+        """Adds the headers that say what a page may load, and who may frame it."""
+        policy = f"{BASE_POLICY}; {SCRIPTS}; {self._access.frame_ancestors}"
+        more = {
+            b"content-security-policy": policy.encode("latin-1"),
+            b"x-content-type-options": b"nosniff",
+            b"referrer-policy": b"same-origin",
+        }
+
+        async def sent(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                listed = [(name, value) for name, value in message.get("headers", ()) if name.lower() not in more]
+                message = {**message, "headers": [*listed, *more.items()]}
+            await send(message)
+
+        return sent
+
+
+def is_known(method: str, path: str) -> bool:
+    """Whether the page uses a route."""
+    if ".." in path.split("/") or "\\" in path or "\0" in path:
+        return False
+    return any(method in methods.split() and re.fullmatch(route, path) for methods, route in ROUTES)
+
+
+def checked_call(body: Any, inputs: Sequence[int], uploads: Path) -> dict[str, Any]:
+    """A call of one of the page's functions, with nothing in it but what that needs.
+
+    Args:
+        body: what a browser sent, from JSON.
+        inputs: how many values each function takes.
+        uploads: the folder for what browsers send; files are in it.
+
+    Raises:
+        ValueError: it is no such call.
+        UnusableUploadError: a file is not in the folder.
+    """
+    if not isinstance(body, dict):
+        raise ValueError(BAD_REQUEST)
+    number, session, data, trigger = (body.get(name) for name in ("fn_index", "session_hash", "data", "trigger_id"))
+    if not _is_count(number) or number >= len(inputs) or not isinstance(data, list) or len(data) != inputs[number]:
+        raise ValueError(BAD_REQUEST)
+    if not isinstance(session, str) or not SESSION.fullmatch(session) or not (trigger is None or _is_count(trigger)):
+        raise ValueError(BAD_REQUEST)
+    return {
+        "data": [_checked_value(value, uploads) for value in data],
+        "event_data": None,
+        "fn_index": number,
+        "trigger_id": trigger,
+        "session_hash": session,
+    }
+
+
+def inside(path: Path, folder: Path) -> bool:
+    """Whether a path is a file of its own inside a folder, after resolving links, and not a link, a device or a pipe."""
+    try:
+        status = path.lstat()
+        within = path.resolve(strict=True).is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError):
+        return False
+    return within and stat.S_ISREG(status.st_mode)
+
+
+def tell_failure(error: BaseException) -> None:
+    """Tell whoever runs the app of a request that failed, on one line with the place in the code."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    place = "" if trace is None else f" at {Path(trace.tb_frame.f_code.co_filename).name}:{trace.tb_lineno}"
+    text = " ".join(str(error).split())[:200]
+    line = f"semgs: a request failed: {type(error).__name__}{place}: {text}"
+    try:
+        print("".join(one if one.isprintable() else "?" for one in line), file=sys.stderr, flush=True)
+    except (OSError, ValueError):  # there is no terminal any more
+        return
+
+
+class _StopReadingError(Exception):
+    """A body that is not read any further."""
+
+    def __init__(self, status: int, sentence: str) -> None:
+        super().__init__(sentence)
+        self.status, self.sentence = status, sentence
+
+
+def _checked_value(value: Any, uploads: Path) -> Any:
+    """A value of an input: a text, a number, nothing, or a list of uploaded files."""
+    if value is None or isinstance(value, str | int | float):
+        return value
+    if isinstance(value, list):
+        return [_checked_file(one, uploads) for one in value]
+    raise ValueError(BAD_REQUEST)
+
+
+def _checked_file(value: Any, uploads: Path) -> dict[str, Any]:
+    """An uploaded file. All that gradio needs is its path."""
+    if not isinstance(value, dict) or not isinstance(value.get("path"), str):
+        raise ValueError(BAD_REQUEST)
+    path, name = Path(value["path"]), value.get("orig_name")
+    if not inside(path, uploads):
+        raise UnusableUploadError(GONE)
+    return {
+        "path": str(path.resolve()),
+        "orig_name": name if isinstance(name, str) else path.name,
+        "meta": {"_type": "gradio.FileData"},
+    }
+
+
+def _is_count(value: Any) -> bool:
+    """Whether a value is a whole number from 0."""
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 1_000_000
+
+
+def _content(folder: Path) -> tuple[int, int]:
+    """The number of files in a folder and in the folders in it, and their size [bytes]."""
+    files, size = 0, 0
+    for place, _, names in os.walk(folder):
+        files += len(names)
+        for name in names:
+            try:
+                size += Path(place, name).lstat().st_size
+            except OSError:  # deleted just now
+                continue
+    return files, size
+
+
+async def _next(receive: Receive) -> Message:
+    """The next part of a body."""
+    try:
+        return await asyncio.wait_for(receive(), BODY_SECONDS)
+    except TimeoutError as error:
+        raise _StopReadingError(408, "Nothing came for too long.") from error
+
+
+async def _whole(receive: Receive, most: int) -> bytes:
+    """The body of a request."""
+    parts, size = [], 0
+    while True:
+        message = await _next(receive)
+        if message["type"] != "http.request":
+            raise _StopReadingError(400, BAD_REQUEST)
+        parts.append(message.get("body", b""))
+        size += len(parts[-1])
+        if size > most:
+            raise _StopReadingError(413, BAD_REQUEST)
+        if not message.get("more_body", False):
+            return b"".join(parts)
+
+
+def _replayed(data: bytes, receive: Receive) -> Receive:
+    """Gives a body that was read already, then what follows it."""
+    parts = [{"type": "http.request", "body": data, "more_body": False}]
+
+    async def again() -> Message:
+        return parts.pop() if parts else await receive()
+
+    return again
+
+
+async def _answer(scope: Scope, send: Send, status: int, text: str, more: Sequence[tuple[str, str]] = ()) -> None:
+    """Answer with a status and a sentence."""
+    if scope["type"] == "websocket":
+        await send({"type": "websocket.close", "code": 1008})
+        return
+    headers = [("content-type", "text/plain; charset=utf-8"), ("referrer-policy", "no-referrer"), *more]
+    listed = [(name.encode(), value.encode("latin-1")) for name, value in headers]
+    await send({"type": "http.response.start", "status": status, "headers": listed})
+    await send({"type": "http.response.body", "body": text.encode()})

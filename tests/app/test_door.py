@@ -1,0 +1,308 @@
+"""What gets through to gradio: the routes that the page uses, calls with uploaded files alone, and uploads that fit. None of it needs gradio."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from semgs.app import door
+from semgs.app.door import FULL, JOIN, UPLOAD, Door, checked_call, inside, is_known
+from semgs.app.limits import Limits
+from semgs.app.uploads import GONE, UnusableUploadError
+from semgs.viewer.access import Access
+
+SECRET = "the secret of this machine"
+
+LIMITS = Limits(total_bytes=1000, uploads=4, uploads_bytes=1500)
+
+CALL = {"fn_index": 0, "session_hash": "a1", "data": [[], 2, "words"], "event_data": None, "trigger_id": 6}
+
+
+class Behind:
+    """In gradio's place: reads bodies, and remembers what got through."""
+
+    def __init__(self) -> None:
+        self.bodies: list[bytes] = []
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        body, more = b"", scope["method"] == "POST"
+        while more:
+            message = await receive()
+            body, more = body + message["body"], message["more_body"]
+        self.bodies.append(body)
+        if scope["path"] == "/theme.css":
+            raise RuntimeError("a failure\nof gradio")
+        headers = [(b"content-type", b"text/html"), (b"referrer-policy", b"unsafe-url")]
+        await send({"type": "http.response.start", "status": 200, "headers": headers})
+        await send({"type": "http.response.body", "body": b""})
+
+
+def answer(
+    uploads: Path,
+    path: str,
+    parts: Sequence[bytes] = (b"",),
+    method: str = "POST",
+    length: int | None = None,
+    limits: Limits = LIMITS,
+    **more: str,
+) -> tuple[int, str, list[bytes], dict[str, str]]:
+    """The status and text of an answer, the bodies that got through, and the headers."""
+    behind, sent = Behind(), list[Any]()
+    waiting = [
+        {"type": "http.request", "body": part, "more_body": number + 1 < len(parts)}
+        for number, part in enumerate(parts)
+    ]
+
+    async def receive() -> Any:
+        if not waiting:
+            await asyncio.sleep(60)
+        return waiting.pop(0)
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    headers = {"host": "127.0.0.1:80", **({} if length is None else {"content-length": str(length)}), **more}
+    listed = [(name.replace("_", "-").encode(), value.encode()) for name, value in headers.items()]
+    scope = {"type": "http", "method": method, "path": path, "headers": listed, "query_string": b""}
+    asyncio.run(Door(behind, Access(), uploads, limits, [3])(scope, receive, send))
+    told = {name.decode(): value.decode() for name, value in sent[0]["headers"]}
+    return sent[0]["status"], sent[-1]["body"].decode(), behind.bodies, told
+
+
+@pytest.fixture
+def uploads(tmp_path: Path) -> Path:
+    """A folder of uploads with one file, beside a file of this machine."""
+    (tmp_path / "secret.jpg").write_text(SECRET)
+    (tmp_path / "uploads" / "abc").mkdir(parents=True)
+    (tmp_path / "uploads" / "abc" / "a.jpg").write_bytes(b"photo")
+    return tmp_path / "uploads"
+
+
+def file(path: Path | str, **more: Any) -> dict[str, Any]:
+    """A file as gradio's client writes it."""
+    return {"path": str(path), "orig_name": "a.jpg", "meta": {"_type": "gradio.FileData"}, **more}
+
+
+@pytest.mark.parametrize(
+    ("method", "path"),
+    [
+        ("GET", "/"), ("HEAD", "/"), ("GET", "/assets/index-3o3U-0UB.js"), ("GET", "/static/js/iframeResizer.contentWindow.min.js"), ("GET", "/theme.css"),
+        ("GET", "/favicon.ico"), ("GET", "/gradio_api/queue/data"), ("GET", "/gradio_api/upload_progress"), ("POST", JOIN), ("POST", UPLOAD),
+        ("GET", "/rooms/0123456789abcdefghij/renders/a b.png"),
+    ],
+)  # fmt: skip
+def test_what_the_page_uses_is_there(method: str, path: str):
+    assert is_known(method, path)
+
+
+@pytest.mark.parametrize(
+    ("method", "path"),
+    [
+        ("GET", "/gradio_api/deep_link"), ("GET", "/gradio_api/file=/etc/passwd"), ("GET", "/gradio_api/file/etc/passwd"), ("GET", "/gradio_api/proxy=http://a"),
+        ("GET", "/gradio_api/openapi.json"), ("GET", "/gradio_api/info"), ("GET", "/monitoring"), ("GET", "/monitoring/summary"), ("GET", "/config"),
+        ("POST", "/gradio_api/run/predict"), ("POST", "/gradio_api/call/start"), ("POST", "/gradio_api/stream/x"), ("POST", "/gradio_api/vibe-code"),
+        ("GET", JOIN), ("PUT", UPLOAD), ("OPTIONS", UPLOAD), ("DELETE", "/"), ("POST", "/"), ("GET", JOIN + "/"), ("GET", "//"), ("GET", "/assets/"),
+        ("GET", "/assets/../../etc/passwd"), ("GET", "/assets/..\\a"), ("GET", "/assets/a\0"), ("GET", "/static/a/../b"), ("GET", "/custom_component/a/b/c/d"),
+        ("GET", "/rooms/short/index.html"), ("GET", "/rooms/0123456789abcdefghij/../../secret"), ("GET", "/theme.css\n"), ("GET", "/docs"), ("GET", "/theme/css"),
+    ],
+)  # fmt: skip
+def test_nothing_else_is_there(uploads: Path, method: str, path: str):
+    assert not is_known(method, path)
+    status, text, bodies, _ = answer(uploads, path, method=method)
+    assert (status, text, bodies) == (404, "There is no such page.", [])
+
+
+def test_a_page_elsewhere_uploads_nothing(uploads: Path):
+    for headers in (
+        {"origin": "https://evil.example"},
+        {"origin": "http://127.0.0.1:81"},
+        {"sec_fetch_site": "cross-site"},
+    ):
+        status, _, bodies, _ = answer(uploads, UPLOAD, [b"x"], length=1, **headers)
+        assert (status, bodies) == (403, [])
+    assert answer(uploads, UPLOAD, [b"x"], length=1, origin="http://127.0.0.1:80")[2] == [b"x"]
+
+
+def test_a_call_with_an_uploaded_file_goes_through_without_what_it_does_not_need(uploads: Path):
+    path = uploads / "abc" / "a.jpg"
+    body = {
+        **CALL,
+        "data": [[file(path, url="http://127.0.0.1/x", is_stream=True)], 2, "words"],
+        "event_data": file("/etc/passwd"),
+        "extra": 1,
+    }
+    _, _, bodies, _ = answer(uploads, JOIN, [json.dumps(body).encode()])
+    assert json.loads(bodies[0]) == {**CALL, "data": [[file(path)], 2, "words"]}
+
+
+OUTSIDE = (
+    "/etc/passwd", "/proc/self/environ", "/dev/zero", "/dev/stdin", "{uploads}/../secret.jpg", "{uploads}/abc/../../secret.jpg", "{uploads}", "{uploads}/abc", ".", "",
+    "../secret.jpg", "a.jpg", "~", "file:///etc/passwd", "http://127.0.0.1:80/", "{uploads}/link.jpg", "{uploads}/folder/secret.jpg", "{uploads}/pipe.jpg",
+    "{uploads}/absent.jpg", "{uploads}/a\0.jpg", "{uploads}/" + 5000 * "x", "{uploads}2/secret.jpg", "/proc/self/root/etc/passwd", "{uploads}/loop",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("path", OUTSIDE)
+def test_a_file_that_nobody_uploaded_is_refused_in_every_place(uploads: Path, path: str):
+    (uploads / "link.jpg").symlink_to(uploads.parent / "secret.jpg")
+    (uploads / "folder").symlink_to(uploads.parent)
+    (uploads / "loop").symlink_to(uploads / "loop")
+    os.mkfifo(uploads / "pipe.jpg")
+    (uploads.parent / "uploads2").mkdir()
+    (uploads.parent / "uploads2" / "secret.jpg").write_text(SECRET)
+    named = path.format(uploads=uploads)
+    assert not inside(Path(named), uploads)
+    for data in (
+        [[file(named)], 2, "w"],
+        [[file(uploads / "abc/a.jpg"), file(named)], 2, "w"],
+        [[], [file(named)], "w"],
+    ):
+        status, text, bodies, _ = answer(uploads, JOIN, [json.dumps({**CALL, "data": data}).encode()])
+        assert (status, text, bodies) == (400, GONE, []), data
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"fn_index": 1}, {"fn_index": -1}, {"fn_index": True}, {"fn_index": "0"}, {"fn_index": None}, {"fn_index": 10**30}, {"data": None}, {"data": []},
+        {"data": [[], 2, "w", 4]}, {"data": [[], 2, {"path": "/etc/passwd"}]}, {"data": [file("/etc/passwd"), 2, "w"]}, {"data": [[[file("/etc/passwd")]], 2, "w"]},
+        {"data": [[{"path": 3}], 2, "w"]}, {"data": [["/etc/passwd"], 2, "w"]}, {"session_hash": None}, {"session_hash": "../a"}, {"session_hash": 41 * "a"},
+        {"session_hash": ["a"]}, {"trigger_id": "6"}, {"trigger_id": [6]},
+    ],
+)  # fmt: skip
+def test_a_call_of_another_form_is_refused(uploads: Path, change: dict[str, Any]):
+    status, text, bodies, _ = answer(uploads, JOIN, [json.dumps({**CALL, **change}).encode()])
+    assert (status, text, bodies) == (400, "This is not a request of the page.", [])
+
+
+@pytest.mark.parametrize(
+    "body",
+    [b"", b"[]", b"null", b'"a"', b"{", b"\xff\xfe", b'{"data": [], "data": []}', b"[" * 100_000, b'{"fn_index": NaN}'],
+)
+def test_a_call_that_is_no_json_object_is_refused(uploads: Path, body: bytes):
+    assert answer(uploads, JOIN, [body])[0] == 400
+
+
+def test_a_call_is_read_up_to_a_limit(uploads: Path):
+    status, _, bodies, _ = answer(uploads, JOIN, [b" " * 200_000, b" " * 200_000, json.dumps(CALL).encode()])
+    assert (status, bodies) == (413, [])
+
+
+def test_checked_calls_name_the_resolved_file(uploads: Path, tmp_path: Path):
+    (tmp_path / "other name").symlink_to(uploads)
+    checked = checked_call({**CALL, "data": [[file(tmp_path / "other name/abc/a.jpg")], 2, ""]}, [3], uploads)
+    assert checked["data"][0][0]["path"] == str(uploads.resolve() / "abc" / "a.jpg")
+    with pytest.raises(UnusableUploadError):
+        checked_call({**CALL, "data": [[file(tmp_path / "secret.jpg")], 2, ""]}, [3], uploads)
+
+
+def test_uploads_end_at_the_limit_of_a_request_whatever_they_announce(uploads: Path):
+    assert answer(uploads, UPLOAD, [b"x" * 1000], length=1000)[0] == 200
+    assert answer(uploads, UPLOAD, [b"x"], length=1001)[:2] == (413, "These files are too large.")
+    assert answer(uploads, UPLOAD, [b"x" * 11], length=10)[0] == 413
+    assert answer(uploads, UPLOAD, [b"x" * 600, b"x" * 401])[0] == 413  # in chunks, without a length
+    assert answer(uploads, UPLOAD, [b"x" * 600, b"x" * 400])[0] == 200
+
+
+def test_uploads_end_where_the_folder_is_full(uploads: Path):
+    (uploads / "partial").write_bytes(bytes(495))  # with the photo of 5 bytes, 500 of 1,500
+    assert answer(uploads, UPLOAD, [b"x"], length=1000)[0] == 200
+    (uploads / "more").write_bytes(b"x")
+    assert answer(uploads, UPLOAD, [b"x"], length=1000)[:2] == (507, FULL)
+    (uploads / "fourth").touch()
+    assert answer(uploads, UPLOAD, [b"x"], length=1)[:2] == (507, FULL)  # four files
+
+
+def test_bodies_that_do_not_come_are_given_up(uploads: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(door, "BODY_SECONDS", 0.05)
+
+    async def asked(path: str) -> int:
+        sent: list[Any] = []
+
+        async def never() -> Any:
+            await asyncio.sleep(60)
+
+        async def send(message: Any) -> None:
+            sent.append(message)
+
+        scope = {
+            "type": "http",
+            "method": "POST",
+            "path": path,
+            "headers": [(b"host", b"localhost")],
+            "query_string": b"",
+        }
+        await Door(Behind(), Access(), uploads, LIMITS, [3])(scope, never, send)
+        return int(sent[0]["status"])
+
+    assert [asyncio.run(asked(path)) for path in (JOIN, UPLOAD)] == [408, 408]
+
+
+def test_pages_say_what_they_may_load_and_who_may_frame_them(uploads: Path):
+    headers = answer(uploads, "/", method="GET")[3]
+    policy = headers["content-security-policy"]
+    assert "default-src 'self' data: blob:;" in policy
+    assert policy.endswith("frame-ancestors 'self'")
+    assert (headers["x-content-type-options"], headers["referrer-policy"]) == ("nosniff", "same-origin")
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ("/user/me/proxy/7860", "/user/me/proxy/7860"),
+        ("/a/", "/a"),
+        ("", ""),
+        ("//evil.example", ""),
+        ("a", ""),
+        ("/a?b", ""),
+        ("/<script>", ""),
+    ],
+)
+def test_a_proxy_says_below_which_path_it_has_the_page(uploads: Path, given: str, expected: str):
+    seen: list[Any] = []
+
+    async def behind(scope: Any, receive: Any, send: Any) -> None:
+        seen.append(scope)
+
+    headers = {
+        "host": "127.0.0.1",
+        "x-forwarded-prefix": given,
+        "x-forwarded-host": "evil.example",
+        "x-gradio-server": "http://evil.example",
+    }
+    listed = [(name.encode(), value.encode()) for name, value in headers.items()]
+    scope = {"type": "http", "method": "GET", "path": "/", "headers": listed, "query_string": b""}
+    asyncio.run(Door(behind, Access(), uploads, LIMITS)(scope, None, None))  # type: ignore[arg-type]
+    assert seen[0]["root_path"] == expected
+    assert [name for name, _ in seen[0]["headers"]] == [
+        b"host",
+        b"x-forwarded-prefix",
+    ]  # no other name gets into the page
+
+
+def test_a_failure_is_one_line_in_the_terminal_and_a_sentence_in_the_browser(
+    uploads: Path, capsys: pytest.CaptureFixture[str]
+):
+    status, text, _, _ = answer(uploads, "/theme.css", method="GET")
+    assert (status, text) == (500, "This request could not be answered.")
+    error = capsys.readouterr().err
+    assert error.startswith("semgs: a request failed: RuntimeError at test_door.py:")
+    assert error.endswith(": a failure of gradio\n")
+    assert error.count("\n") == 1
+
+
+def test_no_websocket_is_let_in(uploads: Path):
+    sent: list[Any] = []
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    scope = {"type": "websocket", "path": "/", "headers": [(b"host", b"localhost")], "query_string": b""}
+    asyncio.run(Door(Behind(), Access(), uploads, LIMITS, [3])(scope, None, send))  # type: ignore[arg-type]
+    assert sent == [{"type": "websocket.close", "code": 1008}]
