@@ -25,6 +25,9 @@ ARCHIVES = (".zip",)
 ACCEPTED = (*PICTURES, *CLIPS, *ARCHIVES)
 """Endings of files that can be dropped."""
 
+UNPACKED = "scene"
+"""The folder of an unpacked archive, beside that of reduced photos."""
+
 LONGEST_SIDE = 1024
 """Photos without cameras are reduced to this [px]: their cameras are found three times as fast, and the network sees less than 76,800 pixels anyway."""
 
@@ -136,7 +139,7 @@ def prepare(
         uploads[0].path.rename(clip)
         return clip, []
     say("Unpacking the zip")
-    unpacked = folder / "scene"
+    unpacked = folder / UNPACKED
     unpack(uploads[0], unpacked, limits)
     scene = _inner(unpacked)
     pictures = sorted(path for path in scene.rglob("*") if path.suffix.lower() in PICTURES)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from semgs.data.confined import check_inside
 from semgs.data.layouts import labelled_images, llff, metashape, transforms_json
 from semgs.data.layouts.colmap import colmap_scene as colmap
 from semgs.data.layouts.parts.readable_depths import without_unreadable_depth
@@ -256,7 +257,9 @@ def _open_known(
     layout = ZOO if details.scenezoo else next((known for known in LAYOUTS if known.recognises(path)), None)
     if layout is None:
         return None
-    scene = without_unreadable_depth(layout.scene(without_dots(path), as_peers, details))
+    scene = layout.scene(without_dots(path), as_peers, details)
+    check_inside(path, scene)
+    scene = without_unreadable_depth(scene)
     if needs_cameras and not scene.posed:
         raise InputError(
             path, "images with cameras", f"{scene.layout}, which have none",

@@ -14,6 +14,7 @@ from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import MOST_PIXELS, jpeg_bytes
 from semgs.files.paths import check_utf8
+from semgs.sfm.clip_containers import check_container, only_this_file
 from semgs.sfm.clip_sizes import check_clip_size, limit_frames
 from semgs.sfm.photos import BLANK, QUALITY, PhotoSet, UprightPhoto, is_panorama, sharpness_of, small_grey
 
@@ -57,11 +58,12 @@ def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
         most: the largest number of frames.
 
     Raises:
-        InputError: it cannot be decoded, its path is not UTF-8, its frames are larger than `MOST_PIXELS` or more than `MOST_FRAMES`, or fewer than two
+        InputError: it has another format, it cannot be decoded, its path is not UTF-8, its frames are larger than `MOST_PIXELS` or more than `MOST_FRAMES`, or fewer than two
             are sharp with motion between them.
         OSError: a frame cannot be written.
     """
     check_utf8(path, "OpenCV")
+    check_container(path)
     judged = list(_judged(path))
     if not judged:
         raise InputError(path, "a video that OpenCV can decode", "no frames", advice="convert it to H.264 in MP4")
@@ -161,7 +163,8 @@ def _opened(path: Path) -> cv2.VideoCapture:
     """
     check_clip_size(path)
     limit_frames(MOST_PIXELS)
-    video = cv2.VideoCapture(str(path))
+    with only_this_file():
+        video = cv2.VideoCapture(str(path.absolute()), cv2.CAP_FFMPEG)
     # What the frames themselves say may differ from what the container announced.
     width, height = (int(video.get(one)) for one in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
     if width * height > MOST_PIXELS:

@@ -85,7 +85,7 @@ def serving(host: str = LOOPBACK, port: int = ANY_PORT, access: Access | None = 
 
 @contextmanager
 def _guarded_websockets(access: Access) -> Iterator[None]:
-    """Servers of the library `websockets` that start inside this block answer only requests that `access` lets in. viser itself asks nobody."""
+    """Servers of the library `websockets` that start inside this block answer only requests that `access` lets in. viser itself has no such check."""
     from websockets.asyncio import server as library
 
     serve = library.serve

@@ -13,6 +13,8 @@ COLMAP = "semgs/data/layouts/colmap/colmap_files.py"
 POLYCAM = "semgs/data/layouts/phones/polycam.py"
 RECORD3D = "semgs/data/layouts/phones/record3d.py"
 ZOO = "semgs/data/layouts/zoo/zoo_scenes.py"
+OF_CONFINED = "tests/data/test_confined.py::test_"
+OF_UPLOADS = "tests/app/test_confined_scenes.py::test_"
 OF_COLMAP = ("tests/data/layouts/colmap/test_colmap_files.py",)
 OF_FORMULAS = ("tests/data/cameras/test_formula_lens.py",)
 OF_CHOICE = ("tests/data/choosing/test_choice.py",)
@@ -401,5 +403,23 @@ DATA = (
         "the last pixels of a border, half black, are shown", "semgs/data/resampling.py",
         "@ columns.mT > 0,", "@ columns.mT > 0.5,",
         ("tests/data/test_views.py::test_a_pixel_is_hidden_if_a_hidden_one_takes_part_in_its_colour",),
+    ),
+    Mutant(
+        "names may leave a confined folder and come back", "semgs/data/confined.py",
+        "if depth < 0 or len(part", "if len(part", (f"{OF_CONFINED}names_that_lead_outside_are_refused_before_anything_there_is_touched",),
+    ),
+    Mutant(
+        "links lead out of a confined folder", "semgs/data/confined.py",
+        "return path.resolve().is_relative_to(root)", "return path.absolute().is_relative_to(root)",
+        (f"{OF_CONFINED}links_inside_are_followed_and_those_that_lead_outside_are_not",),
+    ),
+    Mutant(
+        "TUM's list may name any depth map of the server", "semgs/data/layouts/rgbd/tum.py",
+        "named_file(path / DEPTH, path, depths[other])", "(path / depths[other])",
+        (f"{OF_UPLOADS}an_honest_scene_is_read_and_a_name_that_leads_outside_touches_nothing_there",),
+    ),
+    Mutant(
+        "the files of an opened scene are not checked again", "semgs/data/scenes.py",
+        "    check_inside(path, scene)\n", "", (f"{OF_UPLOADS}a_link_out_of_the_scene_is_refused_wherever_it_comes_from",),
     ),
 )  # fmt: skip

@@ -118,4 +118,8 @@ SFM = (
         "known.metres / distance", "distance / known.metres",
         (f"{OF_SFM}solving.py::test_three_photos_get_their_relative_poses_and_metres",),
     ),
+    Mutant(
+        "FFmpeg may read lists of other files", "semgs/sfm/clip_containers.py",
+        "|format_whitelist;mov,avi,matroska", "", (f"{OF_SFM}clip_containers.py::test_ffmpeg_itself_opens_no_list",),
+    ),
 )  # fmt: skip

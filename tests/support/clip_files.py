@@ -13,10 +13,10 @@ MATRIX_AT = 44
 """Where the matrix starts in a track's header, after the start of its name (ISO 14496-12, `tkhd` of version 0)."""
 
 
-def write_clip(path: Path, frames: Sequence[np.ndarray], *, clockwise: bool = False) -> Path:
+def write_clip(path: Path, frames: Sequence[np.ndarray], *, clockwise: bool = False, codec: str = "mp4v") -> Path:
     """Write frames in RGB as they are; `clockwise` tells players to turn them by 90 degrees."""
     height, width = frames[0].shape[:2]
-    video = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 10, (width, height))
+    video = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), 10, (width, height))
     for frame in frames:
         video.write(np.ascontiguousarray(frame[..., ::-1]))
     video.release()

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.cameras.lens import Lens
+from semgs.data.confined import named_file
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.fields import Fields, read_fields
 from semgs.data.layouts.parts.pose_files import listed_poses
@@ -93,7 +94,9 @@ def open_transforms(path: Path, details: SceneDetails | None = None) -> Scene:
             raise InputError(path, FILE_NAMES[0], "none in the archive")
         return _scene(path, member, path.stem, lambda name: archive.beside(member, name), depth_unit)
     file = path if path.is_file() else _file(path) or path / FILE_NAMES[0]
-    return _scene(file, file, file.absolute().parent.name, lambda name: _on_disk(file.parent / name), depth_unit)
+    return _scene(
+        file, file, file.absolute().parent.name, lambda name: _on_disk(named_file(file, file.parent, name)), depth_unit
+    )
 
 
 def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside, depth_unit: float | None) -> Scene:

@@ -61,7 +61,7 @@ def no_video(path: Path) -> Path:
         (formats_alone, "2 of 2 photos have a format that is not read (.cr2, .webp)"),
         (still, "expected a video in which the camera moves, found the same picture in 5 frames"),
         (black, "found 5 black or blank frames"),
-        (no_video, "expected a video that OpenCV can decode, found no frames"),
+        (no_video, "expected a video in MP4, MOV, AVI, MKV or WebM, found something else"),
     ],
 )
 def test_unusable_photos_are_refused_with_one_line(

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.cameras.lens import AbstractLens
+from semgs.data.confined import may_read, named_file
 from semgs.data.frames import Frame
 from semgs.data.layouts.colmap.colmap_files import ColmapPoints, read_cameras, read_images, read_points
 from semgs.data.layouts.parts.pose_files import checked_poses
@@ -77,13 +78,13 @@ def open_colmap(path: Path, details: SceneDetails) -> Scene:
     poses = checked_poses(list_file, [image.world_from_camera for image in images], [image.place for image in images])
     points, damage = _points(model / f"points3D{ending}", {image.number for image in images})
     searched = _searched(model) if details.images is None else [details.images]
-    pictures = _pictures_folder(searched, [image.name for image in images])
+    pictures = _pictures_folder(list_file, searched, [image.name for image in images])
     known: dict[Path, dict[str, list[Path]]] = {}
     frames, absent, renamed, transparent = [], [], [], 0
     for image, pose in zip(images, poses, strict=True):
-        picture = _picture(pictures, image.name)
+        picture = _picture(list_file, pictures, image.name)
         if picture is None:
-            picture = _renamed(pictures, image.name, known)
+            picture = _renamed(list_file, pictures, image.name, known)
             renamed += [] if picture is None else [image.name]
         if picture is None:
             absent.append(image.name)
@@ -142,21 +143,22 @@ def _points(path: Path, images: Collection[int]) -> tuple[ColmapPoints, InputErr
         return none, error
 
 
-def _picture(folder: Path, name: str) -> Path | None:
+def _picture(file: Path, folder: Path, name: str) -> Path | None:
     """The image with a name, None if there is no such file. Names made on Windows have backslashes; if a name was Latin-1, the file name may still have these bytes."""
     bytewise = name.encode("latin-1", "ignore").decode("utf-8", "surrogateescape")
     names = (name, name.replace("\\", "/"), bytewise, bytewise.replace("\\", "/"))
-    return next((folder / one for one in names if (folder / one).is_file()), None)
+    places = (named_file(file, folder, one) for one in dict.fromkeys(names))
+    return next((one for one in places if one.is_file()), None)
 
 
-def _renamed(folder: Path, name: str, known: dict[Path, dict[str, list[Path]]]) -> Path | None:
+def _renamed(file: Path, folder: Path, name: str, known: dict[Path, dict[str, list[Path]]]) -> Path | None:
     """The image with a name but for its ending and capitals, None if there is none or several; `known` keeps what is in each folder."""
-    wanted = folder / name.replace("\\", "/")
+    wanted = named_file(file, folder, name.replace("\\", "/"))
     if wanted.parent not in known:
         stems: dict[str, list[Path]] = {}
-        for file in wanted.parent.iterdir() if wanted.parent.is_dir() else ():
-            if file.suffix.lower() in ENDINGS:
-                stems.setdefault(file.stem.lower(), []).append(file)
+        for one in wanted.parent.iterdir() if wanted.parent.is_dir() else ():
+            if one.suffix.lower() in ENDINGS:
+                stems.setdefault(one.stem.lower(), []).append(one)
         known[wanted.parent] = stems
     found = known[wanted.parent].get(wanted.stem.lower(), [])
     return found[0] if len(found) == 1 else None
@@ -173,7 +175,7 @@ def _reduced(lens: AbstractLens, size: tuple[int, int], factor: int) -> Abstract
 
 def _searched(model: Path) -> list[Path]:
     """The folders that image names may be relative to: `images` and the like next to the model or above it, then these folders themselves, then others in them."""
-    around = [model, *model.absolute().parents[:ABOVE]]
+    around = [model, *filter(may_read, model.absolute().parents[:ABOVE])]
     names: tuple[str, ...] = PICTURE_FOLDERS
     if DISTORTED in (one.name for one in around):
         names = ("input", *(name for name in names if name != "input"))
@@ -184,13 +186,13 @@ def _searched(model: Path) -> list[Path]:
     ]
 
 
-def _pictures_folder(searched: Sequence[Path], names: Sequence[str]) -> Path:
+def _pictures_folder(file: Path, searched: Sequence[Path], names: Sequence[str]) -> Path:
     """The first of some folders that has an image, or else its first image with another ending or capitals; if none has one, the first that exists."""
     for folder in searched:
-        if any(_picture(folder, name) for name in names):
+        if any(_picture(file, folder, name) for name in names):
             return folder
     for folder in searched:
-        if any(_renamed(folder, name, {}) for name in names[:1]):
+        if any(_renamed(file, folder, name, {}) for name in names[:1]):
             return folder
     return next((one for one in searched if one.is_dir()), searched[0])
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.cameras.lens import Lens
+from semgs.data.confined import may_read
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.pose_files import checked_poses
 from semgs.data.layouts.parts.sentences import note_lacking
@@ -153,7 +154,8 @@ def pictures_in(folder: Path) -> list[Path]:
 
 def first_file(folders: Iterable[Path], names: Sequence[str]) -> Path | None:
     """The first existing file with one of these names, looking through the folders in order; None if there is none."""
-    return next((one for folder in folders for name in names if (one := folder / name).is_file()), None)
+    places = (folder / name for folder in folders if may_read(folder) for name in names)
+    return next((one for one in places if one.is_file()), None)
 
 
 def sequence_name(path: Path) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath
 import cv2
 import numpy as np
 
+from semgs.data.confined import may_read, named_file
 from semgs.data.layouts.parts.usable_frames import pictures_in
 from semgs.data.layouts.predictions.predicted import Predicted
 from semgs.data.layouts.predictions.preprocessing import Placement, Size
@@ -64,7 +65,7 @@ def find_photos(predicted: Predicted, given: Path | None = None) -> OriginalPhot
             show something else.
     """
     folders = [given] if given else [base_of(predicted.path) / name for name in FOLDERS]
-    folder = next((one for one in folders if one.is_dir()), None)
+    folder = next((one for one in folders if may_read(one) and one.is_dir()), None)
     files = _named(predicted, folder)
     if files is None:
         if folder is None:
@@ -93,12 +94,22 @@ def _named(predicted: Predicted, folder: Path | None) -> list[Path] | None:
         if "\0" in name:
             return None
         last = PurePosixPath(name.replace("\\", "/")).name
-        places = [*([folder / last] if folder else []), predicted.path.parent / name]
-        found = next((one for one in places if last and one.is_file()), None)
+        found = folder / last if folder and last else None
+        if found is None or not found.is_file():
+            found = _beside(predicted.path, name) if last else None
         if found is None:
             return None
         files.append(found)
     return files
+
+
+def _beside(file: Path, name: str) -> Path | None:
+    """The photo at a path relative to a file, None if there is none. Names may be of the machine that made the file: those that may not be read count as missing."""
+    try:
+        path = named_file(file, file.parent, name)
+    except InputError:
+        return None
+    return path if path.is_file() else None
 
 
 def _placements(predicted: Predicted, files: Sequence[Path], headers: Sequence[PictureHeader]) -> tuple[Placement, ...]:

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.cameras.lens import HALF
+from semgs.data.confined import named_file
 from semgs.data.layouts.parts.association import associate, in_seconds
 from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details, read_calibration
 from semgs.data.layouts.parts.text_numbers import read_lines
@@ -72,16 +73,16 @@ def open_tum(path: Path, details: SceneDetails) -> Scene:
         mapped = associate(times, depth_times)
     unit = details.depth_unit or 1 / COUNTS_PER_METRE
     maps = {
-        index: DepthMap(path / depths[other], unit)
+        index: DepthMap(file, unit)
         for index, other in mapped.items()
-        if (path / depths[other]).is_file()
+        if (file := named_file(path / DEPTH, path, depths[other])).is_file()
     }
     calibration, why = _calibration(path, details)
     return ShotList(
         path=path,
         layout=LAYOUT,
         shots=[
-            Shot(name, path / name, trajectory.at(posed.get(index)), maps.get(index))
+            Shot(name, named_file(path / RGB, path, name), trajectory.at(posed.get(index)), maps.get(index))
             for index, name in enumerate(names)
         ],
         lens=calibration.lens,

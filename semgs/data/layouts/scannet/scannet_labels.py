@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
+from semgs.data.confined import may_read
 from semgs.data.tables.nyu40 import NAMES, scannet20_labels
 from semgs.files.contents import read_text
 from semgs.files.errors import InputError
@@ -53,7 +54,7 @@ def labels_of_ids(nyu40: Mapping[int, int], as_gsnerf: bool = False) -> UInt8[np
 def find_table(folder: Path) -> Path | None:
     """The table of a scan: in its folder, or the nearest one above."""
     around = [folder, *folder.absolute().parents][: LEVELS + 1]
-    return next((one / FILE_NAME for one in around if (one / FILE_NAME).is_file()), None)
+    return next((one / FILE_NAME for one in around if may_read(one) and (one / FILE_NAME).is_file()), None)
 
 
 def read_table(path: Path) -> LabelTable:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -112,7 +113,8 @@ def read_mesh(path: Path) -> tuple[Float64[np.ndarray, "n 3"], Int[np.ndarray, "
     if not path.is_file():
         raise InputError(path, "the mesh of the scan", "no such file")
     try:
-        mesh = trimesh.load_mesh(path, process=False)
+        # From memory, as its header may name an image anywhere (`comment TextureFile`), which trimesh would open.
+        mesh = trimesh.load_mesh(BytesIO(path.read_bytes()), file_type="ply", process=False)
         vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces)
     except Exception as error:  # trimesh raises ValueError, IndexError, KeyError, ...
         raise InputError(path, "a PLY with triangles", f"one that cannot be read: {error}") from error
