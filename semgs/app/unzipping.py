@@ -119,8 +119,11 @@ def _check_member(member: zipfile.ZipInfo) -> None:
         raise UnfitZipError("contains a name that is too long. Use shorter names of files and folders.")
     if len(path.parts) > DEEPEST:
         raise UnfitZipError(f"contains more than {DEEPEST} folders inside one another.")
-    if stat.S_ISLNK(member.external_attr >> 16):
+    kind = stat.S_IFMT(member.external_attr >> 16)
+    if kind == stat.S_IFLNK:
         raise UnfitZipError("contains a link. Pack the files themselves.")
+    if kind not in (0, stat.S_IFREG):
+        raise UnfitZipError("contains a device or a pipe. Make a zip of files alone.")
     if member.flag_bits & ENCRYPTED:
         raise UnfitZipError("has a password. Make a zip without one.")
     if member.compress_type not in METHODS:

@@ -31,9 +31,9 @@ def zipped(path: Path, members: dict[str, bytes]) -> Upload:
     return Upload(path, path.name)
 
 
-def with_link(path: Path) -> Upload:
+def with_link(path: Path, kind: int = stat.S_IFLNK) -> Upload:
     with zipfile.ZipFile(path, "w") as archive:
         link = zipfile.ZipInfo("images/0.jpg")
-        link.external_attr = (stat.S_IFLNK | 0o777) << 16
+        link.external_attr = (kind | 0o777) << 16
         archive.writestr(link, "/etc/passwd")
     return Upload(path, path.name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import stat
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -66,6 +67,7 @@ WRONG: dict[str, tuple[Callable[[Path], list[Upload]], str]] = {
     "an absolute path": (lambda folder: [zipped(folder / "a.zip", {"/a": b"x"})], "leads outside"),
     "a drive": (lambda folder: [zipped(folder / "a.zip", {"C:/a": b"x"})], "leads outside"),
     "a file without a name": (lambda folder: [zipped(folder / "a.zip", {".": b"x"})], "a file without a name"),
+    "a pipe": (lambda folder: [with_link(folder / "a.zip", stat.S_IFIFO)], "contains a device or a pipe"),
     "a link": (lambda folder: [with_link(folder / "a.zip")], "contains a link"),
     "deflated damage": (lambda folder: [damaged(folder / "a.zip", zipfile.ZIP_DEFLATED)], "a.zip is not a zip that can be read"),
     "LZMA": (lambda folder: [damaged(folder / "a.zip", zipfile.ZIP_LZMA)], "compressed by an unusual method"),
