@@ -51,15 +51,20 @@ class Gaussians:
         opacities: 0..1.
         colour: appearance whose features are harmonics [... g k 3].
         semantic: appearance whose features are class distributions [... g class]; None for a colour-only model.
+        footprints: variance in the world of the blur that splatting added in each Gaussian's own input view [m^2]; None for splats of other programs.
+            No shape contains it. A camera with smaller pixels has to add what its own blur lacks (`render` with `footprint`).
     """
 
     means: Float[Tensor, "*batch g 3"]
     opacities: Float[Tensor, "*batch g"]
     colour: Appearance
     semantic: Appearance | None = None
+    footprints: Float[Tensor, "*batch g"] | None = None
 
     def __post_init__(self) -> None:
         leading = self.means.shape[:-1]
+        if self.footprints is not None and self.footprints.shape != leading:
+            raise ValueError(f"footprints are {tuple(self.footprints.shape)}; expected {tuple(leading)}, one for each Gaussian")
         if self.means.shape[-1:] != (3,) or self.opacities.shape != leading:
             raise ValueError(
                 f"means are {tuple(self.means.shape)} and opacities {tuple(self.opacities.shape)}; expected [... g 3] and [... g]"
@@ -107,6 +112,7 @@ class Gaussians:
             for part, good, expected in (
                 ("opacities", (tensor >= 0) & (tensor <= 1), "0 to 1"),
                 ("scales", tensor >= 0, "0 or more"),
+                ("footprints", tensor >= 0, "0 or more"),
                 ("quaternions", (tensor.norm(dim=-1) - 1).abs() < 1e-3, "a length of 1"),
             ):
                 if name.endswith(part) and not good.all():
@@ -119,7 +125,8 @@ class Gaussians:
         shapes = {
             f"{branch}.{name}": one for branch, shape in branches.items() if shape for name, one in vars(shape).items()
         }
-        return {"means": self.means, "opacities": self.opacities, **shapes}
+        footprints = {} if self.footprints is None else {"footprints": self.footprints}
+        return {"means": self.means, "opacities": self.opacities, **shapes, **footprints}
 
     def __len__(self) -> int:
         """The number of Gaussians of one scene."""
@@ -137,7 +144,25 @@ class Gaussians:
             opacities=function(self.opacities),
             colour=mapped(self.colour),
             semantic=None if self.semantic is None else mapped(self.semantic),
+            footprints=None if self.footprints is None else function(self.footprints),
         )
+
+    def blurred(self, variances: Float[Tensor, "*batch g"]) -> Gaussians:
+        """The same Gaussians, wider in all directions, and without footprints.
+
+        Args:
+            variances: added to the squares of all scales [m^2].
+        """
+
+        def widened(shape: Appearance) -> Appearance:
+            return replace(shape, scales=(shape.scales.square() + variances[..., None]).sqrt())
+
+        semantic = None if self.semantic is None else widened(self.semantic)
+        return replace(self, colour=widened(self.colour), semantic=semantic, footprints=None)
+
+    def with_footprints(self) -> Gaussians:
+        """The same Gaussians with their footprints in their shapes, for files and viewers, whose pixels are not known; unchanged without footprints."""
+        return self if self.footprints is None else self.blurred(self.footprints)
 
     def to(self, *args, **kwargs) -> Gaussians:
         """The same Gaussians on another device or in another dtype; arguments as for `Tensor.to`."""

@@ -37,6 +37,7 @@ def move_gaussians(b_from_a: Float64[Tensor, "4 4"], gaussians: Gaussians, *, sc
         means=means.to(gaussians.means),
         colour=replace(turned(gaussians.colour), features=harmonics),
         semantic=None if gaussians.semantic is None else turned(gaussians.semantic),
+        footprints=None if gaussians.footprints is None else scale**2 * gaussians.footprints,
     )
 
 

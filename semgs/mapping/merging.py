@@ -379,7 +379,9 @@ def settle(part: KeyframePart) -> KeyframePart:
         )
     thinner = shrinkage((1 + votes.agree).clamp(max=LAYERS), SHRINK)[:, None]
     colour = replace(gaussians.colour, scales=gaussians.colour.scales * ratio * thinner)
-    moved = replace(gaussians, means=centre + (gaussians.means - centre) * ratio, colour=colour, semantic=semantic)
+    means = centre + (gaussians.means - centre) * ratio
+    footprints = None if gaussians.footprints is None else gaussians.footprints * ratio[:, 0].square()
+    moved = replace(gaussians, means=means, colour=colour, semantic=semantic, footprints=footprints)
     return replace(part, gaussians=moved)
 
 

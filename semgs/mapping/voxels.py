@@ -45,7 +45,7 @@ def join_in_voxels(
     """The Gaussians with those of one voxel joined.
 
     The one that takes their place has the mean and the covariance of their mixture, weighted by opacity times area; its colour is the weighted mean and its
-    classes the mean of the log probabilities. Its opacity keeps the sum of opacity times area. It gets the place of the heaviest one.
+    classes the mean of the log probabilities. Its opacity keeps the sum of opacity times area. It gets the smallest footprint, and the place of the heaviest one.
 
     Args:
         gaussians: of one scene.
@@ -90,7 +90,10 @@ def join_in_voxels(
     if parts.semantic is not None:
         semantic = joint(parts.semantic, mean((parts.semantic.features + LEAST).log()).softmax(-1))
     opacities = (total / area(colour.scales)).clamp(max=MOST_OPAQUE)
-    found = Gaussians(means, opacities, colour, semantic)
+    footprints = None
+    if parts.footprints is not None:  # the sharpest photo says how far details are apart
+        footprints = weight.new_full((len(heaviest),), torch.inf).index_reduce_(0, voxel, parts.footprints, "amin")
+    found = Gaussians(means, opacities, colour, semantic, footprints)
     rows = iter([torch.cat((one[alone], other)) for one, other in _pairs(gaussians, found)])
     return gaussians.map(lambda _: next(rows)), torch.cat((places[alone], places[several][heaviest]))
 

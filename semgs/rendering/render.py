@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
@@ -18,6 +19,7 @@ from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.harmonics import colours_from_harmonics
 from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.rendering import Rendering
+from semgs.rendering.rules import BLUR_PX2
 from semgs.rendering.splats import Layer, Splats
 from semgs.runtime.kernels import check_not_forked
 
@@ -36,6 +38,7 @@ def render(
     near: float | int | Tensor | None = None,
     backend: str = "auto",
     clamp: bool = True,
+    footprint: bool = False,
 ) -> Rendering:
     """Splat Gaussians into cameras: one pass for colour, depth and alpha, and one for classes, which have their own covariances.
 
@@ -51,6 +54,9 @@ def render(
             leaves out those closer than 2 % of the median depth in front of each camera.
         backend: `auto`, `numba`, `gsplat` or `reference`; `auto` is gsplat for Gaussians on a CUDA device, and Numba for all others and
             for float64, which gsplat does not support.
+        footprint: blur as much as the Gaussians' own input views did. Splatting adds 0.3 px^2 to each Gaussian in the image. Where a pixel is smaller than in
+            its own view, because the camera is nearer or its image larger, this adds the difference in the world, max(0, 0.3 ((z/f)^2 of its own view -
+            (z/f)^2 of this camera)), and leaves no gaps. Without it, as in the paper, images are those that training and evaluation see.
         clamp: clamp `images` to 0..1. Harmonics can add up to more than 1. Losses use False, because a clamped pixel has no gradient.
 
     Returns:
@@ -73,7 +79,7 @@ def render(
         near,
         backend,
         lambda scene, camera, bound, backend_module: _render_view(
-            scene, camera, bound, backdrop.to(scene.means), backend_module
+            _seen_by(scene, camera) if footprint else scene, camera, bound, backdrop.to(scene.means), backend_module
         ),
     )
 
@@ -135,6 +141,15 @@ def render_each_view(
                 camera = Pinhole.of(cameras[(*at, view)])
                 results.append(render_view(scene, camera, bounds[len(results)], backend_module))
     return results
+
+
+def _seen_by(scene: Gaussians, camera: Pinhole) -> Gaussians:
+    """The Gaussians with that part of their footprints which the blur of a camera's pixels lacks."""
+    if scene.footprints is None:
+        return scene
+    depths = camera.offsets(scene.means) @ camera.axes[2].to(scene.means)
+    pixels = BLUR_PX2 * depths.square() / math.prod(camera.focal_px)
+    return scene.blurred((scene.footprints - pixels).clamp(min=0))
 
 
 def _render_view(

@@ -169,6 +169,7 @@ class Encoding:
             means=centres + (means - centres) * ratios[..., None],
             colour=resize(self.gaussians.colour),
             semantic=None if self.gaussians.semantic is None else resize(self.gaussians.semantic),
+            footprints=None if self.gaussians.footprints is None else self.gaussians.footprints * ratios.square(),
         )
         if opacities is not None:
             gaussians = replace(gaussians, opacities=_means(opacities, stride).flatten(-3).to(means))

@@ -13,6 +13,7 @@ Tensors are float32 unless noted; g Gaussians, v context views:
     means [g 3]  opacities [g]
     colour.quaternions [g 4]  colour.scales [g 3]  colour.features [g k 3]      (w, x, y, z; harmonics, 3DGS basis)
     semantic.quaternions [g 4]  semantic.scales [g 3]  semantic.features [g class]      (absent without classes)
+    footprints [g]      (absent in labelled splats of other programs, and in files of semgs 0.1.0 and earlier)
     cameras.world_from_camera [v 4 4] float64  cameras.intrinsics [v 3 3] float64  depth_range [v 2] float64
     depths [v h w]  confidences [v h w]  depth_spread [v h w]      (depth_spread: absent in files of semgs 0.1.0 and earlier)
 """
@@ -264,6 +265,8 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
             tensors[f"{branch}.quaternions"] = appearance.quaternions
             tensors[f"{branch}.scales"] = appearance.scales
             tensors[f"{branch}.features"] = appearance.features
+    if gaussians.footprints is not None:
+        tensors["footprints"] = gaussians.footprints
     tensors |= {"depths": scene.depths, "confidences": scene.confidences}
     if scene.depth_spread is not None:
         tensors["depth_spread"] = scene.depth_spread
@@ -360,6 +363,7 @@ def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
             opacities=tensors["opacities"],
             colour=appearance("colour"),
             semantic=None if table is None else appearance("semantic"),
+            footprints=tensors.get("footprints"),
         ),
         cameras=cameras.relative_to((x, y, z)) if any((x, y, z)) else cameras,
         depths=tensors["depths"],

@@ -15,6 +15,7 @@ from semgs.geometry.rotations import quaternion_from_matrix, quaternion_product
 from semgs.model.gaussians.heads import RawGaussians
 from semgs.model.layers.conventions import Conventions
 from semgs.model.layers.network_input import NetworkInput, widen
+from semgs.rendering.rules import BLUR_PX2
 from semgs.runtime.precision import outside_autocast
 from semgs.scene.encoding import Encoding
 from semgs.scene.overlap import PAIR, Others, seen_by, shrinkage
@@ -152,6 +153,21 @@ def semantic_appearance(raw: Float[Tensor, "n c h w"], depths: Float[Tensor, "n 
     return Appearance(quaternions.flatten(1, 2), scales.flatten(1, 2), classes.flatten(1, 2))
 
 
+@outside_autocast
+def footprints(means: Float[Tensor, "n h w 3"], rays: Rays, stride: int) -> Float[Tensor, "n h w"]:
+    """The variance in the world of the blur that splatting adds in each Gaussian's own view, without a gradient [m^2].
+
+    Args:
+        means: of the Gaussians, by their own view, row and column.
+        rays: of the cameras at the Gaussians' scale.
+        stride: pixels of the image along each side of a Gaussian's block.
+    """
+    away = means.detach() - rays.centre[:, None, None]
+    depths = (away * rays.rotation[:, None, None, :, 2]).sum(-1)
+    pixels = rays.inverse_k[:, 0, 0] * rays.inverse_k[:, 1, 1] / stride**2
+    return BLUR_PX2 * depths.square() * pixels[:, None, None]
+
+
 @dataclass(frozen=True)
 class Placer:
     """Gives Gaussians their position, shape and appearance in the world.
@@ -215,7 +231,8 @@ class Placer:
             maps = tensor.reshape(*depths.shape, *tensor.shape[2:])
             return maps[:, : kept[0], : kept[1]].flatten(1, 2)
 
-        flat = Gaussians(means.flatten(1, 2), decoded.opacities.flatten(1), appearance, semantic)
+        blurs = footprints(means, rays, self.stride).flatten(1)
+        flat = Gaussians(means.flatten(1, 2), decoded.opacities.flatten(1), appearance, semantic, blurs)
         return Encoding(
             flat.map(gathered),
             self._full(depths, size),

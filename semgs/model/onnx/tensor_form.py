@@ -7,6 +7,7 @@ rounding, and whatever would be float64 is float32.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import torch
@@ -62,7 +63,7 @@ class TensorForm(nn.Module):
             views = Views.trusted(images=images, cameras=cameras, depth_range=depth_range)
             encoding: Encoding = self.network(views, WHOLE)
             maps = {name: getattr(encoding, name) for name in ("depths", "confidences", "depth_spread")}
-            return encoding.gaussians.tensors() | maps
+            return replace(encoding.gaussians, footprints=None).tensors() | maps
 
 
 def arguments(views: Views) -> Arguments:
