@@ -36,6 +36,7 @@ from semgs.rendering.rendering import class_numbers
 from semgs.robotics.boxes import EDGES, SIGNS
 from semgs.scene.confidence import class_confidences
 from semgs.scene.scene_file import SavedScene
+from semgs.splats.gltf_splat import FOOTPRINT
 
 EXTENSION = "KHR_gaussian_splatting"
 
@@ -155,7 +156,7 @@ def _accessor(view: int, values: np.ndarray, kind: str) -> dict[str, Any]:
 
 def _attributes(scene: SavedScene) -> dict[str, np.ndarray]:
     """The attributes of the primitive, [g n] each, rows of whole words of four bytes."""
-    gaussians, harmonics = scene.gaussians, scene.gaussians.colour.features
+    gaussians, harmonics = scene.gaussians.with_footprints(), scene.gaussians.colour.features
     constant = (0.5 + DEGREE_0 * harmonics[:, 0]).clamp(0, 1)
     quaternions = torch.nn.functional.normalize(gaussians.colour.quaternions.double(), dim=-1)
     found = {
@@ -171,6 +172,8 @@ def _attributes(scene: SavedScene) -> dict[str, np.ndarray]:
     if gaussians.semantic is not None:
         found["_CLASS"] = class_numbers(gaussians.semantic.features)[:, None]
     found["_CONFIDENCE"] = class_confidences(scene)[:, None]
+    if scene.gaussians.footprints is not None:  # what reading takes away again
+        found[FOOTPRINT] = scene.gaussians.footprints[:, None]
     return {
         name: tensor.detach().cpu().numpy().astype("u1" if name == "COLOR_0" else "<f4")
         for name, tensor in found.items()

@@ -1,8 +1,11 @@
 """PLY files of Gaussians for 3DGS viewers.
 
-The layout is that of the first 3DGS implementation, to the byte: binary little endian, no comment lines, float32
+The layout is that of the first 3DGS implementation, to the byte: binary little endian, float32
 properties x y z, nx ny nz (zero), f_dc_0..2, f_rest_0..44, opacity (logit), scale_0..2 (log), rot_0..3 (w, x, y, z).
 f_rest holds the harmonics above degree 0 channel by channel: 15 of red, 15 of green, 15 of blue.
+
+Viewers blur by their own pixels, which nobody knows here, so scales contain the Gaussians' footprints. Each is also in nx, which viewers of splats do not read, and a comment
+says so: `read_plain_ply` takes it away again. Gaussians without footprints have zeros there, and the file has no comment.
 
 All 45 f_rest are always written, zero beyond the degree. Of the viewers we looked at, some read exactly these 62 floats by position
 (the first 3DGS viewer, 3DGS.cpp), some look up f_rest by name (splatapult), and some accept only 0 or 45 of them (splatviz). None
@@ -15,11 +18,14 @@ export.json (`semgs.export.export_record`).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 import torch
+from jaxtyping import Float, Float64
+from torch import Tensor
 
 from semgs.data.tables.classes import ClassTable
 from semgs.figures.class_images import UNKNOWN_GREY
@@ -29,6 +35,7 @@ from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.harmonics import DEGREE_0
 from semgs.rendering.rendering import class_numbers
 from semgs.runtime.argument_types import check_type
+from semgs.splats.plain_ply import FOOTPRINT
 
 _FULL = 15  # harmonics above degree 0, per channel, at degree 3
 _SMALLEST_SCALE = 1e-20  # the log of 0, for a flat Gaussian, is not finite; this renders the same
@@ -100,6 +107,11 @@ _NAMES = (
 """The properties in their order."""
 
 
+def _column(footprints: Float[Tensor, " g"] | None, means: Float64[Tensor, "g 3"]) -> Float64[Tensor, "g 1"]:
+    """Footprints as a column; zeros without them."""
+    return torch.zeros_like(means[:, :1]) if footprints is None else footprints.detach().to(means)[:, None]
+
+
 def _write(
     path: str | Path,
     gaussians: Gaussians,
@@ -109,6 +121,10 @@ def _write(
 ) -> None:
     """Write positions and opacities with the shapes and harmonics of one branch."""
     path = typed_path(path)
+    footprints = gaussians.footprints
+    if footprints is not None:
+        shape = replace(shape, scales=(shape.scales.double().square() + footprints.double()[..., None]).sqrt())
+        comments = (*comments, FOOTPRINT)
     if gaussians.means.ndim != 2:
         raise ValueError(f"means are {tuple(gaussians.means.shape)}; a PLY holds one scene, expected [g 3]")
     means, opacities, quaternions, scales, harmonics = (
@@ -120,7 +136,7 @@ def _write(
     rows = torch.cat(
         (
             means,
-            torch.zeros_like(means),
+            torch.nn.functional.pad(_column(footprints, means), (0, 2)),
             full[:, 0],
             full[:, 1:].mT.flatten(1),
             opacities.clamp(_SMALLEST_OPACITY, 1 - _SMALLEST_OPACITY).logit()[:, None],

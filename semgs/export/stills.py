@@ -62,7 +62,7 @@ class Stills:
         """For each camera [n] the images, in the order of `shows`."""
         limits = depth_limits([self.scene.depths.numpy()])  # one scale for the whole path
         for index in range(cameras.batch[0]):
-            rendering = self.scene.render(cameras[index : index + 1])
+            rendering = self.scene.render(cameras[index : index + 1], footprint=True)
             yield tuple(self._image(show, rendering, limits) for show in self.shows)
 
     def _image(self, show: Show, rendering: Rendering, limits: tuple[float, float]) -> UInt8[np.ndarray, "h w channel"]:

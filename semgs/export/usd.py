@@ -160,7 +160,7 @@ def prim_names(names: Sequence[str]) -> list[str]:
 
 def _columns(scene: SavedScene, instances: Int64[np.ndarray, " g"] | None) -> dict[str, np.ndarray]:
     """What is written of each Gaussian, [g ...] each."""
-    gaussians = scene.gaussians
+    gaussians = scene.gaussians.with_footprints()
     quaternions = torch.nn.functional.normalize(gaussians.colour.quaternions.double(), dim=-1)
     axes = matrix_from_quaternion(quaternions) * gaussians.colour.scales.double()[:, None]
     found = {

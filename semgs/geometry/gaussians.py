@@ -64,7 +64,9 @@ class Gaussians:
     def __post_init__(self) -> None:
         leading = self.means.shape[:-1]
         if self.footprints is not None and self.footprints.shape != leading:
-            raise ValueError(f"footprints are {tuple(self.footprints.shape)}; expected {tuple(leading)}, one for each Gaussian")
+            raise ValueError(
+                f"footprints are {tuple(self.footprints.shape)}; expected {tuple(leading)}, one for each Gaussian"
+            )
         if self.means.shape[-1:] != (3,) or self.opacities.shape != leading:
             raise ValueError(
                 f"means are {tuple(self.means.shape)} and opacities {tuple(self.opacities.shape)}; expected [... g 3] and [... g]"

@@ -92,7 +92,7 @@ def join_in_voxels(
     opacities = (total / area(colour.scales)).clamp(max=MOST_OPAQUE)
     footprints = None
     if parts.footprints is not None:  # the sharpest photo says how far details are apart
-        footprints = weight.new_full((len(heaviest),), torch.inf).index_reduce_(0, voxel, parts.footprints, "amin")
+        footprints = weight.new_full((len(heaviest),), torch.inf).scatter_reduce_(0, voxel, parts.footprints, "amin")
     found = Gaussians(means, opacities, colour, semantic, footprints)
     rows = iter([torch.cat((one[alone], other)) for one, other in _pairs(gaussians, found)])
     return gaussians.map(lambda _: next(rows)), torch.cat((places[alone], places[several][heaviest]))

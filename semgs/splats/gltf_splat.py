@@ -23,11 +23,14 @@ from semgs.geometry.harmonics import MAX_DEGREE
 from semgs.geometry.rigid import move_gaussians
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.splats.gltf_container import Container, open_container
-from semgs.splats.splat import Splat, check_count, make_gaussians
+from semgs.splats.splat import Splat, check_count, make_gaussians, without_footprints
 
 EXTENSION = "KHR_gaussian_splatting"
 KERNEL, COLOURS = "ellipse", "srgb_rec709_display"
 WIDTHS = {"POSITION": 3, f"{EXTENSION}:ROTATION": 4, f"{EXTENSION}:SCALE": 3, f"{EXTENSION}:OPACITY": 1}
+
+FOOTPRINT = "_FOOTPRINT"
+"""The attribute of our own files with the footprints that their scales contain, which are taken away here."""
 
 SIMILAR = 1e-3
 """How far the axes of a node may be from a rotation times a scale."""
@@ -75,13 +78,13 @@ def read_gltf(path: Path, data: bytes) -> Splat:
     file.check_size(count)
     read = [_gaussians(file, part) for part in parts]
     names = set.intersection(*({name for name in part.attributes if name.startswith("_")} for part in parts))
-    extra = {}
-    for name in sorted(names):
+    together, extra = _together(read), {}
+    for name in sorted(names - ({FOOTPRINT} if together.footprints is not None else set())):
         columns = [file.array(part.attributes[name], part.place) for part in parts]
         if all(len(one) == len(gaussians) for one, gaussians in zip(columns, read, strict=True)):
             extra[name] = np.concatenate(columns).squeeze(-1) if columns[0].shape[1] == 1 else np.concatenate(columns)
     generator = file.content["asset"].get("generator")
-    return Splat(_together(read), "glTF", "y", extra=extra, comments=(generator,) if isinstance(generator, str) else ())
+    return Splat(together, "glTF", "y", extra=extra, comments=(generator,) if isinstance(generator, str) else ())
 
 
 def _parts(file: Container) -> Iterator[Part]:
@@ -133,6 +136,9 @@ def _gaussians(file: Container, part: Part) -> Gaussians:
     counts = {len(means), len(rotations), len(scales), len(opacities), len(harmonics)}
     if len(counts) > 1:
         raise InputError(file.path, "attributes of one length", ", ".join(map(str, sorted(counts))), part.place)
+    footprints = None
+    if FOOTPRINT in part.attributes:
+        scales, footprints = without_footprints(scales, _column(file, part, FOOTPRINT, 1)[:, 0].astype(np.float64))
     gaussians = make_gaussians(
         file.path,
         means=means,
@@ -140,6 +146,7 @@ def _gaussians(file: Container, part: Part) -> Gaussians:
         scales=scales,
         quaternions=np.roll(rotations, 1, axis=-1),
         harmonics=harmonics,
+        footprints=footprints,
     )
     return _moved(file.path, gaussians, part)
 
@@ -183,6 +190,7 @@ def _moved(path: Path, gaussians: Gaussians, part: Part) -> Gaussians:
         scales=moved.colour.scales.numpy(),
         quaternions=moved.colour.quaternions.numpy(),
         harmonics=moved.colour.features.numpy(),
+        footprints=None if moved.footprints is None else moved.footprints.numpy(),
     )
 
 
@@ -194,6 +202,7 @@ def _together(parts: list[Gaussians]) -> Gaussians:
     features = [
         torch.nn.functional.pad(one.colour.features, (0, 0, 0, most - one.colour.features.shape[1])) for one in parts
     ]
+    footprints = [one.footprints for one in parts if one.footprints is not None]
     return Gaussians(
         means=torch.cat([one.means for one in parts]),
         opacities=torch.cat([one.opacities for one in parts]),
@@ -202,6 +211,7 @@ def _together(parts: list[Gaussians]) -> Gaussians:
             torch.cat([one.colour.scales for one in parts]),
             torch.cat(features),
         ),
+        footprints=torch.cat(footprints) if len(footprints) == len(parts) else None,
     )
 
 

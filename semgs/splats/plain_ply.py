@@ -18,7 +18,7 @@ import numpy as np
 
 from semgs.data.ply_tables import PlyTables
 from semgs.files.errors import InputError
-from semgs.splats.splat import DEGREES, Splat, check_all, check_count, make_gaussians
+from semgs.splats.splat import DEGREES, Splat, check_all, check_count, make_gaussians, without_footprints
 
 POSITION = ("x", "y", "z")
 CONSTANT = ("f_dc_0", "f_dc_1", "f_dc_2")
@@ -27,6 +27,9 @@ ROTATION = ("rot_0", "rot_1", "rot_2", "rot_3")
 NORMAL = ("nx", "ny", "nz")
 NEEDED = (*POSITION, *CONSTANT, "opacity", *SCALES, *ROTATION)
 FILTER = "filter_3D"
+FOOTPRINT = "SemGS: scales contain the blur of a pixel; its variance is nx"
+"""The comment of our own files whose scales contain footprints, which are taken away here."""
+
 VERTEX = "vertex"
 
 Columns = Mapping[str, np.ndarray]
@@ -62,6 +65,9 @@ def read_plain_ply(path: Path, ply: PlyTables) -> Splat:
         scales, opacities = np.exp(logs), 1 / (1 + np.exp(-logits))
     if FILTER in columns:
         scales, opacities = _filtered(path, scales, opacities, together(columns, (FILTER,)))
+    footprints = None
+    if FOOTPRINT in ply.comments and NORMAL[0] in columns:
+        scales, footprints = without_footprints(scales, together(columns, NORMAL[:1])[:, 0])
     gaussians = make_gaussians(
         path,
         means=together(columns, POSITION),
@@ -69,19 +75,20 @@ def read_plain_ply(path: Path, ply: PlyTables) -> Splat:
         scales=scales,
         quaternions=together(columns, ROTATION),
         harmonics=by_coefficient(columns, rest, CONSTANT),
+        footprints=footprints,
     )
-    known = {
-        *NEEDED,
-        FILTER,
-        *rest,
-        *(NORMAL if not any(columns[name].any() for name in NORMAL if name in columns) else ()),
-    }
+    no_normals = footprints is not None or not any(columns[name].any() for name in NORMAL if name in columns)
+    known = {*NEEDED, FILTER, *rest, *(NORMAL if no_normals else ())}
     return Splat(
         gaussians,
         "PLY",
         "-y",
         extra={name: np.array(values) for name, values in columns.items() if name not in known},
-        comments=(*ply.comments, *(FILTERED if FILTER in columns else ()), *_not_read(ply, (VERTEX,))),
+        comments=(
+            *(one for one in ply.comments if one != FOOTPRINT),
+            *(FILTERED if FILTER in columns else ()),
+            *_not_read(ply, (VERTEX,)),
+        ),
     )
 
 

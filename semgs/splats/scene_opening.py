@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import cos, radians, sqrt
 from pathlib import Path
 from statistics import median
@@ -133,7 +134,7 @@ def in_frame_of(file: Path, gaussians: Gaussians, scene: Scene) -> Gaussians:
         return trained.undo(gaussians, scene.origin)
     if scene.origin.any():
         means = (gaussians.means.double() - torch.from_numpy(scene.origin)).float()
-        gaussians = Gaussians(means, gaussians.opacities, gaussians.colour)
+        gaussians = replace(gaussians, means=means)
     return gaussians
 
 

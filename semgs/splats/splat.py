@@ -25,6 +25,9 @@ DEGREES = {0: 0, 9: 1, 24: 2, 45: 3}
 SAMPLED = 100_000
 """Gaussians that say how large they usually are."""
 
+ROUNDING = 1e-4
+"""The square of a scale may be by this share smaller than the footprint that it contains, because both are written as float32."""
+
 SHORTEST = 1e-12
 """A shorter quaternion has no direction that can be trusted."""
 
@@ -80,6 +83,7 @@ def make_gaussians(
     scales: Float[np.ndarray, "g 3"],
     quaternions: Float[np.ndarray, "g 4"],
     harmonics: Float[np.ndarray, "g k 3"],
+    footprints: Float[np.ndarray, " g"] | None = None,
 ) -> Gaussians:
     """Gaussians from activated numbers.
 
@@ -90,6 +94,7 @@ def make_gaussians(
         scales: standard deviations.
         quaternions: (w, x, y, z), of any length but zero.
         harmonics: in the basis of 3DGS.
+        footprints: as those of `Gaussians`; the scales do not contain them.
 
     Raises:
         InputError: a number is not finite as a float32, an opacity is not 0..1, a scale is negative or a quaternion is zero; or positions are so far from
@@ -115,7 +120,20 @@ def make_gaussians(
         means=_tensor(means),
         opacities=_tensor(opacities),
         colour=Appearance(_tensor(turns), _tensor(scales), _tensor(harmonics[:, : _used(harmonics)])),
+        footprints=None if footprints is None else _tensor(footprints),
     )
+
+
+def without_footprints(
+    scales: Float[np.ndarray, "g 3"], footprints: Float[np.ndarray, " g"]
+) -> tuple[Float[np.ndarray, "g 3"], Float[np.ndarray, " g"] | None]:
+    """Scales without the footprints that a file of ours says they contain, and these; unchanged scales and None if they do not contain them."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = scales.astype(np.float64) ** 2
+        within = (footprints >= 0) & (footprints <= squares.min(axis=1) * (1 + ROUNDING))
+    if len(footprints) != len(scales) or not within.all():
+        return scales, None
+    return np.sqrt((squares - footprints[:, None]).clip(min=0)), footprints
 
 
 def _check_steps(path: Path, means: Float[np.ndarray, "g 3"], scales: Float[np.ndarray, "g 3"]) -> None:

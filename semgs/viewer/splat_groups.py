@@ -164,7 +164,7 @@ class SceneSplats:
             tint: strength of the class colours over the photos' colours, 0..1, if the mode is colour.
             least: Gaussians of lower steps of confidence are transparent.
         """
-        gaussians = self.scene.gaussians
+        gaussians = self.scene.gaussians.with_footprints()
         semantic = gaussians.semantic or gaussians.colour
         shape = semantic if mode in ("classes", "confidence", "things") else gaussians.colour
         return SplatArrays(

@@ -325,7 +325,7 @@ class Window:
         scene = part_of(self._splats.scene, torch.from_numpy(self._find_visible()))
         cameras = camera.arranged(lambda array: array[None])
         if self._mode == "colour" and self._tint > 0 and scene.classes is not None:
-            rendering = scene.render(cameras)
+            rendering = scene.render(cameras, footprint=True)
             labels = label_maps(rendering, self._min_confidence)[0]
             return overlay(as_bytes(rendering.images[0]), labels, scene.classes, self._tint)
         content = self._mode

@@ -18,7 +18,7 @@ NAMES = [
 def read_ply(path: Path) -> Gaussians:
     """The file as activated float32 quantities, reckoned in float64, without classes; an AssertionError if its layout is another."""
     head, _, body = path.read_bytes().partition(b"end_header\n")
-    lines = head.decode("ascii").splitlines()
+    lines = [line for line in head.decode("ascii").splitlines() if not line.startswith("comment ")]
     assert lines[:2] == ["ply", "format binary_little_endian 1.0"]
     count = int(lines[2].removeprefix("element vertex "))
     assert lines[3:] == [f"property float {name}" for name in NAMES]

@@ -91,7 +91,9 @@ def onnx_bytes(
     example = _example(views, size)
     inputs, form = arguments(example), TensorForm(network)
     with stage("Tracing the network"), torch.no_grad(), _quiet():
-        names = [name for name in network(example, WHOLE).gaussians.tensors() if name != "footprints"]  # this also fills caches, which tracing must not do
+        names = [
+            name for name in network(example, WHOLE).gaussians.tensors() if name != "footprints"
+        ]  # this also fills caches, which tracing must not do
         traced = torch.export.export(form, inputs, strict=False)
     names += ["depths", "confidences", "depth_spread"]
     with stage("Translating it to ONNX"), torch.no_grad(), _quiet():

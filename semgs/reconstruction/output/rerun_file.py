@@ -103,7 +103,7 @@ def _write_views(rr: Any, recording: Any, part: RenderedViews) -> None:
 
 def _write_splats(rr: Any, recording: Any, positions: tuple[int, ...], scene: SavedScene) -> None:
     """Log the Gaussians of each input view at its frame."""
-    gaussians, owners = scene.gaussians, scene.own_views
+    gaussians, owners = scene.gaussians.with_footprints(), scene.own_views
     colours = torch.cat((own_colours(scene), gaussians.opacities[:, None]), -1)
     rgba = (255 * colours).round().to(torch.uint8)
     quaternions = gaussians.colour.quaternions.roll(-1, -1)  # (x, y, z, w)
