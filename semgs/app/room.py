@@ -52,7 +52,11 @@ PLAIN = (
         r"No overlap: (.*) shows nothing.*",
         r"Photo \1 shares too little with the others, so its depth is a guess. Take photos that overlap more.",
     ),
-    (r"The focal length is.*|\d+ of \d+ frames of the clip were chosen.*", ""),
+    (
+        r"The focal length is a guess.*",
+        "The photos do not say how strongly the lens magnifies, so depths and sizes are a guess. A third photo helps, and so do the original files, which name the lens.",
+    ),
+    (r"The focal length is [^;:]* (as given|from EXIF)\..*|\d+ of \d+ frames of the clip were chosen.*", ""),
     (r"Which way is up is uncertain.*", "Which way is up is a guess here, so downloaded files may be tilted."),
     (r"No frame is held out.*", "All photos were used, so nothing is left to check how good new views are."),
     (r"The cameras of (\d+) of \1 photos were estimated.*", ""),
@@ -110,7 +114,18 @@ def plain_note(note: str) -> str:
         found = re.fullmatch(pattern, note, re.DOTALL)
         if found:
             return found.expand(replacement)
-    return "" if " --" in note else note
+    return without_options(note)
+
+
+def without_options(note: str) -> str:
+    """A note without the parts that name options of the command line, which nobody sees here; unchanged if nothing else is left."""
+    sentences = []
+    pointed = re.sub(r"\s?\(\)", "", re.sub(r"[;,]?\s?\bsee --[a-z-]+", "", note))
+    for sentence in re.split(r"(?<=[.!?])\s+", pointed):
+        parts = [part for part in re.split(r"(?<=[;:])\s+", sentence) if not re.search(r"(^|\s)--[a-z]", part)]
+        if text := " ".join(parts).rstrip(";: "):
+            sentences.append(text if text[-1] in ".!?" else f"{text}.")
+    return " ".join(sentences) or note
 
 
 def _page(
