@@ -98,6 +98,7 @@ class Job:
         sentence: why it failed.
         started: when a worker took it [s]; 0 before.
         ended: when it was over [s]; 0 before.
+        pages: how many pages have followed it.
     """
 
     identifier: str
@@ -111,6 +112,7 @@ class Job:
     sentence: str = ""
     started: float = 0.0
     ended: float = 0.0
+    pages: int = 0
 
     @property
     def room(self) -> Path:
