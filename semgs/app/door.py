@@ -165,12 +165,14 @@ class Door:
     def _named(self, scope: Scope, headers: dict[str, str]) -> Scope:
         """A request that tells gradio no other name of this server than those it has. gradio writes them into its page, and calls them from there.
 
-        A proxy may serve the page below a path of its own, and says so.
+        A proxy may serve the page below a path of its own, and says so. It takes that path away itself: Starlette would take it away once more, and so make another
+        path of one that is known.
         """
         forwarded, prefix = headers.get("x-forwarded-host", ""), headers.get("x-forwarded-prefix", "").rstrip("/")
         left_out = {b"x-gradio-server", *(() if self._access.knows(forwarded) else (b"x-forwarded-host",))}
         kept = [(name, value) for name, value in scope["headers"] if name not in left_out]
-        return {**scope, "headers": kept, "root_path": prefix if PREFIX.fullmatch(prefix) else ""}
+        usable = PREFIX.fullmatch(prefix) and not f"{scope['path']}/".startswith(f"{prefix}/")
+        return {**scope, "headers": kept, "root_path": prefix if usable else ""}
 
     def _with_policy(self, send: Send, path: str) -> Send:
         """Adds the headers that say what a page may load, and who may frame it."""

@@ -286,6 +286,22 @@ def test_a_proxy_says_below_which_path_it_has_the_page(uploads: Path, given: str
     ]  # no other name gets into the page
 
 
+@pytest.mark.parametrize(
+    "prefix", ["/rooms", f"/rooms/{20 * 'a'}", f"/rooms/{20 * 'a'}/", f"/rooms/{20 * 'a'}/gradio_api/file=a"]
+)
+def test_no_proxy_makes_another_path_of_one_that_is_known(uploads: Path, prefix: str):
+    seen: list[Any] = []
+
+    async def behind(scope: Any, receive: Any, send: Any) -> None:
+        seen.append(scope)
+
+    headers = [(b"host", b"127.0.0.1"), (b"x-forwarded-prefix", prefix.encode())]
+    path = f"/rooms/{20 * 'a'}/gradio_api/file=a"
+    scope = {"type": "http", "method": "GET", "path": path, "headers": headers, "query_string": b""}
+    asyncio.run(Door(behind, Access(), uploads, LIMITS)(scope, None, None))  # type: ignore[arg-type]
+    assert (seen[0]["path"], seen[0]["root_path"]) == (path, "")
+
+
 def test_a_failure_is_one_line_in_the_terminal_and_a_sentence_in_the_browser(
     uploads: Path, capsys: pytest.CaptureFixture[str]
 ):
