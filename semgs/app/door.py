@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
 import re
 import stat
 import sys
@@ -16,7 +15,7 @@ from pathlib import Path
 from typing import Any, TypeGuard
 
 from semgs.app.limits import Limits
-from semgs.app.uploads import GONE, UnusableUploadError
+from semgs.app.uploads import GONE, UnusableUploadError, content_of
 from semgs.files.strict_json import parse_json
 from semgs.viewer.access import Access
 
@@ -142,7 +141,7 @@ class Door:
         announced = int(length) if length.isdecimal() and len(length) < 16 else most
         if announced > most:
             return await _answer(scope, send, 413, "These files are too large.")
-        files, stored = _content(self._uploads)
+        files, stored = content_of(self._uploads)
         if files >= self._limits.uploads or stored + self._arriving + announced > self._limits.uploads_bytes:
             return await _answer(scope, send, 507, FULL)
         self._arriving += announced
@@ -285,19 +284,6 @@ def _checked_file(value: Any, uploads: Path) -> dict[str, Any]:
 def _is_count(value: Any) -> TypeGuard[int]:
     """Whether a value is a whole number from 0."""
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 1_000_000
-
-
-def _content(folder: Path) -> tuple[int, int]:
-    """The number of files in a folder and in the folders in it, and their size [bytes]."""
-    files, size = 0, 0
-    for place, _, names in os.walk(folder):
-        files += len(names)
-        for name in names:
-            try:
-                size += Path(place, name).lstat().st_size
-            except OSError:  # deleted just now
-                continue
-    return files, size
 
 
 async def _next(receive: Receive) -> Message:
