@@ -14,7 +14,7 @@ from collections.abc import Awaitable, Callable, MutableMapping, Sequence
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from semgs.app.limits import Limits
+from semgs.app.limits import MIB, Limits
 from semgs.app.uploads import GONE, UnusableUploadError, content_of
 from semgs.files.strict_json import parse_json
 from semgs.viewer.access import Access
@@ -43,6 +43,9 @@ ROUTES = (
 
 MOST_JSON = 256 * 1024
 """Largest body of a request other than an upload [bytes]."""
+
+MEASURED_BYTES = 4 * MIB
+"""After so much of an upload, it is checked whether the folder is full."""
 
 BODY_SECONDS = 30.0
 """A browser that sends nothing of a body for so long is gone."""
@@ -76,7 +79,6 @@ class Door:
     ) -> None:
         self._app, self._access, self._limits, self._inputs = app, access, limits, inputs
         self._uploads = uploads
-        self._arriving = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request."""
@@ -138,28 +140,30 @@ class Door:
         """Let through an upload that fits beside the others."""
         most = self._limits.total_bytes
         length = headers.get("content-length", "")
-        announced = int(length) if length.isdecimal() and len(length) < 16 else most
-        if announced > most:
+        announced = int(length) if length.isdecimal() and len(length) < 16 else None
+        if announced is not None and announced > most:
             return await _answer(scope, send, 413, "These files are too large.")
         files, stored = content_of(self._uploads)
-        if files >= self._limits.uploads or stored + self._arriving + announced > self._limits.uploads_bytes:
+        if files >= self._limits.uploads or stored + (announced or 0) > self._limits.uploads_bytes:
             return await _answer(scope, send, 507, FULL)
-        self._arriving += announced
-        left, complete = announced, False
+        left, complete = most if announced is None else announced, False
+        measured = left
 
+        # What others have announced keeps no place: it may never come. So the folder is measured again as this one arrives.
         async def counted() -> Message:
-            nonlocal left, complete
+            nonlocal left, complete, measured
             message = await receive() if complete else await _next(receive)
             left -= len(message.get("body", b""))
             complete = not message.get("more_body", False)
             if left < 0:
                 raise _StopReadingError(413, "These files are too large.")
+            if measured - left >= MEASURED_BYTES:
+                measured = left
+                if content_of(self._uploads)[1] > self._limits.uploads_bytes:
+                    raise _StopReadingError(507, FULL)
             return message
 
-        try:
-            await self._pass(scope, counted, send)
-        finally:
-            self._arriving -= announced
+        await self._pass(scope, counted, send)
 
     def _named(self, scope: Scope, headers: dict[str, str]) -> Scope:
         """A request that tells gradio no other name of this server than those it has. gradio writes them into its page, and calls them from there.
