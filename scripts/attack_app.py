@@ -42,6 +42,12 @@ HALF_OPEN = 60
 METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS")
 PATIENCE = 20.0
 NO_WORKER = (sys.executable, "-c", "import sys; sys.stdin.readline()")
+SLOW_WORKER = (
+    sys.executable,
+    "-c",
+    'import sys, time; sys.stdin.readline(); print(\'{"stage": "a"}\', file=sys.stderr, flush=True); time.sleep(100)',
+)
+FOLLOWERS = 120
 
 FOREIGN = (
     {"origin": "https://evil.example"}, {"origin": "null"}, {"origin": "http://127.0.0.1:1"}, {"origin": "http://localhost:{port}"},
@@ -104,13 +110,13 @@ class Target:
         given = {**own, **({"content-length": str(len(body))} if body else {})}
         given |= {name: value.format(port=port or self.port) for name, value in (headers or {}).items()}
         lines = [f"{method} {path} HTTP/1.1", *(f"{name}: {value}" for name, value in given.items()), "", ""]
-        answer = b""
+        answer, end = b"", time.monotonic() + PATIENCE
         with socket.create_connection(("127.0.0.1", port or self.port), timeout=PATIENCE) as connection:
             try:
                 connection.sendall("\r\n".join(lines).encode("latin-1", "replace") + body)
                 while part := connection.recv(65536):
                     answer += part
-                    if len(answer) > 3_000_000 or until in answer:
+                    if len(answer) > 3_000_000 or until in answer or time.monotonic() > end:
                         break
             except OSError:
                 pass
@@ -286,6 +292,10 @@ def call_routes(target: Target, report: Report) -> None:
                 if not is_known(method, urllib.parse.unquote(variant.partition("?")[0])):
                     status, answer = target.ask(method, variant)
                     report.note(f"{method} {variant}", status in (404, 400), (status, answer))
+        # Starlette takes what a proxy says away from the beginning of a path.
+        place = "/rooms/" + 20 * "a"
+        status, answer = target.ask("GET", place + path, b"", {"x-forwarded-prefix": place})
+        report.note(f"GET {path} behind the place of a room", status == 404, (status, answer))
 
 
 def _routes(application: Any) -> Iterator[str]:
@@ -415,6 +425,33 @@ def hold_connections(target: Target, report: Report) -> None:
     report.note("half-open connections are closed", closed == HALF_OPEN, f"{closed} of {HALF_OPEN}")
 
 
+def follow_too_often(target: Target, report: Report) -> None:
+    """Let very many calls wait for one room, and nobody read what they say."""
+    with running(target.folder / "waiting", SLOW_WORKER) as other:
+        options = [2, False, "included network", "", "network", 0, 0, 0]
+        call = {"data": options, "fn_index": 1, "trigger_id": 1}
+        for session in ("working", "waiting"):
+            other.join({**call, "session_hash": session})
+            time.sleep(1.5)
+        # The page of the room that is made is left, so that nothing changes for the others.
+        other.ask("GET", "/gradio_api/queue/data?session_hash=working", until=b"data:")
+        for number in range(FOLLOWERS):
+            which = {"fn_index": 0, "data": [None, *options]} if number % 2 else {}
+            other.join({**call, **which, "session_hash": "waiting"})
+        time.sleep(2)
+        for what, ask in {
+            "the page": lambda: other.ask("GET", "/theme.css"),
+            "an upload": lambda: other.upload("a.jpg", b"x"),
+            "a call": lambda: other.join({**call, "session_hash": "third"}),
+        }.items():
+            start = time.monotonic()
+            status, answer = ask()
+            soon = time.monotonic() - start < 5
+            report.note(f"{what} beside {FOLLOWERS} calls that wait", status == 200 and soon, (status, answer))
+        said = other.ask("GET", "/gradio_api/queue/data?session_hash=third", until=b"before yours")[1]
+        report.note("another page follows its room", b"2 rooms are before yours" in said, said[-300:])
+
+
 def open_viewer(target: Target, report: Report) -> None:
     """Read the scene of a viewer as a page elsewhere would."""
     handshake = {
@@ -533,6 +570,7 @@ def main(arguments: Sequence[str]) -> int:
         *(() if few else (hold_connections,)),
         *((make_rooms,) if rooms else ()),
         upload_too_much,
+        follow_too_often,
     )
     with (
         TemporaryDirectory(prefix="semgs-") as folder,

@@ -18,6 +18,7 @@ LIMITS = Limits(
     photos=30,
     unpacked_bytes=512 * MIB,
     seconds=600.0,
+    disk_bytes=4096 * MIB,
     waiting=10,
     uploads_bytes=2048 * MIB,
 )

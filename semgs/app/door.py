@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
 import re
 import stat
 import sys
@@ -15,8 +14,8 @@ from collections.abc import Awaitable, Callable, MutableMapping, Sequence
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from semgs.app.limits import Limits
-from semgs.app.uploads import GONE, UnusableUploadError
+from semgs.app.limits import MIB, Limits
+from semgs.app.uploads import GONE, UnusableUploadError, content_of
 from semgs.files.strict_json import parse_json
 from semgs.viewer.access import Access
 
@@ -44,6 +43,9 @@ ROUTES = (
 
 MOST_JSON = 256 * 1024
 """Largest body of a request other than an upload [bytes]."""
+
+MEASURED_BYTES = 4 * MIB
+"""After so much of an upload, it is checked whether the folder is full."""
 
 BODY_SECONDS = 30.0
 """A browser that sends nothing of a body for so long is gone."""
@@ -77,7 +79,6 @@ class Door:
     ) -> None:
         self._app, self._access, self._limits, self._inputs = app, access, limits, inputs
         self._uploads = uploads
-        self._arriving = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request."""
@@ -139,38 +140,42 @@ class Door:
         """Let through an upload that fits beside the others."""
         most = self._limits.total_bytes
         length = headers.get("content-length", "")
-        announced = int(length) if length.isdecimal() and len(length) < 16 else most
-        if announced > most:
+        announced = int(length) if length.isdecimal() and len(length) < 16 else None
+        if announced is not None and announced > most:
             return await _answer(scope, send, 413, "These files are too large.")
-        files, stored = _content(self._uploads)
-        if files >= self._limits.uploads or stored + self._arriving + announced > self._limits.uploads_bytes:
+        files, stored = content_of(self._uploads)
+        if files >= self._limits.uploads or stored + (announced or 0) > self._limits.uploads_bytes:
             return await _answer(scope, send, 507, FULL)
-        self._arriving += announced
-        left, complete = announced, False
+        left, complete = most if announced is None else announced, False
+        measured = left
 
+        # What others have announced keeps no place: it may never come. So the folder is measured again as this one arrives.
         async def counted() -> Message:
-            nonlocal left, complete
+            nonlocal left, complete, measured
             message = await receive() if complete else await _next(receive)
             left -= len(message.get("body", b""))
             complete = not message.get("more_body", False)
             if left < 0:
                 raise _StopReadingError(413, "These files are too large.")
+            if measured - left >= MEASURED_BYTES:
+                measured = left
+                if content_of(self._uploads)[1] > self._limits.uploads_bytes:
+                    raise _StopReadingError(507, FULL)
             return message
 
-        try:
-            await self._pass(scope, counted, send)
-        finally:
-            self._arriving -= announced
+        await self._pass(scope, counted, send)
 
     def _named(self, scope: Scope, headers: dict[str, str]) -> Scope:
         """A request that tells gradio no other name of this server than those it has. gradio writes them into its page, and calls them from there.
 
-        A proxy may serve the page below a path of its own, and says so.
+        A proxy may serve the page below a path of its own, and says so. It takes that path away itself: Starlette would take it away once more, and so make another
+        path of one that is known.
         """
         forwarded, prefix = headers.get("x-forwarded-host", ""), headers.get("x-forwarded-prefix", "").rstrip("/")
         left_out = {b"x-gradio-server", *(() if self._access.knows(forwarded) else (b"x-forwarded-host",))}
         kept = [(name, value) for name, value in scope["headers"] if name not in left_out]
-        return {**scope, "headers": kept, "root_path": prefix if PREFIX.fullmatch(prefix) else ""}
+        usable = PREFIX.fullmatch(prefix) and not f"{scope['path']}/".startswith(f"{prefix}/")
+        return {**scope, "headers": kept, "root_path": prefix if usable else ""}
 
     def _with_policy(self, send: Send, path: str) -> Send:
         """Adds the headers that say what a page may load, and who may frame it."""
@@ -283,19 +288,6 @@ def _checked_file(value: Any, uploads: Path) -> dict[str, Any]:
 def _is_count(value: Any) -> TypeGuard[int]:
     """Whether a value is a whole number from 0."""
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 1_000_000
-
-
-def _content(folder: Path) -> tuple[int, int]:
-    """The number of files in a folder and in the folders in it, and their size [bytes]."""
-    files, size = 0, 0
-    for place, _, names in os.walk(folder):
-        files += len(names)
-        for name in names:
-            try:
-                size += Path(place, name).lstat().st_size
-            except OSError:  # deleted just now
-                continue
-    return files, size
 
 
 async def _next(receive: Receive) -> Message:

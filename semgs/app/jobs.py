@@ -30,7 +30,7 @@ from typing import Any, Literal
 from semgs.app.limits import Limits
 from semgs.app.plain_errors import plain
 from semgs.app.requests import Request, RoomOptions
-from semgs.app.uploads import GONE, UnusableUploadError, Upload, check_uploads
+from semgs.app.uploads import GONE, UnusableUploadError, Upload, check_uploads, content_of
 from semgs.files.errors import ERROR_LINE
 from semgs.files.strict_json import parse_json
 from semgs.files.text import counted, printable
@@ -40,6 +40,9 @@ from semgs.runtime.process_groups import group_bytes
 State = Literal["waiting", "working", "done", "failed", "cancelled"]
 
 FILES, WORK, ROOM = "files", "work", "room"
+
+TEMPORARY = "temporary"
+"""The folder beside those of jobs with a worker's temporary files. It is emptied before the next one starts: a worker that is killed cannot do it."""
 
 LOG_LINES = 200
 SWEEP_SECONDS = 60.0
@@ -54,6 +57,9 @@ STOP_SECONDS = 8.0
 WATCH_SECONDS = 0.2
 """How often a worker's memory is measured."""
 
+DISK_SECONDS = 2.0
+"""How often its files are measured."""
+
 FREE_SHARE = 0.9
 """A job may take this share of the memory that is free when it starts, so that the system never has to choose what it kills."""
 
@@ -66,6 +72,9 @@ BUG = "SemGS failed on these files, and this is a bug. The details are in the te
 KILLED = "The work was stopped by the system, probably because memory ran out. Try fewer or smaller files."
 TOO_MUCH = (
     "This needed more than {gb:.1f} GB of memory, so it was stopped. Use fewer or smaller files, or a shorter clip."
+)
+TOO_LARGE = (
+    "This needed more than {gb:.1f} GB of disk, so it was stopped. Use fewer or smaller files, or a shorter clip."
 )
 LATE = "This took more than {minutes:.0f} minutes, so it was stopped. Use fewer photos, or a shorter clip."
 NO_WORKER = f"The work could not be started in {TRIES} tries. Try again in some minutes. The reason is in the terminal where semgs app runs."
@@ -98,6 +107,7 @@ class Job:
         sentence: why it failed.
         started: when a worker took it [s]; 0 before.
         ended: when it was over [s]; 0 before.
+        pages: how many pages have followed it.
     """
 
     identifier: str
@@ -111,6 +121,7 @@ class Job:
     sentence: str = ""
     started: float = 0.0
     ended: float = 0.0
+    pages: int = 0
 
     @property
     def room(self) -> Path:
@@ -178,6 +189,7 @@ class Jobs:
             thread.join(STOP_SECONDS)
         if spare is not None:
             _close(spare)
+        shutil.rmtree(self.folder / TEMPORARY, ignore_errors=True)
 
     def submit(
         self, uploads: Sequence[Upload], options: RoomOptions | None = None, example: bool = False, page: str = ""
@@ -265,6 +277,9 @@ class Jobs:
                 return
             if self._spare is not None:
                 _close(self._spare)
+            temporary = self.folder / TEMPORARY
+            shutil.rmtree(temporary, ignore_errors=True)
+            temporary.mkdir(exist_ok=True)
             self._spare = subprocess.Popen(
                 self._worker,
                 stdin=subprocess.PIPE,
@@ -272,7 +287,7 @@ class Jobs:
                 stderr=subprocess.PIPE,
                 text=True,
                 errors="replace",
-                env={**os.environ, "SEMGS_PROGRESS": "json"},
+                env={**os.environ, "SEMGS_PROGRESS": "json", "TMPDIR": str(temporary.absolute())},
                 start_new_session=True,
             )
 
@@ -329,7 +344,7 @@ class Jobs:
             with suppress(BrokenPipeError):
                 process.stdin.write(json.dumps(job.request.data()) + "\n")
                 process.stdin.close()
-            stopped = _watch(process, self.limits)
+            stopped = _watch(process, self.limits, (job.folder / WORK, self.folder / TEMPORARY))
         finally:
             _stop(process)  # with what it started, which would keep its pipe open
         reader.join()
@@ -397,13 +412,13 @@ class Jobs:
         self.expire()
 
 
-def _watch(process: subprocess.Popen[str], limits: Limits) -> str:
-    """Wait for a worker. If it, with what it started, takes too much memory, all of it is killed at once.
+def _watch(process: subprocess.Popen[str], limits: Limits, folders: Sequence[Path]) -> str:
+    """Wait for a worker. If it, with what it started, takes too much memory or disk, all of it is killed at once.
 
     Returns:
         why it has to be stopped; empty if it has ended.
     """
-    end = time.monotonic() + limits.seconds
+    end, measured = time.monotonic() + limits.seconds, 0.0
     most = min(limits.memory_bytes, (group_bytes(process.pid) or 0.0) + FREE_SHARE * free_bytes())
     while (left := end - time.monotonic()) > 0:
         with suppress(subprocess.TimeoutExpired):
@@ -412,6 +427,11 @@ def _watch(process: subprocess.Popen[str], limits: Limits) -> str:
         if (group_bytes(process.pid) or 0.0) > most:
             _kill(process, signal.SIGKILL)
             return TOO_MUCH.format(gb=most / 1e9)
+        if time.monotonic() > measured + DISK_SECONDS:
+            if sum(content_of(folder)[1] for folder in folders) > limits.disk_bytes:
+                _kill(process, signal.SIGKILL)
+                return TOO_LARGE.format(gb=limits.disk_bytes / 1e9)
+            measured = time.monotonic()
     return LATE.format(minutes=limits.seconds / 60)
 
 

@@ -21,6 +21,7 @@ class Limits:
         unpacked_bytes: of an archive.
         seconds: a job may take.
         memory_bytes: a job may take; if less is free when it starts, nine tenths of that.
+        disk_bytes: a job may write.
         waiting: jobs in the queue.
         uploads, uploads_bytes: number and size of all uploaded files that no job has yet; beyond them, new ones are refused.
         kept_seconds: results are deleted afterwards.
@@ -34,6 +35,7 @@ class Limits:
     unpacked_bytes: int = 2048 * MIB
     seconds: float = 900.0
     memory_bytes: int = 16 * 1024 * MIB
+    disk_bytes: int = 8192 * MIB
     waiting: int = 20
     uploads: int = 1_000
     uploads_bytes: int = 4096 * MIB

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import re
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import AsyncIterator, Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -20,6 +21,12 @@ from semgs.app.uploads import GONE, UnusableUploadError, Upload
 from semgs.files.extras import needs_extra
 
 POLL_SECONDS = 0.4
+
+MOST_PAGES = 8
+"""So many pages show how far a job is; of more, those that were opened last."""
+
+OTHER_CALLS = 40
+"""So many calls of the page are answered at once, beside those that follow a job."""
 
 TITLE = "SemGS: photos to a labelled room"
 
@@ -207,9 +214,10 @@ def _build(jobs: Jobs, local: bool) -> Any:
                 _frame(job) if job is not None and done else ("" if working else EMPTY),
             ]
 
-        def follow(job: Job) -> Iterator[list[Any]]:
-            before: object = None
-            while True:
+        async def follow(job: Job) -> AsyncIterator[list[Any]]:
+            job.pages += 1
+            number, before = job.pages, None
+            while job.pages < number + MOST_PAGES:
                 over = job.over
                 now = view(job)
                 if now[2] != before:
@@ -217,32 +225,36 @@ def _build(jobs: Jobs, local: bool) -> Any:
                     yield now
                 if over:
                     return
-                time.sleep(POLL_SECONDS)
+                await asyncio.sleep(POLL_SECONDS)
 
-        def start(request: gr.Request, paths: Sequence[str] | None, *values: Any) -> Iterator[list[Any]]:
+        async def submit_and_follow(
+            request: gr.Request, paths: Sequence[str], values: Sequence[Any], example: bool
+        ) -> AsyncIterator[list[Any]]:
             try:
-                uploads = [_upload(path) for path in paths or ()]
-                job = jobs.submit(uploads, _chosen(values), page=str(request.session_hash or ""))
+                uploads, options = [_upload(path) for path in paths], _chosen(values, example)
+                page = str(request.session_hash or "")
+                job = await asyncio.to_thread(jobs.submit, uploads, options, example=example, page=page)
             except UnusableUploadError as error:
                 yield view(None, str(error))
                 return
-            yield from follow(job)
+            async for now in follow(job):
+                yield now
 
-        def start_example(request: gr.Request, *values: Any) -> Iterator[list[Any]]:
-            try:
-                options = _chosen(values, example=True)
-                job = jobs.submit((), options, example=True, page=str(request.session_hash or ""))
-            except UnusableUploadError as error:
-                yield view(None, str(error))
-                return
-            yield from follow(job)
+        # These wait without a thread: the server has few, and answers everybody else with them.
+        async def start(request: gr.Request, paths: Sequence[str] | None, *values: Any) -> AsyncIterator[list[Any]]:
+            async for now in submit_and_follow(request, paths or (), values, example=False):
+                yield now
+
+        async def start_example(request: gr.Request, *values: Any) -> AsyncIterator[list[Any]]:
+            async for now in submit_and_follow(request, (), values, example=True):
+                yield now
 
         def stop(which: str) -> None:
             job = jobs.find(which or "")
             if job is not None:
                 jobs.cancel(job)
 
-        def resume(request: gr.Request) -> Iterator[list[Any]]:
+        async def resume(request: gr.Request) -> AsyncIterator[list[Any]]:
             which = str(dict(request.query_params).get("room", ""))
             if not which:  # nothing changes: what a user has typed by now must stay
                 yield [gr.skip() for _ in shown]
@@ -252,12 +264,13 @@ def _build(jobs: Jobs, local: bool) -> Any:
                 kept = f"Rooms are kept for {jobs.limits.kept}; make it again from your photos."
                 yield view(None, f"This room is no longer here. {kept}")
                 return
-            yield from follow(job)
+            async for now in follow(job):
+                yield now
 
         for one in (start, start_example, resume):  # gradio reads them, and gr is no global name
             one.__annotations__["request"] = gr.Request
         hidden: Any = {"show_progress": "hidden", "api_visibility": "private"}
-        many: Any = {**hidden, "concurrency_limit": 40}
+        many: Any = {**hidden, "concurrency_limit": None}
         make.click(start, [dropped, *options], shown, **many)
         example.click(start_example, options, shown, **many)
         cancel.click(stop, identifier, None, **many)
@@ -266,7 +279,8 @@ def _build(jobs: Jobs, local: bool) -> Any:
         dropped.change(None, None, status, js="() => ''", **hidden)
         identifier.change(None, identifier, identifier, js=KEEP_ADDRESS, **hidden)
         page.load(resume, None, shown, **many)
-    page.queue(max_size=200, default_concurrency_limit=40)
+    page.max_threads = MOST_PAGES * (jobs.limits.waiting + 1) + OTHER_CALLS
+    page.queue(max_size=200, default_concurrency_limit=OTHER_CALLS)
     return page
 
 

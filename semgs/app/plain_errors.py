@@ -36,7 +36,9 @@ def plain(sentence: str, request: Request) -> str:
         sentence = names.sub(
             lambda found: shown.get(found[0], shown.get(found[0].rsplit("/", 1)[-1], found[0])), sentence
         )
-    sentence = sentence.replace(request.folder, "your files")
+    sentence = sentence.replace(f"{request.folder}/work/", "").replace(request.folder, "your files")
+    # Such as that of temporary files.
+    sentence = re.sub(rf"{re.escape(str(Path(request.folder).parent))}/(?:[\w.-]+/)*", "", sentence)
     sentence = re.sub(
         r"^(?:photos|scene|clip\.\w+)(?=:)",
         {"archive": "Your zip", "clip": "Your clip"}.get(request.kind, "Your photos"),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import math
+import os
 import zipfile
 import zlib
 from collections.abc import Callable, Sequence
@@ -153,6 +154,19 @@ def prepare(
             raise UnusableUploadError(f"The zip has {len(photos)} photos without cameras; use at most {limits.photos}.")
         return _photos(photos, folder / "photos", limits, say)
     return scene, []
+
+
+def content_of(folder: Path) -> tuple[int, int]:
+    """The number of files in a folder and in the folders in it, and their size [bytes]."""
+    files, size = 0, 0
+    for place, _, names in os.walk(folder):
+        files += len(names)
+        for name in names:
+            try:
+                size += Path(place, name).lstat().st_size
+            except OSError:  # deleted just now
+                continue
+    return files, size
 
 
 def unpack(upload: Upload, folder: Path, limits: Limits) -> None:

@@ -14,7 +14,6 @@ import re
 import secrets
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs, urlsplit
 
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "[::1]")
@@ -131,14 +130,15 @@ class Access:
         if self.token is None:
             return None
         name = cookie_name(self.token)
-        if any(_matches(_cookie(text, name), self.token) for text in given.get("cookie", [])):
+        if any(_matches(value, self.token) for text in given.get("cookie", []) for value in _cookies(text, name)):
             return None
         values = parse_qs(query, max_num_fields=20) if query.count("&") < 20 else {}
         if websocket or method not in SAFE_METHODS or not _matches(values.get("token", [""])[0], self.token):
             return Refusal(403, NO_TOKEN)
         room = values.get("room", [""])[0]
         location = f"?room={room}" if room.isascii() and room.isalnum() else "./"
-        cookie = f"{name}={self.token}; HttpOnly; SameSite=Strict; Path=/"
+        # With SameSite=Strict, a browser that came from a page elsewhere, such as a chat with the address in it, would not send it.
+        cookie = f"{name}={self.token}; HttpOnly; SameSite=Lax; Path=/"
         return Refusal(303, "", (("location", location), ("set-cookie", cookie)))
 
 
@@ -173,13 +173,10 @@ def _name(place: str) -> str:
     return written if place in (written, f"{written}:{port}") else ""
 
 
-def _cookie(text: str, name: str) -> str:
-    """The value of a cookie in a header of cookies; empty without it."""
-    try:
-        found = SimpleCookie(text).get(name)
-    except CookieError:
-        return ""
-    return found.value if found else ""
+def _cookies(text: str, name: str) -> list[str]:
+    """The values of the cookies of a name in a header, whatever others are in it: programs on other ports of the host have theirs there, too."""
+    pairs = (one.strip().partition("=") for one in text.split(";"))
+    return [value for own, _, value in pairs if own == name]
 
 
 def _matches(given: str, token: str) -> bool:

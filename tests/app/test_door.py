@@ -219,6 +219,51 @@ def test_uploads_end_where_the_folder_is_full(uploads: Path):
     assert answer(uploads, UPLOAD, [b"x"], length=1)[:2] == (507, FULL)  # four files
 
 
+def test_uploads_that_do_not_arrive_keep_no_place(uploads: Path):
+    async def begun_and_another() -> int:
+        gate, sent = Door(Behind(), Access(), uploads, LIMITS), list[Any]()
+
+        async def asked(receive: Any) -> None:
+            async def send(message: Any) -> None:
+                sent.append(message)
+
+            headers = [(b"host", b"127.0.0.1"), (b"content-length", b"1000")]
+            scope = {"type": "http", "method": "POST", "path": UPLOAD, "headers": headers, "query_string": b""}
+            await gate(scope, receive, send)
+
+        async def never() -> Any:
+            await asyncio.sleep(60)
+
+        async def at_once() -> Any:
+            return {"type": "http.request", "body": bytes(1000), "more_body": False}
+
+        idle = [asyncio.create_task(asked(never)) for _ in range(5)]
+        await asyncio.sleep(0)
+        await asked(at_once)
+        for one in idle:
+            one.cancel()
+        return int(sent[0]["status"])
+
+    assert asyncio.run(begun_and_another()) == 200
+
+
+def test_uploads_that_fill_the_folder_together_end(uploads: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(door, "MEASURED_BYTES", 500)
+    (uploads / "others").write_bytes(bytes(1495))  # with the photo, all that fits; they came meanwhile
+    real, seen = door.content_of, list[Path]()
+
+    def content(folder: Path) -> tuple[int, int]:
+        seen.append(folder)
+        return (0, 0) if len(seen) == 1 else real(folder)
+
+    monkeypatch.setattr(door, "content_of", content)
+    parts = [b"x" * 300] * 3
+    assert answer(uploads, UPLOAD, parts, length=900)[0] == 200
+    seen.clear()
+    (uploads / "last").write_bytes(b"x")
+    assert answer(uploads, UPLOAD, parts, length=900)[:2] == (507, FULL)
+
+
 def test_bodies_that_do_not_come_are_given_up(uploads: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(door, "BODY_SECONDS", 0.05)
 
@@ -284,6 +329,22 @@ def test_a_proxy_says_below_which_path_it_has_the_page(uploads: Path, given: str
         b"host",
         b"x-forwarded-prefix",
     ]  # no other name gets into the page
+
+
+@pytest.mark.parametrize(
+    "prefix", ["/rooms", f"/rooms/{20 * 'a'}", f"/rooms/{20 * 'a'}/", f"/rooms/{20 * 'a'}/gradio_api/file=a"]
+)
+def test_no_proxy_makes_another_path_of_one_that_is_known(uploads: Path, prefix: str):
+    seen: list[Any] = []
+
+    async def behind(scope: Any, receive: Any, send: Any) -> None:
+        seen.append(scope)
+
+    headers = [(b"host", b"127.0.0.1"), (b"x-forwarded-prefix", prefix.encode())]
+    path = f"/rooms/{20 * 'a'}/gradio_api/file=a"
+    scope = {"type": "http", "method": "GET", "path": path, "headers": headers, "query_string": b""}
+    asyncio.run(Door(behind, Access(), uploads, LIMITS)(scope, None, None))  # type: ignore[arg-type]
+    assert (seen[0]["path"], seen[0]["root_path"]) == (path, "")
 
 
 def test_a_failure_is_one_line_in_the_terminal_and_a_sentence_in_the_browser(

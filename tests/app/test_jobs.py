@@ -16,14 +16,14 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from semgs.app.jobs import BUG, KILLED, NO_WORKER, TOO_MUCH, UPLOAD_SECONDS, Job, Jobs
+from semgs.app.jobs import BUG, KILLED, NO_WORKER, TOO_LARGE, TOO_MUCH, UPLOAD_SECONDS, Job, Jobs
 from semgs.app.limits import Limits
 from semgs.app.requests import RoomOptions
-from semgs.app.uploads import UnusableUploadError, Upload
+from semgs.app.uploads import UnusableUploadError, Upload, content_of
 from semgs.runtime.process_groups import group_bytes
 
 WORKER = """
-import json, os, pathlib, sys, time
+import json, os, pathlib, sys, tempfile, time
 line = sys.stdin.readline()
 if not line: sys.exit()
 request = json.loads(line)
@@ -46,6 +46,13 @@ if what in ("grow", "child grows"):
     time.sleep(60)
 if what == "sleep":
     time.sleep(60)
+if what in ("fill", "fill temporarily"):
+    place = folder / "work" if what == "fill" else pathlib.Path(tempfile.mkdtemp())
+    (place / "large").write_bytes(bytes(2_000_000))
+    time.sleep(60)
+if what == "leave":
+    (pathlib.Path(tempfile.mkdtemp()) / "photo.jpg").touch()
+    os.kill(os.getpid(), 9)
 if what == "fail":
     print("semgs: error: 001.jpg: too dark; see --size and --views", file=sys.stderr)
     sys.exit(2)
@@ -248,7 +255,7 @@ def test_a_full_disk_and_uploads_that_vanish_are_told_and_nothing_is_left(
     with pytest.raises(UnusableUploadError) as raised:
         jobs.submit(uploads)
     assert str(raised.value) == sentence
-    assert [path.name for path in jobs.folder.iterdir()] == ["uploads"]
+    assert sorted(path.name for path in jobs.folder.iterdir()) == ["temporary", "uploads"]
 
 
 def test_a_job_that_takes_too_long_is_stopped(start: Callable[..., Jobs]):
@@ -266,6 +273,25 @@ def test_a_job_that_takes_too_much_memory_is_killed_with_all_that_it_started(sta
     wait(lambda: job.over)
     assert job.sentence == TOO_MUCH.format(gb=0.1)
     wait(lambda: group_bytes(group) == 0)
+    assert_done(jobs.submit((), example=True))
+
+
+@pytest.mark.parametrize("what", ["fill", "fill temporarily"])
+def test_a_job_that_fills_the_disk_is_killed(start: Callable[..., Jobs], what: str):
+    jobs = start(disk_bytes=1_000_000)
+    job = jobs.submit((), asked(what), True)
+    wait(lambda: job.over)
+    assert job.sentence == TOO_LARGE.format(gb=0.001)
+    assert_done(jobs.submit((), example=True))
+    assert content_of(jobs.folder)[1] < 1000
+
+
+def test_temporary_files_of_a_worker_that_is_killed_do_not_stay(start: Callable[..., Jobs]):
+    jobs = start()
+    job = jobs.submit((), asked("leave"), True)
+    wait(lambda: job.over)
+    assert job.sentence == KILLED
+    wait(lambda: not list(jobs.folder.rglob("photo.jpg")))
     assert_done(jobs.submit((), example=True))
 
 

@@ -20,6 +20,7 @@ from semgs.app.requests import Request
         ("photos/002.jpg cannot be read", "B.jpg cannot be read."),
         ("out/cameras/images/001.jpg is dark", "A.jpg is dark."),
         ("there is too little memory; see --size and --views", "There is too little memory; use fewer views or smaller photos."),
+        ("/rooms/x/work/scene/s: a bag, found /rooms/temporary/tmpa1_b/a.db3: no", "S: a bag, found a.db3: no."),
         ("/rooms/x/work: it; reconstruct it with --scale-from", "Your files/work: it; reconstruct it with scale from."),
     ],
 )  # fmt: skip

@@ -104,7 +104,7 @@ def test_the_token_becomes_a_cookie_and_leaves_the_address():
     assert first is not None
     headers = dict(first.headers)
     assert (first.status, headers["location"]) == (303, "?room=abc")
-    assert headers["set-cookie"] == f"{COOKIE}={TOKEN}; HttpOnly; SameSite=Strict; Path=/"
+    assert headers["set-cookie"] == f"{COOKIE}={TOKEN}; HttpOnly; SameSite=Lax; Path=/"
     assert status(PUBLIC, host="robot:80", cookie=f"other=1; {COOKIE}={TOKEN}") == 200
     assert status(PUBLIC, host="robot:80", cookie=f"{COOKIE}={TOKEN}", websocket=True) == 200
 
@@ -115,6 +115,28 @@ def test_the_token_becomes_a_cookie_and_leaves_the_address():
 def test_without_the_token_nothing_is_served(query: str):
     assert status(PUBLIC, query=query, host="robot") == 403
     assert status(PUBLIC, query=query, host="robot", cookie=f"{COOKIE}=wrong") == 403
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        'prefs={"theme":"dark"}',
+        "a=b c",
+        'a="b',
+        "a[]=1",
+        "path=/",
+        "a",
+        "a=\u00e9",
+        "=",
+        f"{COOKIE}=wrong",
+        f"x{COOKIE}=wrong",
+    ],
+)
+def test_cookies_of_other_programs_on_the_host_keep_nobody_out(other: str):
+    for listed in (f"{other}; {COOKIE}={TOKEN}", f"{COOKIE}={TOKEN};{other}"):
+        assert status(PUBLIC, host="robot:80", cookie=listed) == 200
+    assert status(PUBLIC, host="robot:80", cookie=other) == 403
+    assert status(PUBLIC, host="robot:80", cookie=f"a={COOKIE}={TOKEN}; {other}") == 403
 
 
 def test_two_servers_on_one_host_have_different_cookies():
@@ -133,7 +155,7 @@ def test_the_token_in_the_address_opens_pages_only():
 def test_the_address_after_the_token_is_never_elsewhere(room: str):
     first = PUBLIC.refusal("GET", [("host", "robot")], f"token={TOKEN}&room={room}")
     assert first == Refusal(
-        303, "", (("location", "./"), ("set-cookie", f"{COOKIE}={TOKEN}; HttpOnly; SameSite=Strict; Path=/"))
+        303, "", (("location", "./"), ("set-cookie", f"{COOKIE}={TOKEN}; HttpOnly; SameSite=Lax; Path=/"))
     )
 
 
@@ -196,7 +218,7 @@ def test_a_viewer_for_others_needs_its_token():
         assert asked(address, own, *HANDSHAKE).startswith("HTTP/1.1 403")
         first = asked(address, own, target=f"/?{query}")
         assert first.startswith("HTTP/1.1 303")
-        assert f"set-cookie: {COOKIE}={TOKEN}; HttpOnly; SameSite=Strict" in first
+        assert f"set-cookie: {COOKIE}={TOKEN}; HttpOnly; SameSite=Lax" in first
         for headers in (HANDSHAKE, ()):
             answer = asked(address, own, f"Cookie: {COOKIE}={TOKEN}", *headers)
             assert answer.startswith("HTTP/1.1 101" if headers else "HTTP/1.1 200")
