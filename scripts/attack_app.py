@@ -426,7 +426,7 @@ def hold_connections(target: Target, report: Report) -> None:
 
 
 def follow_too_often(target: Target, report: Report) -> None:
-    """Let very many calls wait for one room, and nobody read what they say."""
+    """Let very many calls wait for one room, without reading what they say."""
     with running(target.folder / "waiting", SLOW_WORKER) as other:
         options = [2, False, "included network", "", "network", 0, 0, 0]
         call = {"data": options, "fn_index": 1, "trigger_id": 1}

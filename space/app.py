@@ -21,6 +21,7 @@ LIMITS = Limits(
     disk_bytes=4096 * MIB,
     waiting=10,
     uploads_bytes=2048 * MIB,
+    rooms_bytes=8192 * MIB,
 )
 """Less than on your own machine, because strangers share this one."""
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, TypeGuard
 
 from semgs.app.limits import MIB, Limits
-from semgs.app.uploads import GONE, UnusableUploadError, content_of
+from semgs.app.uploads import GONE, UnusableUploadError, content_of, delete_oldest
 from semgs.files.strict_json import parse_json
 from semgs.viewer.access import Access
 
@@ -143,8 +143,8 @@ class Door:
         announced = int(length) if length.isdecimal() and len(length) < 16 else None
         if announced is not None and announced > most:
             return await _answer(scope, send, 413, "These files are too large.")
-        files, stored = content_of(self._uploads)
-        if files >= self._limits.uploads or stored + (announced or 0) > self._limits.uploads_bytes:
+        room = (self._limits.uploads - 1, self._limits.uploads_bytes - (announced or 0))
+        if not await asyncio.to_thread(delete_oldest, self._uploads, *room):
             return await _answer(scope, send, 507, FULL)
         left, complete = most if announced is None else announced, False
         measured = left

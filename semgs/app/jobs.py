@@ -9,6 +9,7 @@ Each job has a folder: `files` with the uploads, which is deleted when the job e
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import re
@@ -379,12 +380,19 @@ class Jobs:
             self.expire()
 
     def expire(self) -> None:
-        """Delete results and uploads that are too old."""
+        """Delete results and uploads that are too old, and the oldest results if all are too large together."""
         now = time.time()
         with self._lock:
-            old = [job for job in self._jobs.values() if job.over and now - job.ended > self.limits.kept_seconds]
+            over = sorted((job for job in self._jobs.values() if job.over), key=lambda job: job.ended, reverse=True)
+        together = list(itertools.accumulate(content_of(job.folder)[1] for job in over))
+        old = [
+            job
+            for job, size in zip(over, together, strict=True)
+            if now - job.ended > self.limits.kept_seconds or (size > self.limits.rooms_bytes and job is not over[0])
+        ]
+        with self._lock:
             for job in old:
-                del self._jobs[job.identifier]
+                self._jobs.pop(job.identifier, None)
         for job in old:
             shutil.rmtree(job.folder, ignore_errors=True)
         for path in self.uploads.glob("*"):

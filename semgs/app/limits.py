@@ -24,6 +24,7 @@ class Limits:
         disk_bytes: a job may write.
         waiting: jobs in the queue.
         uploads, uploads_bytes: number and size of all uploaded files that no job has yet; beyond them, new ones are refused.
+        rooms_bytes: of all results; beyond them, the oldest are deleted.
         kept_seconds: results are deleted afterwards.
     """
 
@@ -39,6 +40,7 @@ class Limits:
     waiting: int = 20
     uploads: int = 1_000
     uploads_bytes: int = 4096 * MIB
+    rooms_bytes: int = 20 * 1024 * MIB
     kept_seconds: float = 24 * 3600.0
 
     @property

@@ -118,7 +118,7 @@ def plain_note(note: str) -> str:
 
 
 def without_options(note: str) -> str:
-    """A note without the parts that name options of the command line, which nobody sees here; unchanged if nothing else is left."""
+    """A note without the parts that name options of the command line, which the page does not show; unchanged if nothing else is left."""
     sentences = []
     pointed = re.sub(r"\s?\(\)", "", re.sub(r"[;,]?\s?\bsee --[a-z-]+", "", note))
     for sentence in re.split(r"(?<=[.!?])\s+", pointed):

@@ -8,9 +8,11 @@ from __future__ import annotations
 import io
 import math
 import os
+import time
 import zipfile
 import zlib
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Literal
@@ -33,6 +35,9 @@ LONGEST_SIDE = 1024
 """Photos without cameras are reduced to this [px]: their cameras are found three times as fast, and the network sees less than 76,800 pixels anyway."""
 
 QUALITY = 95
+
+UNUSED_SECONDS = 300.0
+"""Uploads that no job has taken for so long make place for others, if the folder is full."""
 
 DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError, RuntimeError)
 """What reading a damaged zip raises."""
@@ -167,6 +172,32 @@ def content_of(folder: Path) -> tuple[int, int]:
             except OSError:  # deleted just now
                 continue
     return files, size
+
+
+def delete_oldest(folder: Path, files: int, size: int) -> bool:
+    """Delete uploads that no job has taken for some minutes, the oldest first, until no more than some stay. Returns whether that was possible.
+
+    Args:
+        folder: with the uploads.
+        files, size: how many may stay, and their size [bytes].
+    """
+    found, total = [], 0
+    for place, _, names in os.walk(folder):
+        for name in names:
+            with suppress(OSError):  # deleted just now
+                status = Path(place, name).lstat()
+                found.append((status.st_mtime, status.st_size, Path(place, name)))
+                total += status.st_size
+    before = time.time() - UNUSED_SECONDS
+    count = len(found)
+    for changed, length, path in sorted(found):
+        if (count <= files and total <= size) or changed > before:
+            break
+        with suppress(OSError):
+            path.unlink()
+            count, total = count - 1, total - length
+            path.parent.rmdir()  # gradio makes a folder for each file
+    return count <= files and total <= size
 
 
 def unpack(upload: Upload, folder: Path, limits: Limits) -> None:

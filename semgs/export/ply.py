@@ -4,7 +4,7 @@ The layout is that of the first 3DGS implementation, to the byte: binary little 
 properties x y z, nx ny nz (zero), f_dc_0..2, f_rest_0..44, opacity (logit), scale_0..2 (log), rot_0..3 (w, x, y, z).
 f_rest holds the harmonics above degree 0 channel by channel: 15 of red, 15 of green, 15 of blue.
 
-Viewers blur by their own pixels, which nobody knows here, so scales contain the Gaussians' footprints. Each is also in nx, which viewers of splats do not read, and a comment
+Viewers blur by their own pixels, whose size is not known here, so scales contain the Gaussians' footprints. Each is also in nx, which viewers of splats do not read, and a comment
 says so: `read_plain_ply` takes it away again. Gaussians without footprints have zeros there, and the file has no comment.
 
 All 45 f_rest are always written, zero beyond the degree. Of the viewers we looked at, some read exactly these 62 floats by position

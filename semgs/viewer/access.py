@@ -33,12 +33,16 @@ def host_name(text: str) -> str:
     """A host name as --allow-host takes it, in lower case.
 
     Raises:
-        ValueError: it is not only a name or an address: no scheme, port or path.
+        ValueError: it is not only a name or an address: no scheme, port or path; or it is a name that every program of this machine has.
     """
     name = text.lower()
     if not HOST_NAME.fullmatch(name):
         raise ValueError(
             f"{text!r} is not a host name; expected one like room.example or 192.168.1.5, without http:// and port"
+        )
+    if name in LOCAL_HOSTS:
+        raise ValueError(
+            f"{text!r} needs no permission, and with it pages of all programs of this machine could use the server"
         )
     return name
 

@@ -68,7 +68,7 @@ def test_the_page_opens_and_says_what_is_wrong_with_one_photo(tmp_path: Path):
 def test_the_page_works_below_a_path_of_a_notebooks_proxy(tmp_path: Path):
     prefix = "/user/me@here/proxy/7860"
     with (
-        running_app(tmp_path / "app", "--allow-host", "localhost") as app,
+        running_app(tmp_path / "app") as app,
         tunnel_to(int(app.url.rsplit(":", 1)[1]), prefix=prefix) as port,
         page_at(replace(app, url=f"http://localhost:{port}{prefix}/")) as page,
     ):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -219,6 +220,20 @@ def test_uploads_end_where_the_folder_is_full(uploads: Path):
     assert answer(uploads, UPLOAD, [b"x"], length=1)[:2] == (507, FULL)  # four files
 
 
+def test_in_a_full_folder_uploads_that_wait_for_minutes_make_place(uploads: Path):
+    for number, minutes in enumerate((6, 20, 1)):
+        (uploads / f"{number}").mkdir()
+        (uploads / f"{number}" / "b.jpg").write_bytes(bytes(300))
+        changed = time.time() - 60 * minutes
+        os.utime(uploads / f"{number}" / "b.jpg", (changed, changed))
+    assert answer(uploads, UPLOAD, [b"x"], length=700)[0] == 200  # 905 of 1,500 bytes and four files: the oldest goes
+    assert sorted(path.name for path in uploads.iterdir()) == ["0", "2", "abc"]
+    assert answer(uploads, UPLOAD, [b"x"], length=900)[0] == 200  # 605 bytes are 5 too many
+    assert sorted(path.name for path in uploads.iterdir()) == ["2", "abc"]
+    (uploads / "2" / "c.jpg").write_bytes(bytes(300))
+    assert answer(uploads, UPLOAD, [b"x"], length=900)[:2] == (507, FULL)
+
+
 def test_uploads_that_do_not_arrive_keep_no_place(uploads: Path):
     async def begun_and_another() -> int:
         gate, sent = Door(Behind(), Access(), uploads, LIMITS), list[Any]()
@@ -250,16 +265,9 @@ def test_uploads_that_do_not_arrive_keep_no_place(uploads: Path):
 def test_uploads_that_fill_the_folder_together_end(uploads: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(door, "MEASURED_BYTES", 500)
     (uploads / "others").write_bytes(bytes(1495))  # with the photo, all that fits; they came meanwhile
-    real, seen = door.content_of, list[Path]()
-
-    def content(folder: Path) -> tuple[int, int]:
-        seen.append(folder)
-        return (0, 0) if len(seen) == 1 else real(folder)
-
-    monkeypatch.setattr(door, "content_of", content)
+    monkeypatch.setattr(door, "delete_oldest", lambda *_: True)  # there was place when it began
     parts = [b"x" * 300] * 3
     assert answer(uploads, UPLOAD, parts, length=900)[0] == 200
-    seen.clear()
     (uploads / "last").write_bytes(b"x")
     assert answer(uploads, UPLOAD, parts, length=900)[:2] == (507, FULL)
 

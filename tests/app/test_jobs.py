@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -338,6 +339,22 @@ def test_rooms_expire_and_others_survive_a_restart(start: Callable[..., Jobs]):
     second.expire()
     assert second.find(job.identifier) is None
     assert not job.folder.exists()
+
+
+def test_of_too_many_rooms_the_oldest_go_and_the_newest_stays(start: Callable[..., Jobs]):
+    jobs = start()
+    made = []
+    for _ in range(3):
+        made.append(jobs.submit((), example=True))
+        wait(lambda: made[-1].over)
+        (made[-1].room / "large").write_bytes(bytes(1_000_000))
+    jobs.limits = replace(jobs.limits, rooms_bytes=2_500_000)
+    jobs.expire()
+    assert [jobs.find(job.identifier) is None for job in made] == [True, False, False]
+    assert [job.folder.exists() for job in made] == [False, True, True]
+    jobs.limits = replace(jobs.limits, rooms_bytes=10)
+    jobs.expire()
+    assert [job.folder.exists() for job in made] == [False, False, True]  # somebody looks at it now
 
 
 def test_old_uploads_are_deleted_although_others_disappear_meanwhile(start: Callable[..., Jobs]):

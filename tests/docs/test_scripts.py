@@ -38,13 +38,14 @@ RUNS = {
     "splat_labels": (("{rooms}/scene_00000", "{reconstruction}"), "photos say the classes of"),
     "walks": (("{room}", "--every", "3"), ", 8 frames | merged |"),
 }
-"""Arguments of each script, and a part of what it prints. `average_weights`, `large_splat`, `refit_shapes` and `undo_class_weights` have tests of
+"""Arguments of each script, and a part of what it prints. `attack_app`, `average_weights`, `large_splat`, `refit_shapes` and `undo_class_weights` have tests of
 their own, `shared` is for the others."""
 
 
 def test_every_script_is_run_here() -> None:
     assert {path.stem for path in SCRIPTS.glob("*.py")} == {
         *RUNS,
+        "attack_app",
         "average_weights",
         "shared",
         "large_splat",

@@ -174,6 +174,12 @@ def test_what_is_no_host_name_is_refused(text: str):
         host_name(text)
 
 
+@pytest.mark.parametrize("text", ["localhost", "127.0.0.1", "[::1]", "LocalHost"])
+def test_names_that_all_programs_of_this_machine_have_are_refused(text: str):
+    with pytest.raises(ValueError, match="needs no permission"):
+        host_name(text)
+
+
 def test_host_names_are_compared_in_lower_case():
     assert host_name("Hub.Example") == "hub.example"
 
