@@ -10,7 +10,9 @@ import json
 import re
 import stat
 import sys
+import time
 from collections.abc import Awaitable, Callable, MutableMapping, Sequence
+from math import inf
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -52,6 +54,12 @@ BODY_SECONDS = 30.0
 
 PREFIX = re.compile(r"(/[A-Za-z0-9_.~@-]+)*")
 """Where a proxy may put the page."""
+
+QUIET_SECONDS = 60.0
+"""Failures at one place of the code are told this far apart."""
+
+_told: dict[str, float] = {}
+"""When a failure was last told, by its place in the code."""
 
 SESSION = re.compile(r"[a-z0-9]{1,40}")
 
@@ -241,13 +249,17 @@ def inside(path: Path, folder: Path) -> bool:
 
 
 def tell_failure(error: BaseException) -> None:
-    """Tell whoever runs the app of a request that failed, on one line with the place in the code."""
+    """Tell whoever runs the app of a request that failed, on one line with the place in the code; of the same place once a minute."""
     trace = error.__traceback__
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next
     place = "" if trace is None else f" at {Path(trace.tb_frame.f_code.co_filename).name}:{trace.tb_lineno}"
     text = " ".join(str(error).split())[:200]
     line = f"semgs: a request failed: {type(error).__name__}{place}: {text}"
+    now = time.monotonic()
+    if now - _told.get(place, -inf) < QUIET_SECONDS:
+        return
+    _told[place] = now
     try:
         print("".join(one if one.isprintable() else "?" for one in line), file=sys.stderr, flush=True)
     except (OSError, ValueError):  # there is no terminal any more

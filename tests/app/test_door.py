@@ -356,14 +356,20 @@ def test_no_proxy_makes_another_path_of_one_that_is_known(uploads: Path, prefix:
 
 
 def test_a_failure_is_one_line_in_the_terminal_and_a_sentence_in_the_browser(
-    uploads: Path, capsys: pytest.CaptureFixture[str]
+    uploads: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
+    monkeypatch.setattr(door, "_told", {})
     status, text, _, _ = answer(uploads, "/theme.css", method="GET")
     assert (status, text) == (500, "This request could not be answered.")
     error = capsys.readouterr().err
     assert error.startswith("semgs: a request failed: RuntimeError at test_door.py:")
     assert error.endswith(": a failure of gradio\n")
     assert error.count("\n") == 1
+    answer(uploads, "/theme.css", method="GET")
+    assert capsys.readouterr().err == "", "the same again fills no terminal"
+    monkeypatch.setattr(door, "QUIET_SECONDS", 0.0)
+    answer(uploads, "/theme.css", method="GET")
+    assert capsys.readouterr().err == error
 
 
 def test_no_websocket_is_let_in(uploads: Path):
