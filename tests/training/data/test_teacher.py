@@ -127,7 +127,7 @@ def test_a_network_that_does_not_classify_by_itself_has_no_place_for_a_head():
 def test_a_teacher_of_the_networks_own_classes_needs_no_head_and_must_have_as_many():
     network = initial_network("small", "random")
     assert Pictures(teacher_classes=20, teacher_target="classes").head(network) is None
-    with pytest.raises(InputError, match="20 classes.*3 classes.*--teacher-target head"):
+    with pytest.raises(InputError, match=r"20 classes.*3 classes.*--teacher-target head"):
         Pictures(teacher_classes=3, teacher_target="classes").head(network)
 
 
