@@ -1,11 +1,16 @@
 """Predict classes with a published segmentation network for all images of some scenes, for `semgs train --teacher OUT`.
 
     python scripts/teach.py NETWORK.tflite OUT SCENES [SCENES ...]
+    python scripts/teach.py NETWORK.tflite OUT SCENES --table TABLE.npy --beside WEIGHTS [--share SHARE]
 
 NETWORK is a segmentation network for LiteRT that maps uint8 images to class indices, such as MOSAIC of MLPerf Mobile. LiteRT is no
 dependency of semgs; install it with pip install ai-edge-litert. SCENES are what `semgs train --data` takes. Each image is resized to the
 network's input size. The softmax of the logits, averaged to an eighth of the image's size, is saved to OUT/SOURCE/SCENE.npy as float16
-[frame rows columns class]. Existing files are skipped, so you can repeat the command after adding scenes.
+[frame rows columns class]. All images of a scene get maps of one size, that of the first. Existing files are skipped, so you can repeat the command after adding scenes.
+
+With --table, the probabilities become those of SemGS's classes: TABLE [class of NETWORK, class of SemGS] has the share of each class of
+NETWORK that is each class of SemGS. With --beside, SHARE of them (a half) is mixed with what WEIGHTS say of each image by itself, both as
+means with the mirrored image. Such a teacher is for `semgs train --teacher-target classes`.
 """
 
 from __future__ import annotations
@@ -13,6 +18,7 @@ from __future__ import annotations
 import argparse
 import io
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +26,13 @@ import cv2
 import numpy as np
 import torch
 
+from semgs.data.resampling import default_size, resized
 from semgs.data.scenes import open_scene, scene_paths
 from semgs.data.views import Views
 from semgs.files.atomic import write_bytes
+from semgs.model.semgs import SemGS
+from semgs.model.weights.load import load
+from semgs.training.data.augmentation import flip
 from semgs.training.data.teacher import STRIDE, Teacher
 
 AFTER_LOGITS = ("ARG_MAX", "RESIZE_BILINEAR", "RESIZE_NEAREST_NEIGHBOR", "CAST", "SQUEEZE")
@@ -64,13 +74,49 @@ class Segmenter:
         return found / found.sum(-1, keepdims=True)
 
 
-def predicted(views: Views, segmenter: Segmenter, size: tuple[int, int]) -> np.ndarray:
+@dataclass(frozen=True)
+class Mixture:
+    """A published network, as it speaks of SemGS's classes, mixed with a network of SemGS.
+
+    Attributes:
+        table: from the published network's classes to others [class class]; None keeps its own.
+        network: in evaluation mode, with the table's classes; None for the published network alone, without mirroring.
+        share: of the published network.
+    """
+
+    table: np.ndarray | None = None
+    network: SemGS | None = None
+    share: float = 0.5
+
+    def predict(self, views: Views, segmenter: Segmenter, size: tuple[int, int]) -> torch.Tensor:
+        """Class probabilities of a view at a size (rows, columns) [1 class rows columns]."""
+        if self.network is None:
+            return self._published(views, segmenter, size)
+        small = resized(views, default_size(views.size))
+        maps = torch.zeros(())
+        for mirrored in (False, True):
+            seen, own = (flip(views), flip(small)) if mirrored else (views, small)
+            with torch.no_grad():
+                classes = torch.nn.functional.interpolate(
+                    self.network.classify(own, alone=True), size=size, mode="area"
+                )
+            mixed = self.share * self._published(seen, segmenter, size) + (1 - self.share) * classes
+            maps = maps + (mixed.flip(-1) if mirrored else mixed) / 2
+        return maps
+
+    def _published(self, views: Views, segmenter: Segmenter, size: tuple[int, int]) -> torch.Tensor:
+        """What the published network says, through the table."""
+        image = np.rint(255 * views.images[0].permute(1, 2, 0).numpy()).astype(np.uint8)
+        found = segmenter.probabilities(np.ascontiguousarray(image))
+        if self.table is not None:
+            found = found @ self.table
+        maps = torch.from_numpy(found.astype(np.float32)).permute(2, 0, 1)[None]
+        return torch.nn.functional.interpolate(maps, size=size, mode="area")
+
+
+def predicted(views: Views, segmenter: Segmenter, size: tuple[int, int], mixture: Mixture) -> np.ndarray:
     """Class probabilities of a view at a size (rows, columns), float16 [1 rows columns class]."""
-    image = np.rint(255 * views.images[0].permute(1, 2, 0).numpy()).astype(np.uint8)
-    found = segmenter.probabilities(np.ascontiguousarray(image))
-    maps = torch.from_numpy(found).permute(2, 0, 1)[None]
-    small = torch.nn.functional.interpolate(maps, size=size, mode="area")
-    return small.permute(0, 2, 3, 1).numpy().astype(np.float16)
+    return mixture.predict(views, segmenter, size).permute(0, 2, 3, 1).numpy().astype(np.float16)
 
 
 if __name__ == "__main__":
@@ -78,8 +124,15 @@ if __name__ == "__main__":
     parser.add_argument("network", type=Path)
     parser.add_argument("out", type=Path)
     parser.add_argument("scenes", nargs="+")
+    parser.add_argument("--table", type=Path)
+    parser.add_argument("--beside", metavar="WEIGHTS")
+    parser.add_argument("--share", type=float, default=0.5)
     given = parser.parse_args()
+    if given.beside and not given.table:
+        parser.error("--beside needs --table")
     torch.set_num_threads(1)
+    table = None if given.table is None else np.load(given.table)
+    mixture = Mixture(table, load(given.beside).eval() if given.beside else None, given.share)
     segmenter, count, began = Segmenter(given.network), 0, time.process_time()
     for path in [path for scenes in given.scenes for path in scene_paths(scenes)]:
         scene = open_scene(path.absolute(), needs_cameras=False)
@@ -88,7 +141,7 @@ if __name__ == "__main__":
             continue
         height, width = scene.frames[0].lens.size
         size = height // STRIDE, width // STRIDE
-        found = np.concatenate([predicted(frame.view((1, 2)), segmenter, size) for frame in scene.frames])
+        found = np.concatenate([predicted(frame.view((1, 2)), segmenter, size, mixture) for frame in scene.frames])
         file.parent.mkdir(parents=True, exist_ok=True)
         data = io.BytesIO()
         np.save(data, found)

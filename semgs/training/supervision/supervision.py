@@ -22,7 +22,7 @@ from semgs.scene.encoding import Encoding
 from semgs.training.data.teacher import divergence
 from semgs.training.supervision.objective import TERMS, Supervision, all_views, render_targets
 from semgs.training.supervision.strips import class_strip, strip
-from semgs.training.supervision.supervision_settings import SupervisionSettings
+from semgs.training.supervision.supervision_settings import SupervisionSettings, TeacherTarget
 from semgs.training.supervision.validation import Comparison, Validation, validate, validate_depth
 
 
@@ -39,7 +39,7 @@ def make_supervision(
     if settings.supervision == "labels":
         return Labels(class_weights, settings.losses)
     if settings.supervision == "pictures":
-        return Pictures(class_weights, teacher_classes, settings.teacher_weight)
+        return Pictures(class_weights, teacher_classes, settings.teacher_weight, settings.teacher_target)
     if settings.supervision == "depth":
         return Depth(settings.depth_losses)
     return Rendered(settings.losses, class_weights, settings.depth_weight, settings.context_targets)
@@ -139,8 +139,9 @@ class Pictures(Supervision):
 
     Attributes:
         class_weights: as for `Labels`.
-        teacher_classes: number of classes of a teacher, whose probabilities an extra head learns; 0 for no teacher.
+        teacher_classes: number of classes of a teacher, whose probabilities are learned too; 0 for no teacher.
         teacher_weight: weight of that second loss.
+        teacher_target: what learns these probabilities: an extra "head", or the network's own "classes".
     """
 
     measures: ClassVar[bool] = True
@@ -148,12 +149,15 @@ class Pictures(Supervision):
     class_weights: tuple[float, ...] | None = None
     teacher_classes: int = 0
     teacher_weight: float = 1.0
+    teacher_target: TeacherTarget = "head"
 
     def head(self, network: Any) -> nn.Module | None:
-        """A linear layer from the evidence of the network's classes to the teacher's classes; it starts at zero.
+        """A linear layer from the evidence of the network's classes to the teacher's classes; it starts at zero. None if the network's own
+        classes learn them.
 
         Raises:
-            InputError: the network does not classify each view on its own.
+            InputError: the network does not classify each view on its own, or has another number of classes than the teacher although
+                its own classes should learn.
         """
         if not self.teacher_classes:
             return None
@@ -163,13 +167,20 @@ class Pictures(Supervision):
                 "--teacher", "a network that classifies each view on its own", "one that does not",
                 advice="give --network.class-backbone",
             )  # fmt: skip
+        if self.teacher_target == "classes":
+            if self.teacher_classes != network.class_count:
+                raise InputError(
+                    "--teacher", f"probabilities of the network's {network.class_count} classes", f"{self.teacher_classes} classes",
+                    advice="give --teacher-target head",
+                )  # fmt: skip
+            return None
         head = nn.Conv2d(channels, self.teacher_classes, 1)
         for parameter in head.parameters():
             nn.init.zeros_(parameter)
         return head.to(next(network.parameters()).device)
 
     def loss(self, network: Any, batch: Batch, head: nn.Module | None = None) -> dict[str, Tensor]:
-        """The cross-entropy of all views. With a head, `total` includes the divergence from the teacher.
+        """The cross-entropy of all views. With a teacher, `total` includes the divergence from it.
 
         Raises:
             ValueError: the views have no labels, or there are no teacher's probabilities.
@@ -177,12 +188,13 @@ class Pictures(Supervision):
         views = all_views(batch)
         maps = network.class_maps(views, alone=True)
         terms = _label_terms(network, maps, views, self.class_weights, "pictures")
-        if head is None:
+        if not self.teacher_classes:
             return terms
         if batch.taught is None:
             raise ValueError("the batch has no teacher's probabilities; expected them for every image")
         taught = batch.taught.flatten(end_dim=-4).to(maps.distributions.device)
-        second = divergence(head(maps.evidence), taught).mean()
+        learner = network.semantic.refinement.classifier if head is None else head
+        second = divergence(learner(maps.evidence), taught).mean()
         return terms | {"total": terms["total"] + self.teacher_weight * second}
 
     def learning(self, network: Any) -> set[str]:

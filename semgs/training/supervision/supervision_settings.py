@@ -10,6 +10,7 @@ from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
 from semgs.training.setting_checks import check_values
 
 SupervisedBy = Literal["rendered", "labels", "pictures", "depth"]
+TeacherTarget = Literal["head", "classes"]
 
 CLASS_WEIGHTINGS = {"inverse_root_frequency": 0.5, "inverse_fourth_root_frequency": 0.25}
 """Rules that give rare classes more weight: (1 / share of the pixels) to this power."""
@@ -40,6 +41,9 @@ class SupervisionSettings:
     backbone does not forget real photos. Needs --supervision pictures."""
     teacher_weight: float = 1.0
     """Weight of that second loss, a Kullback-Leibler divergence."""
+    teacher_target: TeacherTarget = "head"
+    """What learns the teacher's probabilities. head: an extra head, for a teacher with classes of its own. classes: the network's own classes,
+    for a teacher that has the same ones."""
 
     def __post_init__(self) -> None:
         rule = isinstance(self.class_weights, str)
@@ -70,6 +74,10 @@ class SupervisionSettings:
             ),
             teacher=(not self.teacher or self.single_images, "none, except with --supervision pictures"),
             teacher_weight=(_are_weights((self.teacher_weight,)), "a positive number"),
+            teacher_target=(
+                self.teacher_target in get_args(TeacherTarget),
+                f"one of {', '.join(get_args(TeacherTarget))}",
+            ),
         )
 
     @property

@@ -14,6 +14,7 @@ from scenes_on_disk import write_labelled
 from training_data import run_portions
 
 from semgs.data.scenes import open_scene
+from semgs.data.views import Batch
 from semgs.files.errors import InputError
 from semgs.model.weights.initial_weights import initial_network
 from semgs.training.data.augmentation import Variation
@@ -121,6 +122,35 @@ def test_a_batch_has_zeros_where_the_teacher_says_nothing(scans: Path, tmp_path:
 def test_a_network_that_does_not_classify_by_itself_has_no_place_for_a_head():
     with pytest.raises(InputError, match="class-backbone"):
         Pictures(teacher_classes=3).head(initial_network("small_plain", "random"))
+
+
+def test_a_teacher_of_the_networks_own_classes_needs_no_head_and_must_have_as_many():
+    network = initial_network("small", "random")
+    assert Pictures(teacher_classes=20, teacher_target="classes").head(network) is None
+    with pytest.raises(InputError, match=r"20 classes.*3 classes.*--teacher-target head"):
+        Pictures(teacher_classes=3, teacher_target="classes").head(network)
+
+
+def test_a_network_that_learns_itself_as_a_teacher_changes_nothing_and_an_undecided_teacher_moves_every_layer():
+    network = initial_network("small", "random").train()
+    views = posed_views(2, (32, 48), seed=5).map(lambda maps: maps[None])
+    views = views.changed(labels=torch.full((1, 2, 32, 48), 255, dtype=torch.uint8))
+    learn = Pictures(teacher_classes=20, teacher_weight=3.0, teacher_target="classes")
+    names = learn.learning(network)
+    for name, parameter in network.named_parameters():
+        parameter.requires_grad_(name in names)
+    logits = network.semantic.refinement.classifier(network.class_maps(views, alone=True).evidence)
+    own = torch.nn.functional.avg_pool2d(logits, 2).softmax(1).detach()[None]
+    for taught, expected in ((own, 0.0), (torch.full_like(own, 1 / 20), None)):
+        network.zero_grad()
+        terms = learn.loss(network, Batch(views, views.select([]), ("a",), taught))
+        terms["total"].backward()
+        gradients = [parameter.grad.abs().max() for name, parameter in network.named_parameters() if name in names]
+        if expected is not None:
+            assert float(terms["total"].detach()) == pytest.approx(expected, abs=1e-5)
+        else:
+            assert float(terms["total"].detach()) > 0
+            assert min(map(float, gradients)) > 0
 
 
 @pytest.mark.long
