@@ -510,7 +510,7 @@ def make_rooms(target: Target, report: Report) -> None:
         session = secrets.token_hex(5)
         status, answer = target.join({"data": data, "fn_index": 0, "session_hash": session, "trigger_id": 6})
         stream = f"/gradio_api/queue/data?session_hash={session}"
-        said = target.ask("GET", stream, until=b"process_completed", patience=300)[1] if status == 200 else b""
+        said = target.ask("GET", stream, until=b"close_stream", patience=300)[1] if status == 200 else b""
         made = sorted((target.folder / "rooms").glob("*/room/room.json"))
         found = b"iframe" in said, b"status error" in said, len(made)
         expected = (

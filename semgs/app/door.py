@@ -56,7 +56,7 @@ PREFIX = re.compile(r"(/[A-Za-z0-9_.~@-]+)*")
 """Where a proxy may put the page."""
 
 QUIET_SECONDS = 60.0
-"""Failures at one place of the code are told this far apart."""
+"""At most one failure at a place of the code is printed in this time."""
 
 _told: dict[str, float] = {}
 """When a failure was last told, by its place in the code."""
