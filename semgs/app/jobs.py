@@ -46,6 +46,10 @@ TEMPORARY = "temporary"
 """The folder beside those of jobs with a worker's temporary files. It is emptied before the next one starts: a worker that is killed cannot do it."""
 
 LOG_LINES = 200
+
+MOST_LINE = 4096
+"""So much of a line of a worker is kept [letters]: it may contain names from data, of any length."""
+
 SWEEP_SECONDS = 60.0
 """How often expired results are looked for."""
 
@@ -446,9 +450,11 @@ def _watch(process: subprocess.Popen[str], limits: Limits, folders: Sequence[Pat
 def _listen(job: Job, process: subprocess.Popen[str], log: deque[str]) -> None:
     """Take over the stages that a worker reports, and keep what else it says, until it has ended."""
     assert process.stderr is not None
-    for line in process.stderr:
-        if not _note_stage(job, line):
+    begins = True
+    while line := process.stderr.readline(MOST_LINE):
+        if begins and not _note_stage(job, line):
             log.append(line.rstrip())
+        begins = line.endswith("\n")
 
 
 def _how_it_ended(code: int, log: Sequence[str]) -> str:

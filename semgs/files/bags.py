@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO, Self
+from urllib.parse import quote
 
 from semgs.files.extras import needs_extra
 
@@ -66,6 +67,23 @@ def inflate(data: bytes, decompressor: Callable[[], Any]) -> bytes:
     return b"".join(parts)
 
 
+class _Sqlite:
+    """The module apsw as rosbags calls it: a name is a name, although %2e is a dot in the addresses that SQLite takes, and values have a limit."""
+
+    def __init__(self, apsw: Any) -> None:
+        self._apsw = apsw
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._apsw, name)
+
+    def Connection(self, address: str, **options: Any) -> Any:
+        """The database of "file:PATH?immutable=1", where PATH is as it is on disk."""
+        path = Path(address.removeprefix("file:").removesuffix("?immutable=1")).absolute()
+        opened = self._apsw.Connection(f"file:{quote(str(path))}?immutable=1", **options)
+        opened.limit(self._apsw.SQLITE_LIMIT_LENGTH, MOST_CHUNK)
+        return opened
+
+
 class _Zstd:
     """The functions of Python's zstd that rosbags calls, with limits."""
 
@@ -112,7 +130,10 @@ def _bound_rosbags() -> None:
     from lz4.frame import LZ4FrameDecompressor
     from rosbags.rosbag1 import reader as reader_of_ros_1
     from rosbags.rosbag2 import reader as reader_of_ros_2
-    from rosbags.rosbag2 import storage_mcap
+    from rosbags.rosbag2 import storage_mcap, storage_sqlite3
+
+    if not isinstance(storage_sqlite3.apsw, _Sqlite):
+        vars(storage_sqlite3)["apsw"] = _Sqlite(storage_sqlite3.apsw)
 
     streams: dict[str, Callable[[], Any]] = {"bz2": bz2.BZ2Decompressor, "lz4": LZ4FrameDecompressor}
     zstd: Any = getattr(reader_of_ros_2, "zstd", None)

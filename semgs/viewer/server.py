@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import io
+import re
 import socket
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from functools import wraps
 from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
 
 from semgs.files.errors import InputError
 from semgs.files.extras import needs_extra
-from semgs.viewer.access import Access
+from semgs.viewer.access import HOST_NAME, Access, Refusal
 
 if TYPE_CHECKING:
     from viser import (  # noqa: F401 - the types of viser, for the modules that use this server
@@ -37,6 +39,15 @@ EVERY_ADDRESS, EVERY_ADDRESS_6 = "0.0.0.0", "::"
 ANY_PORT = 0
 
 _starting = threading.Lock()
+
+PAGE_POLICY = (
+    "default-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; object-src 'none'; base-uri 'self'; form-action 'self'; "
+    "script-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src 'self' data: blob:"
+)
+"""What viser's page may load and connect to. It runs the scripts that its server sends."""
+
+ELSEWHERE = ("websocket=", "playbackPath=")
+"""What makes viser's page take its content, scripts included, from another server."""
 
 
 def check_viewer_library() -> None:
@@ -110,12 +121,17 @@ def _guarded(access: Access, answer: Callable[..., Any] | None) -> Callable[...,
     def process(connection: Any, request: Any) -> Any:
         headers = list(request.headers.raw_items())
         websocket = any(name.lower() == "upgrade" for name, _ in headers)
-        refusal = access.refusal("GET", headers, request.path.partition("?")[2], websocket)
+        query = request.path.partition("?")[2]
+        refusal = access.refusal("GET", headers, query, websocket)
+        if refusal is None and not websocket and any(name in unquote(query) for name in ELSEWHERE):
+            refusal = Refusal(303, "", (("location", "./"),))
         if refusal is None:
             response = answer(connection, request) if answer else None
             if response is not None:
-                response.headers["Content-Security-Policy"] = access.frame_ancestors
+                own = " ".join(f"{scheme}://{place}" for place in _places(headers, access) for scheme in ("ws", "wss"))
+                response.headers["Content-Security-Policy"] = f"{PAGE_POLICY} {own}; {access.frame_ancestors}"
                 response.headers["X-Content-Type-Options"] = "nosniff"
+                response.headers["Referrer-Policy"] = "same-origin"
             return response
         body = refusal.sentence.encode()
         told = {
@@ -126,6 +142,13 @@ def _guarded(access: Access, answer: Callable[..., Any] | None) -> Callable[...,
         return Response(refusal.status, "Refused", Headers({**told, **dict(refusal.headers)}), body)
 
     return process
+
+
+def _places(headers: Sequence[tuple[str, str]], access: Access) -> list[str]:
+    """Hosts, with ports, that a page of the server may open WebSockets to: its own."""
+    host = next((value.strip().lower() for name, value in headers if name.lower() == "host"), "")
+    name = re.sub(r":\d{1,5}$", "", host)
+    return [*([host] if HOST_NAME.fullmatch(name) else []), *(f"{one}:*" for one in access.names)]
 
 
 def run_script(target: ViserServer | ClientHandle, source: str) -> None:

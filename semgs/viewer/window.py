@@ -49,6 +49,9 @@ if TYPE_CHECKING:
 RENDER_HEIGHT = 480
 """Height of images rendered from the viewer's camera [px]."""
 
+MOST_ASPECT = 8.0
+"""Widest image rendered from there: a browser says how wide its window is."""
+
 RENDER_WIDTH = 420
 """Width of the panel with that image [px]."""
 
@@ -314,7 +317,8 @@ class Window:
         if client is None:
             return
         seen = client.camera
-        size = (RENDER_HEIGHT, max(1, round(RENDER_HEIGHT * seen.aspect)))
+        aspect = min(seen.image_width / max(seen.image_height, 1), MOST_ASPECT)
+        size = (RENDER_HEIGHT, max(1, round(RENDER_HEIGHT * aspect)))
         with self._lock:
             camera = camera_seen_from(seen.wxyz, seen.position, seen.fov, size, self._splats.scale)
             self._picture.image = self._render_image(camera)

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -17,9 +18,9 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from semgs.app.jobs import BUG, KILLED, NO_WORKER, TOO_LARGE, TOO_MUCH, UPLOAD_SECONDS, Job, Jobs
+from semgs.app.jobs import BUG, KILLED, NO_WORKER, TOO_LARGE, TOO_MUCH, UPLOAD_SECONDS, Job, Jobs, _listen
 from semgs.app.limits import Limits
-from semgs.app.requests import RoomOptions
+from semgs.app.requests import Request, RoomOptions
 from semgs.app.uploads import UnusableUploadError, Upload, content_of
 from semgs.runtime.process_groups import group_bytes
 
@@ -339,6 +340,16 @@ def test_rooms_expire_and_others_survive_a_restart(start: Callable[..., Jobs]):
     second.expire()
     assert second.find(job.identifier) is None
     assert not job.folder.exists()
+
+
+def test_a_line_of_a_worker_is_kept_up_to_a_limit(tmp_path: Path):
+    script = "import sys; sys.stderr.write('semgs: error: ' + 9_000_000 * 'x' + '\\nsecond\\n')"
+    job = Job("a" * 20, tmp_path, Request("example", [], str(tmp_path), {}), "")
+    log: deque[str] = deque(maxlen=10)
+    with subprocess.Popen([sys.executable, "-c", script], stderr=subprocess.PIPE, text=True) as process:
+        _listen(job, process, log)
+    assert [len(line) for line in log] == [4096, 6]
+    assert log[0].startswith("semgs: error: xxx")
 
 
 def test_of_too_many_rooms_the_oldest_go_and_the_newest_stays(start: Callable[..., Jobs]):

@@ -73,3 +73,21 @@ def test_bags_are_read_up_to_the_limit(tmp_path: Path, monkeypatch: pytest.Monke
     long = write_bag(tmp_path / "long", 900_000, storage, compression)
     with pytest.raises(InputError, match=r"a compressed (part|bag)"):
         list(Bag(long).messages(["/words"]))
+
+
+@pytest.mark.parametrize("name", ["%2e%2e%2fsecret%2fa.db3", "..%2fsecret%2fa.db3"])
+def test_the_name_of_a_database_is_no_address_that_leads_elsewhere(tmp_path: Path, name: str):
+    secret = write_bag(tmp_path / "secret", 50, "SQLITE3", "NONE")
+    (database,) = secret.glob("*.db3")
+    about = (secret / "metadata.yaml").read_text()
+    (tmp_path / "asked").mkdir()
+    (tmp_path / "asked" / "metadata.yaml").write_text(about.replace(database.name, name))
+    (tmp_path / "asked" / name).touch()
+    database.rename(secret / "a.db3")
+    with pytest.raises(InputError):
+        list(Bag(tmp_path / "asked").messages(["/words"]))
+
+
+def test_signs_of_addresses_in_the_name_of_a_folder_are_only_letters(tmp_path: Path):
+    path = write_bag(tmp_path / "a", 50, "SQLITE3", "NONE").rename(tmp_path / "a #1?%41")
+    assert len(next(iter(Bag(path).messages(["/words"])))[1].data) == 50

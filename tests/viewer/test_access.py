@@ -204,7 +204,18 @@ def test_the_viewer_gives_its_scene_to_its_own_page_only():
         own = f"Host: {window.url.removeprefix('http://')}"
         page = asked(window.url, own)
         assert page.startswith("HTTP/1.1 200")
-        assert "Content-Security-Policy: frame-ancestors 'self'" in page
+        policy = next(line for line in page.splitlines() if line.startswith("Content-Security-Policy: "))
+        place = window.url.removeprefix("http://")
+        assert policy.endswith(f"connect-src 'self' data: blob: ws://{place} wss://{place}; frame-ancestors 'self'")
+        assert "default-src 'self' data: blob:;" in policy
+        for query in (
+            "websocket=wss://evil.example",
+            "a=1&playbackPath=https://evil.example/a",
+            "%77ebsocket=ws://evil.example",
+        ):
+            assert asked(window.url, own, target=f"/?{query}").startswith(
+                "HTTP/1.1 303"
+            )  # their scripts would run here
         assert asked(window.url, own, f"Origin: {window.url}", *HANDSHAKE).startswith("HTTP/1.1 101")
         assert asked(window.url, own, "Origin: https://evil.example", *HANDSHAKE).startswith("HTTP/1.1 403")
         assert asked(window.url, own, "Origin: http://127.0.0.1:1", *HANDSHAKE).startswith("HTTP/1.1 403")
