@@ -19,7 +19,8 @@ from typing import Any, TypeGuard
 from semgs.app.limits import MIB, Limits
 from semgs.app.uploads import GONE, UnusableUploadError, content_of, delete_oldest
 from semgs.files.strict_json import parse_json
-from semgs.viewer.access import Access
+from semgs.files.text import printable
+from semgs.viewer.access import PAGE_POLICY, Access
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -62,10 +63,6 @@ _told: dict[str, float] = {}
 """When a failure was last told, by its place in the code."""
 
 SESSION = re.compile(r"[a-z0-9]{1,40}")
-
-BASE_POLICY = "default-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; object-src 'none'; base-uri 'self'; form-action 'self'"
-# gradio starts and calls scripts that are written into the page; viser's client is WebAssembly written into the page.
-SCRIPTS = "script-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:"
 
 BAD_REQUEST = "This is not a request of the page."
 FULL = "Too many files wait on this server. Try again in some minutes."
@@ -187,7 +184,7 @@ class Door:
 
     def _with_policy(self, send: Send, path: str) -> Send:
         """Adds the headers that say what a page may load, and who may frame it."""
-        policy = f"{BASE_POLICY}; {SCRIPTS}; {self._access.frame_ancestors}"
+        policy = f"{PAGE_POLICY}; {self._access.frame_ancestors}"
         more = {
             b"content-security-policy": policy.encode("latin-1"),
             b"x-content-type-options": b"nosniff",
@@ -261,7 +258,7 @@ def tell_failure(error: BaseException) -> None:
         return
     _told[place] = now
     try:
-        print("".join(one if one.isprintable() else "?" for one in line), file=sys.stderr, flush=True)
+        print(printable(line), file=sys.stderr, flush=True)
     except (OSError, ValueError):  # there is no terminal any more
         return
 

@@ -18,6 +18,12 @@ from urllib.parse import parse_qs, urlsplit
 
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "[::1]")
 
+PAGE_POLICY = (
+    "default-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; object-src 'none'; base-uri 'self'; form-action 'self'; "
+    "script-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:"
+)
+"""What a page may load: only from its own server. gradio and viser start scripts that are written into the page, viser also those that its server sends."""
+
 SAFE_METHODS = ("GET", "HEAD")
 
 WRONG_HOST = (

@@ -14,7 +14,7 @@ from urllib.parse import unquote
 
 from semgs.files.errors import InputError
 from semgs.files.extras import needs_extra
-from semgs.viewer.access import HOST_NAME, Access, Refusal
+from semgs.viewer.access import HOST_NAME, PAGE_POLICY, Access, Refusal
 
 if TYPE_CHECKING:
     from viser import (  # noqa: F401 - the types of viser, for the modules that use this server
@@ -39,12 +39,6 @@ EVERY_ADDRESS, EVERY_ADDRESS_6 = "0.0.0.0", "::"
 ANY_PORT = 0
 
 _starting = threading.Lock()
-
-PAGE_POLICY = (
-    "default-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; object-src 'none'; base-uri 'self'; form-action 'self'; "
-    "script-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src 'self' data: blob:"
-)
-"""What viser's page may load and connect to. It runs the scripts that its server sends."""
 
 ELSEWHERE = ("websocket=", "playbackPath=")
 """What makes viser's page take its content, scripts included, from another server."""
@@ -129,7 +123,9 @@ def _guarded(access: Access, answer: Callable[..., Any] | None) -> Callable[...,
             response = answer(connection, request) if answer else None
             if response is not None:
                 own = " ".join(f"{scheme}://{place}" for place in _places(headers, access) for scheme in ("ws", "wss"))
-                response.headers["Content-Security-Policy"] = f"{PAGE_POLICY} {own}; {access.frame_ancestors}"
+                response.headers["Content-Security-Policy"] = (
+                    f"{PAGE_POLICY}; connect-src 'self' data: blob: {own}; {access.frame_ancestors}"
+                )
                 response.headers["X-Content-Type-Options"] = "nosniff"
                 response.headers["Referrer-Policy"] = "same-origin"
             return response
