@@ -98,7 +98,7 @@ class Door:
             return await _answer(scope, send, refusal.status, refusal.sentence, refusal.headers)
         if websocket or not is_known(method, path):
             return await _answer(scope, send, 404, "There is no such page.")
-        scope = self._named(scope, dict(headers))
+        scope = self._named(scope, headers)
         send = self._with_policy(send, path)
         if path == JOIN:
             return await self._join(scope, receive, send)
@@ -164,19 +164,19 @@ class Door:
                 raise _StopReadingError(413, "These files are too large.")
             if measured - left >= MEASURED_BYTES:
                 measured = left
-                if content_of(self._uploads)[1] > self._limits.uploads_bytes:
+                if (await asyncio.to_thread(content_of, self._uploads))[1] > self._limits.uploads_bytes:
                     raise _StopReadingError(507, FULL)
             return message
 
         await self._pass(scope, counted, send)
 
-    def _named(self, scope: Scope, headers: dict[str, str]) -> Scope:
+    def _named(self, scope: Scope, headers: Sequence[tuple[str, str]]) -> Scope:
         """A request that tells gradio no other name of this server than those it has. gradio writes them into its page, and calls them from there.
 
         A proxy may serve the page below a path of its own, and says so. It takes that path away itself: Starlette would take it away once more, and so make another
         path of one that is known.
         """
-        forwarded, prefix = headers.get("x-forwarded-host", ""), headers.get("x-forwarded-prefix", "").rstrip("/")
+        forwarded, prefix = _only(headers, "x-forwarded-host"), _only(headers, "x-forwarded-prefix").rstrip("/")
         left_out = {b"x-gradio-server", *(() if self._access.knows(forwarded) else (b"x-forwarded-host",))}
         kept = [(name, value) for name, value in scope["headers"] if name not in left_out]
         usable = PREFIX.fullmatch(prefix) and not f"{scope['path']}/".startswith(f"{prefix}/")
@@ -247,6 +247,8 @@ def inside(path: Path, folder: Path) -> bool:
 
 def tell_failure(error: BaseException) -> None:
     """Tell whoever runs the app of a request that failed, on one line with the place in the code; of the same place once a minute."""
+    if type(error).__name__ == "ClientDisconnect":  # of Starlette: a browser went away
+        return
     trace = error.__traceback__
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next
@@ -292,6 +294,12 @@ def _checked_file(value: Any, uploads: Path) -> dict[str, Any]:
         "orig_name": name if isinstance(name, str) else path.name,
         "meta": {"_type": "gradio.FileData"},
     }
+
+
+def _only(headers: Sequence[tuple[str, str]], name: str) -> str:
+    """The value of a header that was sent once; of several, gradio could take another than the one that is checked, so they are as none."""
+    values = [value for own, value in headers if own.lower() == name]
+    return values[0] if len(values) == 1 else ""
 
 
 def _is_count(value: Any) -> TypeGuard[int]:

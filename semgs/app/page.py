@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import re
+import secrets
 import sys
 import time
 from collections.abc import AsyncIterator, Sequence
@@ -111,7 +112,7 @@ def mount_page(application: Any, jobs: Jobs, local: bool) -> tuple[Any, list[int
 
 
 def _restrain(gradio: Any, limits: Limits) -> None:
-    """Let gradio print failures on one line, and take no more files in a request than the page accepts, and no fields, which it would keep in memory."""
+    """Let gradio print failures on one line, take no more files in a request than the page accepts, and no fields, which it would keep in memory; and keep equal files apart."""
     from gradio import queueing, route_utils, routes
 
     class Failures:
@@ -129,9 +130,17 @@ def _restrain(gradio: Any, limits: Limits) -> None:
         def __init__(self, *given: Any, **options: Any) -> None:
             super().__init__(*given, **{**options, "max_fields": 0, "max_files": limits.photos + 1})
 
+    class Apart(route_utils.GradioUploadFile):
+        """An upload whose path is its own: gradio names it by its content, and the first room would delete what a second user dropped, too."""
+
+        def __init__(self, *given: Any, **options: Any) -> None:
+            super().__init__(*given, **options)
+            self.sha.update(secrets.token_bytes(32))
+
     for module in (queueing, route_utils, routes):
         setattr(module, "traceback", Failures)  # noqa: B010 - no part of what it promises
     route_utils.GradioMultiPartParser = FilesOnly  # type: ignore[misc]
+    route_utils.GradioUploadFile = Apart  # type: ignore[misc]
 
 
 def _theme() -> Any:

@@ -11,7 +11,7 @@ import os
 import time
 import zipfile
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -30,6 +30,9 @@ ACCEPTED = (*PICTURES, *CLIPS, *ARCHIVES)
 
 UNPACKED = "scene"
 """The folder of an unpacked archive, beside that of reduced photos."""
+
+PHOTOS = "photos"
+"""The folder of reduced photos, whose cameras are found."""
 
 LONGEST_SIDE = 1024
 """Photos without cameras are reduced to this [px]: their cameras are found three times as fast, and the network sees less than 76,800 pixels anyway."""
@@ -138,7 +141,7 @@ def prepare(
         UnusableUploadError: a file cannot be used.
     """
     if kind == "photos":
-        return _photos(uploads, folder / "photos", limits, say)
+        return _photos(uploads, folder / PHOTOS, limits, say)
     if kind == "clip":
         _check_clip(uploads[0], limits)
         clip = folder / f"clip{uploads[0].ending}"
@@ -157,21 +160,14 @@ def prepare(
         photos = [Upload(path, path.name) for path in pictures_in(scene) if path.suffix.lower() in PICTURES]
         if len(photos) > limits.photos:
             raise UnusableUploadError(f"The zip has {len(photos)} photos without cameras; use at most {limits.photos}.")
-        return _photos(photos, folder / "photos", limits, say)
+        return _photos(photos, folder / PHOTOS, limits, say)
     return scene, []
 
 
 def content_of(folder: Path) -> tuple[int, int]:
     """The number of files in a folder and in the folders in it, and their size [bytes]."""
-    files, size = 0, 0
-    for place, _, names in os.walk(folder):
-        files += len(names)
-        for name in names:
-            try:
-                size += Path(place, name).lstat().st_size
-            except OSError:  # deleted just now
-                continue
-    return files, size
+    sizes = [status.st_size for _, status in _files_in(folder)]
+    return len(sizes), sum(sizes)
 
 
 def delete_oldest(folder: Path, files: int, size: int) -> bool:
@@ -181,16 +177,10 @@ def delete_oldest(folder: Path, files: int, size: int) -> bool:
         folder: with the uploads.
         files, size: how many may stay, and their size [bytes].
     """
-    found, total = [], 0
-    for place, _, names in os.walk(folder):
-        for name in names:
-            with suppress(OSError):  # deleted just now
-                status = Path(place, name).lstat()
-                found.append((status.st_mtime, status.st_size, Path(place, name)))
-                total += status.st_size
+    found = sorted((status.st_mtime, status.st_size, path) for path, status in _files_in(folder))
+    count, total = len(found), sum(length for _, length, _ in found)
     before = time.time() - UNUSED_SECONDS
-    count = len(found)
-    for changed, length, path in sorted(found):
+    for changed, length, path in found:
         if (count <= files and total <= size) or changed > before:
             break
         with suppress(OSError):
@@ -217,6 +207,15 @@ def unpack(upload: Upload, folder: Path, limits: Limits) -> None:
         ) from error
     except OSError as error:
         raise UnusableUploadError(f"{upload.shown} cannot be unpacked: {error.strerror or error}.") from error
+
+
+def _files_in(folder: Path) -> Iterator[tuple[Path, os.stat_result]]:
+    """The files in a folder and in the folders in it, with what the file system says of each."""
+    for place, _, names in os.walk(folder):
+        for name in names:
+            path = Path(place, name)
+            with suppress(OSError):  # deleted just now
+                yield path, path.lstat()
 
 
 def _inner(folder: Path) -> Path:

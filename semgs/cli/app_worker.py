@@ -18,6 +18,7 @@ from semgs.cli.main import main, run_guarded
 from semgs.cli.progress import VARIABLE, report_stage
 from semgs.cli.usage_errors import UsageError
 from semgs.data.confined import confine_to
+from semgs.files.cache import VARIABLE as VARIABLE_OF_CACHE
 from semgs.files.strict_json import read_json
 from semgs.runtime.threads import adapt_threads, prepare_threads
 
@@ -70,7 +71,7 @@ def work(line: str) -> int:
     from semgs.app.limits import Limits
     from semgs.app.requests import Request, RoomOptions
     from semgs.app.room import write_room
-    from semgs.app.uploads import UNPACKED, UnusableUploadError, Upload, prepare
+    from semgs.app.uploads import PHOTOS, UNPACKED, UnusableUploadError, Upload, prepare
 
     report_stage("Getting ready")  # the queue takes this as the beginning
     request = Request(**json.loads(line))
@@ -89,6 +90,9 @@ def work(line: str) -> int:
         scene.symlink_to(demo_scene())
     else:
         confine_to(Path())
+        os.environ[VARIABLE_OF_CACHE] = str(
+            work_folder / "cache"
+        )  # nothing of a user's scene stays when its job is deleted
         uploads = [Upload(Path(path), name) for path, name in request.files]
         try:
             scene, notes = prepare(request.kind, uploads, Path(), Limits(**request.limits), report_stage)
@@ -96,7 +100,7 @@ def work(line: str) -> int:
             raise UsageError(str(error)) from error
         if scene.is_relative_to(UNPACKED):
             confine_to(Path(UNPACKED))
-    photos = scene.name == "photos" and request.kind != "example"
+    photos = scene == Path(PHOTOS)
     # A room has copies of the views that it shows, and no other photo.
     code = main(["reconstruct", str(scene), "--out", str(out), "--drop-photos", *options.arguments(photos)])
     if code:

@@ -19,6 +19,9 @@ MOST_CHUNK = 1 << 28
 MOST_GROWTH = 100
 """A bag that is compressed as a whole may become so many times longer, beside `MOST_CHUNK`."""
 
+METADATA, MOST_METADATA = "metadata.yaml", 1 << 20
+"""The list of a bag's topics, and its largest size [bytes]."""
+
 VISION = {
     "BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
     "Detection3D": "std_msgs/Header header\nObjectHypothesisWithPose[] results\nBoundingBox3D bbox\nstring id",
@@ -36,11 +39,13 @@ def bag_reader(path: Path) -> Any:
 
     Raises:
         ImportError: rosbags is not installed.
+        ValueError: its list of topics is not one that a recorder writes.
     """
     with needs_extra("ros", f"{path} is a ROS bag; reading it needs rosbags", "rosbags"):
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     _bound_rosbags()
+    _check_metadata(path / METADATA)
     return AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
 
 
@@ -67,6 +72,25 @@ def inflate(data: bytes, decompressor: Callable[[], Any]) -> bytes:
     return b"".join(parts)
 
 
+def _check_metadata(file: Path) -> None:
+    """Check the list of a bag's topics, if there is one, before it is read: a few lines of YAML can stand for more values than fit into memory.
+
+    Raises:
+        ValueError: it is too long, or repeats parts of itself.
+    """
+    from ruamel.yaml import YAML
+    from ruamel.yaml.events import AliasEvent
+
+    if not file.is_file():
+        return
+    with file.open("rb") as opened:
+        text = opened.read(MOST_METADATA + 1)
+    if len(text) > MOST_METADATA:
+        raise ValueError(f"{METADATA} has more than {MOST_METADATA:,} bytes")
+    if any(isinstance(event, AliasEvent) for event in YAML(typ="safe", pure=True).parse(text)):
+        raise ValueError(f"{METADATA} repeats parts of itself (an alias of YAML)")
+
+
 class _Sqlite:
     """The module apsw as rosbags calls it: a name is a name, although %2e is a dot in the addresses that SQLite takes, and values have a limit."""
 
@@ -81,6 +105,8 @@ class _Sqlite:
         path = Path(address.removeprefix("file:").removesuffix("?immutable=1")).absolute()
         opened = self._apsw.Connection(f"file:{quote(str(path))}?immutable=1", **options)
         opened.limit(self._apsw.SQLITE_LIMIT_LENGTH, MOST_CHUNK)
+        for feature in ("TRUSTED_SCHEMA", "ENABLE_VIEW", "ENABLE_TRIGGER"):  # a bag has plain tables
+            opened.config(getattr(self._apsw, f"SQLITE_DBCONFIG_{feature}"), 0)
         return opened
 
 

@@ -10,6 +10,7 @@ A browser sends requests to 127.0.0.1 for any page that asks it to. So every ser
 from __future__ import annotations
 
 import hashlib
+import ipaddress
 import re
 import secrets
 from collections.abc import Iterable, Sequence
@@ -46,7 +47,7 @@ def host_name(text: str) -> str:
         raise ValueError(
             f"{text!r} is not a host name; expected one like room.example or 192.168.1.5, without http:// and port"
         )
-    if name in LOCAL_HOSTS:
+    if _is_local(name):
         raise ValueError(
             f"{text!r} needs no permission, and with it pages of all programs of this machine could use the server"
         )
@@ -181,6 +182,19 @@ def _name(place: str) -> str:
         return ""
     written = f"[{name}]" if ":" in name else name
     return written if place in (written, f"{written}:{port}") else ""
+
+
+def _is_local(name: str) -> bool:
+    """Whether a host name means the machine that it is looked up on, whoever else it is."""
+    bare = name.rstrip(".").strip("[]")
+    if bare == "localhost" or bare.endswith(".localhost"):
+        return True
+    try:
+        address = ipaddress.ip_address(bare)
+    except ValueError:
+        return False
+    mapped = getattr(address, "ipv4_mapped", None) or address
+    return mapped.is_loopback or mapped.is_unspecified
 
 
 def _cookies(text: str, name: str) -> list[str]:

@@ -15,6 +15,7 @@ from urllib.parse import unquote
 from semgs.files.errors import InputError
 from semgs.files.extras import needs_extra
 from semgs.viewer.access import HOST_NAME, PAGE_POLICY, Access, Refusal
+from semgs.viewer.viewer_messages import MOST_BYTES, take_known_messages
 
 if TYPE_CHECKING:
     from viser import (  # noqa: F401 - the types of viser, for the modules that use this server
@@ -81,6 +82,7 @@ def serving(host: str = LOOPBACK, port: int = ANY_PORT, access: Access | None = 
     try:
         # A page from elsewhere that connects to this server could ask for a public address, also without the button.
         server.request_share_url = _refuse  # type: ignore[method-assign]
+        take_known_messages(server)
         server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         yield server
     finally:
@@ -97,6 +99,7 @@ def _guarded_websockets(access: Access) -> Iterator[None]:
 
     @wraps(serve)
     def guarded(*args: Any, process_request: Callable[..., Any] | None = None, **options: Any) -> Any:
+        options["max_size"] = MOST_BYTES
         return serve(*args, process_request=_guarded(access, process_request), **options)
 
     with _starting:
@@ -147,11 +150,20 @@ def _places(headers: Sequence[tuple[str, str]], access: Access) -> list[str]:
     return [*([host] if HOST_NAME.fullmatch(name) else []), *(f"{one}:*" for one in access.names)]
 
 
-def run_script(target: ViserServer | ClientHandle, source: str) -> None:
-    """Run a script in a browser, or in every one, also in those that connect later."""
+def run_script(target: ViserServer | ClientHandle, source: str, key: str | None = None) -> None:
+    """Run a script in a browser, or in every one, also in those that connect later.
+
+    Args:
+        target: a browser, or the server for every one.
+        source: of the script.
+        key: of several scripts with one key, browsers that connect later run the last alone.
+    """
     from viser._messages import RunJavascriptMessage
 
-    target.gui._websock_interface.queue_message(RunJavascriptMessage(source))
+    message = RunJavascriptMessage(source)
+    if key is not None:
+        vars(message)["redundancy_key"] = lambda: f"semgs:{key}"
+    target.gui._websock_interface.queue_message(message)
 
 
 def url_of(server: ViserServer) -> str:

@@ -201,12 +201,12 @@ class Window:
     def _add_near(self, control: Control) -> None:
         """Add the bounds of the camera."""
         near = self._server.gui.add_checkbox(control.name, self._near_photos, hint=control.help)
-        near.on_update(lambda event: run_script(self._server, f"semgs.stayNear({json.dumps(event.target.value)})"))
+        near.on_update(lambda event: self._tell_all("stayNear", event.target.value))
 
     def _add_photos(self, control: Control) -> None:
         """Add the choice whether photos are there."""
         photos = self._server.gui.add_checkbox(control.name, True, hint=control.help)
-        photos.on_update(lambda event: run_script(self._server, f"semgs.showPhotos({json.dumps(event.target.value)})"))
+        photos.on_update(lambda event: self._tell_all("showPhotos", event.target.value))
 
     def _add_things(self, control: Control) -> None:
         """Add the choice whether boxes of things are there."""
@@ -311,6 +311,10 @@ class Window:
         """Run a script in a browser."""
         if client is not None:
             run_script(client, script)
+
+    def _tell_all(self, name: str, value: bool) -> None:
+        """Call a function of the page in every browser."""
+        run_script(self._server, f"semgs.{name}({json.dumps(value)})", name)
 
     def _render(self, client: ClientHandle | None) -> None:
         """Render what a browser's camera sees."""

@@ -339,6 +339,28 @@ def test_a_proxy_says_below_which_path_it_has_the_page(uploads: Path, given: str
     ]  # no other name gets into the page
 
 
+def test_of_a_header_that_was_sent_twice_no_value_counts(uploads: Path):
+    """gradio reads the first value; the last one is a name of the server."""
+    seen: list[Any] = []
+
+    async def behind(scope: Any, receive: Any, send: Any) -> None:
+        seen.append(scope)
+
+    names = (b"evil.example", b"127.0.0.1")
+    headers = [
+        (b"host", b"127.0.0.1"),
+        *((b"x-forwarded-host", name) for name in names),
+        *((b"x-forwarded-prefix", name) for name in (b"/a", b"/b")),
+    ]
+    scope = {"type": "http", "method": "GET", "path": "/", "headers": headers, "query_string": b""}
+    asyncio.run(Door(behind, Access(), uploads, LIMITS)(scope, None, None))  # type: ignore[arg-type]
+    assert b"x-forwarded-host" not in dict(seen[0]["headers"])
+    assert seen[0]["root_path"] == ""
+    once = {**scope, "headers": [(b"host", b"127.0.0.1"), (b"x-forwarded-host", b"127.0.0.1")]}
+    asyncio.run(Door(behind, Access(), uploads, LIMITS)(once, None, None))  # type: ignore[arg-type]
+    assert dict(seen[1]["headers"])[b"x-forwarded-host"] == b"127.0.0.1"
+
+
 @pytest.mark.parametrize(
     "prefix", ["/rooms", f"/rooms/{20 * 'a'}", f"/rooms/{20 * 'a'}/", f"/rooms/{20 * 'a'}/gradio_api/file=a"]
 )

@@ -19,6 +19,8 @@ from semgs.app.limits import Limits
 from semgs.app.requests import Request, RoomOptions
 from semgs.cli import app_worker
 from semgs.data.confined import VARIABLE
+from semgs.files.cache import VARIABLE as CACHE
+from semgs.files.cache import cache_folder
 from semgs.files.errors import ERROR_LINE
 
 PHOTOS = (".jpg", ".png")
@@ -29,6 +31,7 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """After a test, this process is where it was and not confined, as the worker is."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv(VARIABLE, "")
+    monkeypatch.setenv(CACHE, "")
 
 
 def pretend(arguments: Sequence[str]) -> int:
@@ -86,13 +89,14 @@ def test_the_included_room_has_a_name_that_is_no_folder_of_this_machine(
     assert scenes == [Path("included_room")]
 
 
-def zip_of_a_scene(folder: Path, name: str) -> tuple[Request, Path]:
+def zip_of_a_scene(folder: Path, name: str, inside: str = "made") -> tuple[Request, Path]:
     """The request to make a room of a zip in which one photo has another name, and the folder of the job."""
     write_scene(folder / "made", 3, (24, 32))
     described = json.loads((folder / "made/transforms.json").read_text())
     described["frames"][1]["file_path"] = name
     (folder / "made/transforms.json").write_text(json.dumps(described))
-    members = {one.relative_to(folder).as_posix(): one.read_bytes() for one in (folder / "made").rglob("*.*")}
+    made = folder / "made"
+    members = {f"{inside}/{one.relative_to(made).as_posix()}": one.read_bytes() for one in made.rglob("*.*")}
     upload = zipped(folder / "my.zip", members)
     job = folder / "job"
     job.mkdir()
@@ -138,3 +142,27 @@ def test_the_worker_is_confined_to_the_zip_whose_cameras_it_reads_and_to_the_job
     )
     assert app_worker.work(json.dumps(request.data())) == 2
     assert confined == [str((job / "work/scene").resolve()), str((tmp_path / "other/work").resolve())]
+
+
+@pytest.mark.parametrize(("inside", "posed"), [("photos", True), ("made", True), ("photos", False)])
+def test_only_photos_without_cameras_are_given_a_scale_whatever_their_folder_is_called(
+    inside: str, posed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[Sequence[str]] = []
+
+    def noted(arguments: Sequence[str]) -> int:
+        given.append(arguments)
+        assert cache_folder() == job / "work/cache", "what is kept of the scene goes with its job"
+        return 2
+
+    monkeypatch.setattr(app_worker, "main", noted)
+    request, job = zip_of_a_scene(tmp_path, "images/001.png", inside)
+    if not posed:
+        members = {
+            f"{inside}/{number}.jpg": picture(tmp_path / f"{number}.jpg", seed=number).path.read_bytes()
+            for number in range(2)
+        }
+        request = replace(request, files=[[str(zipped(tmp_path / "photos.zip", members).path), "photos.zip"]])
+    request = replace(request, options=asdict(RoomOptions(first=1, second=2, metres=0.5)))
+    assert app_worker.work(json.dumps(request.data())) == 2
+    assert ("--scale-from" in given[0]) is not posed

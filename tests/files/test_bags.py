@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import bz2
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import lz4.frame
@@ -91,3 +93,35 @@ def test_the_name_of_a_database_is_no_address_that_leads_elsewhere(tmp_path: Pat
 def test_signs_of_addresses_in_the_name_of_a_folder_are_only_letters(tmp_path: Path):
     path = write_bag(tmp_path / "a", 50, "SQLITE3", "NONE").rename(tmp_path / "a #1?%41")
     assert len(next(iter(Bag(path).messages(["/words"])))[1].data) == 50
+
+
+def test_a_list_of_topics_that_multiplies_itself_is_refused_before_it_is_read(tmp_path: Path):
+    """Nine lines of ten aliases each stand for a thousand million words."""
+    bag = write_bag(tmp_path / "a", 50, "SQLITE3", "NONE")
+    about = bag / "metadata.yaml"
+    text = about.read_text()
+    lines = [
+        f"a{level}: &a{level} [{', '.join([f'*a{level - 1}'] * 10 if level else ['ha'] * 10)}]" for level in range(9)
+    ]
+    about.write_text("\n".join([*lines, text]))
+    with pytest.raises(InputError, match="repeats parts of itself"):
+        Bag(bag)
+    about.write_text(text + "# " + "a" * (1 << 20))
+    with pytest.raises(InputError, match=r"metadata\.yaml has more than 1,048,576 bytes"):
+        Bag(bag)
+    about.write_text(text)
+    assert len(next(iter(Bag(bag).messages(["/words"])))[1].data) == 50
+
+
+def test_a_database_with_a_view_in_place_of_its_messages_is_refused(tmp_path: Path):
+    """A view can compute for ever; SQLite would run it for each question of the reader."""
+    bag = write_bag(tmp_path / "a", 50, "SQLITE3", "NONE")
+    (file,) = bag.glob("*.db3")
+    with closing(sqlite3.connect(file)) as database:
+        database.execute("ALTER TABLE messages RENAME TO kept")
+        database.execute(
+            "CREATE VIEW messages AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT kept.* FROM kept, n"
+        )
+        database.commit()
+    with pytest.raises(InputError):
+        list(Bag(bag).messages(["/words"]))

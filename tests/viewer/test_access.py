@@ -174,7 +174,21 @@ def test_what_is_no_host_name_is_refused(text: str):
         host_name(text)
 
 
-@pytest.mark.parametrize("text", ["localhost", "127.0.0.1", "[::1]", "LocalHost"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "localhost",
+        "127.0.0.1",
+        "[::1]",
+        "LocalHost",
+        "localhost.",
+        "a.localhost",
+        "127.0.0.2",
+        "0.0.0.0",
+        "[::]",
+        "[::ffff:127.0.0.1]",
+    ],
+)
 def test_names_that_all_programs_of_this_machine_have_are_refused(text: str):
     with pytest.raises(ValueError, match="needs no permission"):
         host_name(text)
@@ -182,6 +196,8 @@ def test_names_that_all_programs_of_this_machine_have_are_refused(text: str):
 
 def test_host_names_are_compared_in_lower_case():
     assert host_name("Hub.Example") == "hub.example"
+    assert host_name("192.168.1.5") == "192.168.1.5"
+    assert host_name("localhost.example") == "localhost.example"
 
 
 def asked(url: str, *headers: str, target: str = "/") -> str:

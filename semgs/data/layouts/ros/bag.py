@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from semgs.data.layouts.ros.image_messages import as_file, ending_of
-from semgs.files.bags import bag_reader
+from semgs.files.bags import METADATA, bag_reader
 from semgs.files.errors import InputError, readable
 from semgs.files.text import listed
 
@@ -94,13 +94,13 @@ class Bag:
         weakref.finalize(self, _close, self._reader)
         for one in self._reader.connections:
             if not isinstance(one.topic, str):  # such as an unquoted 5 in YAML
-                raise InputError(path, "names of topics", f"{one.topic!r}, which is not text", "metadata.yaml")
+                raise InputError(path, "names of topics", f"{one.topic!r}, which is not text", METADATA)
             if not isinstance(one.msgtype, str):
-                raise InputError(path, "types of topics", f"{one.msgtype!r}, which is not text", "metadata.yaml")
+                raise InputError(path, "types of topics", f"{one.msgtype!r}, which is not text", METADATA)
         try:
             self.topics = {topic: info.msgtype or "" for topic, info in self._reader.topics.items() if info.msgcount}
         except TypeError as error:
-            raise InputError(path, "numbers of messages", f"something else: {error}", "metadata.yaml") from error
+            raise InputError(path, "numbers of messages", f"something else: {error}", METADATA) from error
 
     def of(self, *types: str) -> list[str]:
         """The topics of some types, sorted."""
@@ -169,7 +169,7 @@ def open_bag(path: Path) -> Bag:
     Raises:
         InputError, ImportError: as `Bag`.
     """
-    file = path / "metadata.yaml" if path.is_dir() else path
+    file = path / METADATA if path.is_dir() else path
     with readable(file):
         stat = file.stat()
     return _opened(path.absolute(), stat.st_mtime_ns, stat.st_size, os.getpid(), threading.get_ident())

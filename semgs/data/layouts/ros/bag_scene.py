@@ -22,6 +22,7 @@ from semgs.data.layouts.ros.route import find_route
 from semgs.data.maps import MILLIMETRE, DepthMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
+from semgs.files.bags import METADATA
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_header
 
@@ -41,10 +42,8 @@ def recognises(path: Path) -> bool:
     if path.is_file():
         return path.suffix.lower() in ENDINGS
     try:
-        return (
-            "rosbag2_bagfile_information"
-            in (path / "metadata.yaml").read_text(encoding="utf-8", errors="replace")[:4000]
-        )
+        with (path / METADATA).open("rb") as file:
+            return b"rosbag2_bagfile_information" in file.read(4000)
     except OSError:
         return False
 

@@ -1,0 +1,107 @@
+"""What a browser may send to a viewer: what its page sends, with values that the controls can have."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from wall_and_chair import wall_and_chair
+
+from semgs.viewer.viewer_messages import is_known
+from semgs.viewer.window import Window, open_window
+
+messages = pytest.importorskip("viser._messages")
+
+SLIDER = SimpleNamespace(value=0.5, min=0.0, max=1.0)
+CONTROLS = {
+    "box": SimpleNamespace(value=True), "slider": SLIDER, "choice": SimpleNamespace(value="a", options=("a", "b")), "text": SimpleNamespace(value="a"),
+}  # fmt: skip
+
+
+def known(uuid: Any, **updates: Any) -> bool:
+    """Whether a control may be changed so."""
+    return is_known(messages.GuiUpdateMessage(uuid, updates), CONTROLS)
+
+
+def test_a_control_is_given_only_values_that_it_can_have():
+    assert known("box", value=False)
+    assert known("slider", value=1)
+    assert known("slider", value=0.25)
+    assert known("choice", value="b")
+    for value in (1.01, -1, math.nan, math.inf, True, "0.5", None, [0.5]):
+        assert not known("slider", value=value), value
+    for value in (0, 1, "true", None, []):
+        assert not known("box", value=value), value
+    for value in ("c", 0, ["a"], None):
+        assert not known("choice", value=value), value
+    assert not known("text", value="b"), "the panel has no field for texts"
+
+
+def test_nothing_but_the_value_of_a_control_of_the_panel_changes():
+    assert not known("box", value=True, is_button=True)
+    assert not known("box", update_cb=[])
+    assert not known("box")
+    assert not known("other", value=True)
+    assert not known(["box"], value=True)
+
+
+def camera(**changed: Any) -> Any:
+    """A message that says where a camera is."""
+    usual = {
+        "wxyz": (1.0, 0.0, 0.0, 0.0), "position": (0.0, 0.0, 0.0), "fov": 0.8, "near": 0.01, "far": 10.0, "image_height": 480,
+        "image_width": 640, "look_at": (0.0, 0.0, 1.0), "up_direction": (0.0, 0.0, 1.0),
+    }  # fmt: skip
+    return messages.ViewerCameraMessage(**{**usual, **changed})
+
+
+def test_cameras_have_finite_numbers():
+    assert is_known(camera(), CONTROLS)
+    assert not is_known(camera(position=(0.0, math.nan, 0.0)), CONTROLS)
+    assert not is_known(camera(fov=math.inf), CONTROLS)
+    assert not is_known(camera(fov="a" * 200), CONTROLS)
+    assert not is_known(camera(fov=b"a"), CONTROLS)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        messages.GuiFormDirtyMessage("a"), messages.GuiFormSubmitMessage("a"),
+        messages.FileTransferStartUpload("a", "b", "c", "d", 1, 1), messages.ShareUrlRequest(), messages.RunJavascriptMessage("alert(1)"),
+    ],
+    ids=lambda one: type(one).__name__,
+)  # fmt: skip
+def test_what_the_page_does_not_send_is_left_out(message: Any):
+    assert not is_known(message, CONTROLS)
+
+
+def sent(window: Window, message: Any) -> None:
+    """Hand the server of a viewer a message of the first browser."""
+    asyncio.run(window._server._websock_server._handle_incoming_message(0, message))
+
+
+def kept(window: Window) -> int:
+    """How many messages the server has for browsers that connect later."""
+    return len(window._server._websock_server._broadcast_buffer.message_from_id)
+
+
+def test_a_viewer_keeps_nothing_that_its_page_does_not_send():
+    with open_window(wall_and_chair((4, 5))) as window:
+        box, before = window._boxes["chair"], kept(window)
+        for number in range(5):
+            sent(window, messages.GuiFormSubmitMessage(str(number)))
+            sent(window, messages.GuiUpdateMessage(box._impl.uuid, {"label": str(number)}))
+        assert kept(window) == before
+        sent(window, messages.GuiUpdateMessage(box._impl.uuid, {"value": False}))
+        assert box.value is False
+        for value in (True, False, True):
+            window._tell_all("stayNear", value)
+            window._tell_all("showPhotos", value)
+        buffer = window._server._websock_server._broadcast_buffer.message_from_id.values()
+        sources = [one.source for one in buffer if getattr(one, "source", "").startswith("semgs.s")]
+        assert [one for one in sources if not one.startswith("semgs.start(")] == [
+            "semgs.stayNear(true)",
+            "semgs.showPhotos(true)",
+        ]
