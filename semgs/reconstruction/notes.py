@@ -146,10 +146,13 @@ def note_on_refinement(refinement: PhotoRefinement) -> str:
     """What decided when refining stopped."""
     passes, kept, check = refinement.passes, refinement.kept, refinement.check
     if check is None:
-        return f"No frame was left to check the refinement, so it ran for all {passes} passes. New views may be worse than before."
+        return f"No photo was left to check the refinement on, so it ran for all {passes} passes."
+    end = " This frame is not held out any more."
+    if refinement.check_is_input:
+        end = " This input photo was left out of a trial of half the passes, and took part afterwards."
     if kept == 0:
-        return f"Refining made {check} worse, so the Gaussians are as the network placed them. This frame is not held out any more."
-    return f"Refining stopped after pass {kept} of {passes}, where {check} looks best. This frame is not held out any more."
+        return f"Refining made {check} worse, so the Gaussians are as the network placed them.{end}"
+    return f"Refining stopped after pass {kept} of {passes}, where {check} looks best.{end}"
 
 
 def notes_on_walk(mapper: Mapper, metric: bool) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -33,7 +33,7 @@ from semgs.runtime.stopwatch import Stages
 from semgs.runtime.threads import adapt_threads
 from semgs.scene.encoding import Encoding
 from semgs.scene.exposure import ExposureChoice, common_exposure
-from semgs.scene.photo_refinement import refine_until
+from semgs.scene.photo_refinement import Refined, refine_until
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import up_of
 from semgs.segmenters.class_source import ClassSource
@@ -193,7 +193,7 @@ def reconstruct(
         featuring: gives the Gaussians features; None for none.
         min_confidence: seen pixels with less are unknown in label maps; scores do not change.
         passes: refine the Gaussians with so many steps for each photo; 0 leaves them as the network placed them. The first held-out frame then
-            decides when to stop, and is held out no longer.
+            decides when to stop, and is held out no longer; without one, the middle of three or more input views.
         stages: shows and times the stages read, encode, depth, place, segment, merge, expose, sharpen, features and render.
         notes: further notes for the user, a sentence each.
 
@@ -229,20 +229,10 @@ def reconstruct(
             exposures = common_exposure(context, encoding, exposure)
     if exposures is not None:
         context, encoding = exposures.applied(context), exposures.recoloured(encoding)
-    refined, unrefined, check, check_name = None, encoding, None, None
+    refined, unrefined, decider = None, encoding, None
     if passes:
-        check_name, check, choice, target = _split_check(scene, choice, target)
-        count = passes * len(context)
-        with stages.steps("sharpen", f"Refining {len(encoding.gaussians):,} Gaussians in {count} steps", count) as done:
-            refined = refine_until(
-                encoding,
-                context,
-                passes,
-                check=check,
-                moves=depth == "network",
-                exposure=exposures is not None,
-                done=done,
-            )
+        decider, choice, target = _decider(scene, choice, context, target)
+        refined = _refined(encoding, context, passes, decider, depth == "network", exposures is not None, stages)
         encoding = refined.encoding
     features = None
     if featuring is not None:
@@ -258,7 +248,8 @@ def reconstruct(
         if refined is not None:
             rendered = [part for part in (rendered_context, rendered_target) if part is not None]
             before = tuple(_one_pass(part, unrefined) for part in rendered)
-            refinement = PhotoRefinement(passes, refined.passes, check_name, refined.curve, before)
+            check, left_out = (None, False) if decider is None else (decider.name, decider.position is not None)
+            refinement = PhotoRefinement(passes, refined.passes, check, refined.curve, before, left_out)
         saved = _saved_scene(scene, rendered_context, encoding, network.name, labelling)
         up = up_of(saved)
     placement, plan = encoder.placement(choice.context), encoder.plan
@@ -336,14 +327,67 @@ def render_views(
     )
 
 
-def _split_check(
-    scene: Scene, choice: Choice, target: Views | None
-) -> tuple[str | None, Views | None, Choice, Views | None]:
-    """The first held-out frame, by name and as a view; and the choice and the held-out views without it."""
+@dataclass(frozen=True)
+class _Decider:
+    """The photo that decides when refining stops.
+
+    Attributes:
+        name: of its frame.
+        view: as read.
+        position: among the input views, if it is one.
+    """
+
+    name: str
+    view: Views
+    position: int | None = None
+
+
+def _decider(
+    scene: Scene, choice: Choice, context: Views, target: Views | None
+) -> tuple[_Decider | None, Choice, Views | None]:
+    """The photo that decides when refining stops; and the choice and the held-out views without it.
+
+    It is the first held-out one. Without any, it is one of three or more input photos, the middle one. Of two photos, none decides.
+    """
     if target is None:
-        return None, None, choice, None
+        if len(context) < 3:
+            return None, choice, None
+        middle = len(context) // 2
+        return _Decider(scene.frames[choice.context[middle]].name, context.select([middle]), middle), choice, None
     rest = target.select(range(1, len(target))) if len(target) > 1 else None
-    return scene.frames[choice.targets[0]].name, target.select([0]), replace(choice, targets=choice.targets[1:]), rest
+    name = scene.frames[choice.targets[0]].name
+    return _Decider(name, target.select([0])), replace(choice, targets=choice.targets[1:]), rest
+
+
+def _refined(
+    encoding: Encoding,
+    context: Views,
+    passes: int,
+    decider: _Decider | None,
+    moves: bool,
+    exposure: bool,
+    stages: Stages,
+) -> Refined:
+    """The Gaussians refined on the input photos. An input photo decides in half the passes, over the other photos; then all photos take part."""
+    left_out = None if decider is None else decider.position
+    trial = [] if left_out is None else [view for view in range(len(context)) if view != left_out]
+    half = (passes + 1) // 2
+    count = passes * len(context) + half * len(trial)
+    with stages.steps("sharpen", f"Refining {len(encoding.gaussians):,} Gaussians in {count} steps", count) as done:
+        check = None if decider is None else decider.view
+        if not trial:
+            return refine_until(encoding, context, passes, check=check, moves=moves, exposure=exposure, done=done)
+        tried = refine_until(
+            encoding, context, half, check=check, moves=moves, exposure=exposure, photos=trial, done=done
+        )
+        if tried.passes == 0:
+            return tried
+        kept = round(passes * tried.passes / half)
+        before = half * len(trial)
+        found = refine_until(
+            encoding, context, kept, moves=moves, exposure=exposure, done=lambda steps: done(before + steps)
+        )
+        return replace(found, curve=tried.curve)
 
 
 def _rendered_alone(views: Views, encoding: Encoding) -> Iterator[tuple[Rendering, ViewScores]]:

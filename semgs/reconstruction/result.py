@@ -86,9 +86,10 @@ class PhotoRefinement:
     Attributes:
         passes: steps for each photo.
         kept: the passes after which the result was taken; less than `passes` if the view that decides was best earlier.
-        check: name of the held-out frame that decided; None without one. It is no target of the reconstruction.
+        check: name of the frame that decided; None without one. It is no target of the reconstruction.
         curve: PSNR of that frame before the first pass and after each [dB]; empty without one.
         before: what the same views looked like before.
+        check_is_input: whether that frame is an input view, which was left out of half the passes to decide, and took part afterwards.
     """
 
     passes: int
@@ -96,6 +97,7 @@ class PhotoRefinement:
     check: str | None
     curve: tuple[float, ...]
     before: tuple[OnePassViews, ...]
+    check_is_input: bool = False
 
 
 @dataclass(frozen=True)

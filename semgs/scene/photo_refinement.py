@@ -2,20 +2,21 @@
 
 Each step renders one photo and moves all Gaussians a little towards it. What may move, and how fast, is such that surfaces stay where several views put
 them: Gaussians move along their rays together, by a coarse grid of shifts for each view, and alone only slowly. Their number, their places in
-the photos and their classes stay.
+the photos and their classes stay. What one photo alone sees changes its colour only: no other photo would tell that it moves the wrong way.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import log10
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from semgs.data.views import Views
+from semgs.geometry.fusion import see_again
 from semgs.geometry.gaussians import Gaussians
 from semgs.runtime.argument_types import check_type
 from semgs.scene.encoding import Encoding
@@ -116,6 +117,7 @@ def refine_until(
     check: Views | None = None,
     moves: bool = True,
     exposure: bool = False,
+    photos: Sequence[int] | None = None,
     done: Callable[[int], object] = lambda steps: None,
 ) -> Refined:
     """As `refine`, with a view that decides when to stop.
@@ -125,6 +127,7 @@ def refine_until(
         check: views that the result must render well; of all passes the best one is kept. None keeps the last one.
         moves: whether Gaussians may move; not those that a sensor has placed.
         exposure: fit a gain and an offset of each photo and channel in every step, and of the view that decides.
+        photos: which of the views teach; by default all.
         done: called after each step with the number of steps so far.
 
     Raises:
@@ -143,9 +146,10 @@ def refine_until(
     if check is not None:
         curve, best = [_psnr(encoding, check, exposure)], encoding
     order = torch.Generator().manual_seed(seed)
-    steps, taken = passes * len(views), 0
+    taught = torch.arange(len(views)) if photos is None else torch.tensor(photos)
+    steps, taken = passes * len(taught), 0
     for _ in range(passes):
-        for view in torch.randperm(len(views), generator=order).tolist():
+        for view in taught[torch.randperm(len(taught), generator=order)].tolist():
             loss = ERROR_WEIGHT * _error(unknowns.gaussians(), encoding, views, view, exposure)
             (loss + PRIOR_WEIGHT * unknowns.prior()).backward()
             unknowns.step(DECAY ** (taken / steps))
@@ -187,6 +191,7 @@ class Unknowns:
         self.cells = Unknown(zeros(len(views), 1, *cells), 0.003)
         self.depth = Unknown(zeros(len(gaussians)), 0.002, together=True)
         self.aside = Unknown(zeros(len(gaussians), 2), 0.1, together=True)
+        self._shared = seen_by_several(self._start, views)
 
     def step(self, factor: float) -> None:
         """One step of all."""
@@ -204,18 +209,22 @@ class Unknowns:
         start = self._start.gaussians
         means, factors = start.means, start.means.new_ones(1)
         if self._moves:
-            factors = (self._cell_shifts().flatten()[self._blocks] + self.depth.value).exp()[:, None]
-            aside = (self._pixel @ self.aside.value[..., None])[..., 0]
+            factors = ((self._cell_shifts().flatten()[self._blocks] + self.depth.value) * self._shared).exp()[:, None]
+            aside = (self._pixel @ self.aside.value[..., None])[..., 0] * self._shared[:, None]
             means = self._centres + (self._rays + aside) * factors
         return replace(
             start,
             means=means,
-            opacities=self.opacity.value.sigmoid() * (start.opacities > 0),
+            opacities=torch.where(self._shared, self.opacity.value.sigmoid(), start.opacities) * (start.opacities > 0),
             colour=replace(
                 start.colour,
                 features=torch.cat((self.colour.value, self.harmonics.value), 1),
-                scales=self.log_size.value.exp() * factors,
-                quaternions=torch.nn.functional.normalize(self.rotation.value, dim=-1),
+                scales=torch.where(self._shared[:, None], self.log_size.value.exp(), start.colour.scales) * factors,
+                quaternions=torch.where(
+                    self._shared[:, None],
+                    torch.nn.functional.normalize(self.rotation.value, dim=-1),
+                    start.colour.quaternions,
+                ),
             ),
             semantic=None,
         )
@@ -228,7 +237,7 @@ class Unknowns:
             return replace(start, gaussians=replace(gaussians, semantic=start.gaussians.semantic))
         shifts = self._cell_shifts()
         own = shifts.flatten()
-        own[self._blocks] += self.depth.value
+        own[self._blocks] = (own[self._blocks] + self.depth.value) * self._shared
         factors = own[self._blocks].exp()[:, None]
         semantic = start.gaussians.semantic
         if semantic is not None:
@@ -244,6 +253,18 @@ class Unknowns:
             self.cells.value, scale_factor=CELL, mode="bilinear", align_corners=False
         )
         return fine[:, 0, :rows, :columns]
+
+
+@torch.no_grad()
+def seen_by_several(encoding: Encoding, views: Views) -> Bool[Tensor, " g"]:
+    """Which Gaussians another photo than their own sees, too, as far as depths agree."""
+    means = encoding.gaussians.means
+    spread = encoding.per_gaussian(encoding.depth_spread[:, None])[:, 0]
+    found, own = torch.zeros(len(means), dtype=torch.bool, device=means.device), encoding.own_views.to(means.device)
+    for view in range(len(views)):
+        seen, _ = see_again(means, spread, encoding.depths[view], encoding.depth_spread[view], views.cameras[view])
+        found |= seen & (own != view)
+    return found
 
 
 def _error(gaussians: Gaussians, encoding: Encoding, views: Views, view: int, exposure: bool) -> Tensor:

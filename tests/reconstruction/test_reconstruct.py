@@ -1,7 +1,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -190,7 +191,34 @@ def test_without_a_frame_to_check_refining_runs_to_its_end_and_says_so(
     result = reconstruct(scene, choose(scene, 2), oracle, passes=2)
     assert result.refinement is not None
     assert (result.refinement.kept, result.refinement.check, result.refinement.curve) == (2, None, ())
-    assert any(note.startswith("No frame was left to check the refinement") for note in result.notes)
+    assert any(
+        note.startswith("No photo was left to check the refinement on, so it ran for all 2 passes.")
+        for note in result.notes
+    )
+
+
+def test_of_three_input_photos_the_middle_one_decides_and_then_takes_part(
+    wall_scene: Callable[..., Scene], oracle: Network
+) -> None:
+    """No photo is held out. Half of 3 passes, rounded up, are tried without the second photo: 2 passes of 2 photos. Then all three are used."""
+    scene = wall_scene(shifts=(0.0, 0.1, 0.2))
+    done: list[int] = []
+
+    @contextmanager
+    def show(title: str, count: int) -> Iterator[Callable[[int], object]]:
+        assert count == 2 * 2 + 3 * 3
+        yield done.append
+
+    result = reconstruct(scene, choose_named(scene, [0, 1, 2]), oracle, passes=3, stages=Stages(show_steps=show))
+    refinement = result.refinement
+    assert refinement is not None
+    assert (refinement.check, refinement.check_is_input) == (scene.frames[1].name, True)
+    assert len(refinement.curve) == 3, "before, and after each of two passes"
+    tried = max(range(3), key=refinement.curve.__getitem__)
+    assert refinement.kept == round(3 * tried / 2)
+    assert len(result.context.positions) == 3
+    assert any("left out of a trial" in note for note in result.notes)
+    assert done == list(range(1, 4 + 3 * refinement.kept + 1))
 
 
 def test_gaussians_at_a_sensors_depth_stay_there_when_refined(

@@ -11,8 +11,10 @@ from networks import preset
 from posed import posed_views
 
 from semgs.data.views import Views
+from semgs.geometry.cameras import Cameras, back_project
+from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.scene.encoding import Encoding
-from semgs.scene.photo_refinement import Unknown, match_exposure, refine, refine_until
+from semgs.scene.photo_refinement import Unknown, match_exposure, refine, refine_until, seen_by_several
 
 SIZE = (29, 37)
 
@@ -156,3 +158,41 @@ def test_gaussians_without_opacity_stay_so(encoding: Encoding, views: Views) -> 
     refined = refine(replace(encoding, gaussians=gaussians), views, 2).gaussians.opacities
     assert not refined[gone].any()
     assert refined[~gone].min() > 0
+
+
+def test_what_one_photo_alone_sees_changes_its_colour_only(encoding: Encoding, views: Views) -> None:
+    shared = seen_by_several(encoding, views)
+    assert 0.05 < shared.float().mean() < 0.95
+    refined = refine(encoding, views, 4)
+    before, after = encoding.gaussians, refined.gaussians
+    alone = ~shared
+    assert torch.equal(after.means[alone], before.means[alone])
+    assert torch.equal(after.opacities[alone], before.opacities[alone])
+    assert torch.equal(after.colour.scales[alone], before.colour.scales[alone])
+    assert torch.equal(after.colour.quaternions[alone], before.colour.quaternions[alone])
+    assert (after.colour.features[alone] - before.colour.features[alone]).abs().max() > 1e-3
+    assert (after.means[shared] - before.means[shared]).abs().max() > 1e-5
+
+
+def test_a_gaussian_is_shared_where_the_other_photo_has_the_same_depth() -> None:
+    """Two cameras with a focal length of 10 px, 0.8 m apart, before a wall at 4 m: columns shift by 2. In the second photo, columns 17 to 19 are half as deep."""
+    poses = torch.eye(4, dtype=torch.float64).repeat(2, 1, 1)
+    poses[1, 0, 3] = 0.8
+    intrinsics = torch.tensor([[10.0, 0, 10], [0, 10, 4], [0, 0, 1]], dtype=torch.float64).expand(2, 3, 3)
+    cameras, ranges = Cameras(poses, intrinsics, (8, 20)), torch.tensor([[1.0, 9], [1, 9]], dtype=torch.float64)
+    depths = torch.full((2, 8, 20), 4.0)
+    depths[1, :, 17:] = 2.0
+    count = depths.numel()
+    shape = Appearance(
+        quaternions=torch.eye(4)[0].expand(count, 4),
+        scales=torch.full((count, 3), 0.1),
+        features=torch.ones(count, 1, 3),
+    )
+    gaussians = Gaussians(back_project(depths, cameras).flatten(0, 2).float(), torch.ones(count), shape)
+    walls = Encoding(gaussians, depths, torch.ones_like(depths), torch.zeros_like(depths), ranges)
+    views = Views(images=torch.zeros(2, 3, 8, 20), cameras=cameras, depth_range=ranges)
+    shared = seen_by_several(walls, views).reshape(2, 8, 20)
+    # 0 and 1 of the first fall outside of the second, 19 onto its near part.
+    assert [int(column) for column in shared[0].all(0).nonzero()] == list(range(2, 19))
+    assert [int(column) for column in shared[1].all(0).nonzero()] == list(range(17))
+    assert torch.equal(shared.any(1), shared.all(1))

@@ -127,7 +127,7 @@ def _protocol(typed: list[str]) -> tuple[str, ...]:
 def _passes(typed: list[str]) -> int | float:
     if len(typed) > 1:
         raise ValueError(f"expected at most one number, found {' '.join(typed)!r}")
-    return at_least(1)(typed[0]) if typed else -1
+    return at_least(0)(typed[0]) if typed else -1
 
 
 Size = Annotated[tuple[int, int], one_word("HxW", _size, shown_size)]
@@ -217,4 +217,4 @@ Passes = Annotated[
     int,
     words((0, 1), "[PASSES]", _passes, lambda value: [str(value)]),
 ]
-"""How often to pass over the photos: a number, or -1 for the default."""
+"""How often to pass over the photos: a number, 0 for never, or -1 for the default."""

@@ -294,8 +294,9 @@ def _with_targets(
 ) -> Choice:
     """The choice with these input views: its targets and its reason.
 
-    Targets are up to `TARGETS` frames of which the input views see `WELL_SEEN`, evenly spread between the input views in file order, or else
-    the nearest others. If there are none, the frames that are seen best are taken, and a note says so.
+    Targets are up to `TARGETS` frames of which the input views see `WELL_SEEN`, no farther from one of them than the input views are from each other: evenly
+    spread between the input views in file order, or else the nearest others. A walk that comes back has such frames in another part, too, and they show other things.
+    If there are none, the near frames that are seen best are taken, and a note says so; else one that is farther away.
     """
     between = [index for index in range(min(context) + 1, max(context)) if index not in context]
     others = [index for index in range(len(scene)) if index not in context]
@@ -303,18 +304,28 @@ def _with_targets(
     distance = np.linalg.norm(centres[:, None] - centres[list(context)], axis=-1).min(axis=1)
     nearest = sorted(others, key=lambda index: (distance[index], index))[: 4 * TARGETS]
     seen = _covered(scene, grids, context, [*spread(between, _most(grids)), *nearest], bounds.typical)
-    well = [index for index in seen if seen[index] >= WELL_SEEN]
-    targets = spread([index for index in well if index in between], TARGETS) or well[:TARGETS]
+    well = sorted((index for index in seen if seen[index] >= WELL_SEEN), key=lambda index: (distance[index], index))
+    reach = _reach(centres[list(context)])
+    near = [index for index in well if distance[index] <= reach]
+    targets = spread(sorted(index for index in near if index in between), TARGETS) or near[:TARGETS]
     if not targets:
-        enough = [index for index in seen if seen[index] >= LEAST_SEEN]
+        enough = [index for index in seen if seen[index] >= LEAST_SEEN and distance[index] <= reach]
         targets = sorted(enough, key=lambda index: -seen[index])[:TARGETS]
         if targets:
             notes = [
                 *notes,
                 f"The input views see less than {WELL_SEEN:.0%} of each held-out frame, so compare the scores over the seen pixels.",
             ]
+    targets = targets or well[:1]
     reason = prefix + _reason(scene, grids, context, bounds)
     return Choice(context, tuple(sorted(targets)), reason, bounds, tuple(notes))
+
+
+def _reach(centres: np.ndarray) -> float:
+    """How far the input view is from its nearest other one that is farthest from it, with room for rounding."""
+    apart = np.linalg.norm(centres[:, None] - centres, axis=-1)
+    np.fill_diagonal(apart, np.inf)
+    return 1.001 * float(apart.min(axis=1).max())
 
 
 def _covered(

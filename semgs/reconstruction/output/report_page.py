@@ -36,6 +36,8 @@ TIME = (
 
 ENCODE = "One pass of the network, without reading photos and weights. The first pass of a process, as here, takes longer than the next ones."
 
+UNCOMPARED = "With four photos or more, one decides when refining stops and another one tests the result. The scores of the input views say how well the photos were fitted."
+
 HELD_OUT_OF_LABELS = "These photos said no classes. Whether the splat was trained on them, its file does not say."
 
 
@@ -110,6 +112,8 @@ def _headlines(result: Reconstruction, seconds: dict[str, float]) -> list[page.H
     if result.target is not None:
         held_out = mean_scores(result.target.scores)
         found.append(page.Headline(decibels(held_out.psnr), "PSNR of held-out views", EXPLANATIONS["psnr"]))
+        if (once := _one_pass(result)) is not None:
+            found.append(page.Headline(decibels(once), "the same after the forward pass alone", EXPLANATIONS["psnr"]))
         if held_out.coverage < MOSTLY_SEEN:
             seen = f"over the {percent(held_out.coverage)} seen"
             found.append(page.Headline(decibels(held_out.psnr_seen), seen, EXPLANATIONS["psnr_seen"]))
@@ -117,8 +121,8 @@ def _headlines(result: Reconstruction, seconds: dict[str, float]) -> list[page.H
             if (value := by_measure(held_out).get(name)) is not None:
                 title = f"{TITLES[name]} of held-out views"
                 found.append(page.Headline(shown_number(name, value, 2), title, EXPLANATIONS[name]))
-    psnr = decibels(mean_scores(result.context.scores).psnr)
-    found.append(page.Headline(psnr, "PSNR of the input views", EXPLANATIONS["psnr"]))
+    else:
+        found.append(page.Headline("–", "no photo was left to compare with", UNCOMPARED))
     count = f"{len(result.encoding.gaussians):,}"
     found.append(page.Headline(count, "Gaussians", "Soft coloured ellipsoids; the scene is made of them."))
     if result.classes is not None:
@@ -133,6 +137,12 @@ def _headlines(result: Reconstruction, seconds: dict[str, float]) -> list[page.H
             )
         )
     return found
+
+
+def _one_pass(result: Reconstruction) -> float | None:
+    """PSNR of the held-out views before refining [dB]; None if nothing was refined."""
+    before = () if result.refinement is None else result.refinement.before
+    return next((mean_scores(views.scores).psnr for views in before if views.role == "target"), None)
 
 
 def _own_lead(result: Reconstruction) -> str:
@@ -199,12 +209,12 @@ def _refinement(refinement: PhotoRefinement, result: Reconstruction) -> page.Sec
     """What refining changed: mean scores before and after, and the curve of the view that decided."""
     lead = f"The Gaussians were optimised on the input photos. {note_on_refinement(refinement)}"
     if refinement.curve:
-        lead += f" The bars are the PSNR of {refinement.check}, before the first pass and after each."
+        lead += f" The bars are the PSNR of {refinement.check}, before the first pass and after each, from 0 dB."
     blocks: list[page.Block] = [refinement_table(result)]
     if refinement.curve:
-        low, high = min(refinement.curve), max(refinement.curve)
+        high = max(refinement.curve)
         bars = tuple(
-            page.Bar(f"pass {number}", CURVE, 0.1 + 0.9 * (value - low) / max(high - low, 1e-9), decibels(value))
+            page.Bar(f"pass {number}", CURVE, max(value / max(high, 1e-9), 0), decibels(value))
             for number, value in enumerate(refinement.curve)
         )
         blocks.append(page.Bars(bars))

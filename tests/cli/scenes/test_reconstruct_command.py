@@ -43,15 +43,16 @@ def test_all_files_appear_and_the_summary_tells_what_was_done(done: tuple[Path, 
     assert [path.name for path in out.parent.iterdir()] == ["room"]
     numbers = json.loads((out / "report.json").read_text())
     assert numbers["choice"]["context"] == [0, 3]
-    assert numbers["choice"]["targets"] == [1, 2]
+    assert numbers["choice"]["targets"] == [2], "frame 1 decided when refining stopped"
+    assert (numbers["refinement"]["passes"], numbers["refinement"]["check"]) == (15, "images/001.png")
     stages = [name for name in numbers["seconds"] if name != COMPILE]
-    assert stages == ["choose", "check", "load", "read", "encode", "expose", "render", "write"]
+    assert stages == ["choose", "check", "load", "read", "encode", "expose", "sharpen", "render", "write"]
     for part in (
         "0 (images/000.png), 3 (images/003.png)", numbers["choice"]["reason"], "PSNR", "encode", "random",
         str(out / "gaussians.ply"), f"Open {out / 'report.html'} in a browser.",
     ):  # fmt: skip
         assert part in told, part
-    assert len(list((out / "renders").glob("target_001_*.png"))) == 8
+    assert len(list((out / "renders").glob("target_002_*.png"))) == 9
     assert "untrained" in (out / "report.html").read_text()
 
 

@@ -14,7 +14,7 @@ from semgs.cli.main import main
 def test_refined_images_are_in_every_file_and_the_report_has_both(room: Path, tmp_path: Path) -> None:
     """Of frames 1 and 2, which are held out, 1 decides and 2 is scored, before and after."""
     options = ["--weights", "random", "--context", "0", "3"]
-    for name, more in (("plain", []), ("refined", ["--refine", "2"])):
+    for name, more in (("plain", ["--refine", "0"]), ("refined", ["--refine", "2"])):
         assert main(["reconstruct", str(room), "--out", str(tmp_path / name), *options, *more]) == 0
     plain, refined = (json.loads((tmp_path / name / "report.json").read_text()) for name in ("plain", "refined"))
     assert plain["refinement"] is None
@@ -33,7 +33,7 @@ def test_refined_images_are_in_every_file_and_the_report_has_both(room: Path, tm
 
 
 @pytest.mark.parametrize(
-    ("typed", "found"), [(["0"], "found '0'"), (["x"], "found 'x'"), (["2", "3"], "at most one number, found '2 3'")]
+    ("typed", "found"), [(["-2"], "found '-2'"), (["x"], "found 'x'"), (["2", "3"], "at most one number, found '2 3'")]
 )
 def test_passes_that_are_no_number_are_refused(
     typed: list[str], found: str, room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -52,7 +52,7 @@ MOST_VIEWS = 4
 
 @dataclass(frozen=True)
 class Reconstruct:
-    """Turn photos of a room into a labelled 3D scene of Gaussians, in one forward pass.
+    """Turn photos of a room into a labelled 3D scene of Gaussians: one forward pass, then a few seconds of refinement.
 
     SCENE is a folder with a transforms.json (nerfstudio's or instant-ngp's), a COLMAP model, a Polycam or Record3D capture, a ROS bag, a
     scene of ScanNet, ScanNet++, Replica, TUM RGB-D or 7-Scenes, RGB-D frames with poses in text, or an archive from semgs prepare. The
@@ -82,7 +82,7 @@ class Reconstruct:
     - semgs reconstruct scans/office --out out/office --features clip
     - semgs reconstruct recording --out out/robot --depth sensor
     - semgs reconstruct room --out out/room --depth hf:depth-anything/Depth-Anything-V2-Small-hf
-    - semgs reconstruct scans/office --out out/office --refine
+    - semgs reconstruct scans/office --out out/office --refine 0
     - semgs reconstruct scans/office --out out/office --refine-poses
     - semgs reconstruct photos --out out/kitchen --scale-from IMG_1.jpg IMG_4.jpg 1.25
     - semgs reconstruct clip.mp4 --out out/kitchen
@@ -120,9 +120,9 @@ class Reconstruct:
     refine_poses: bool = False
     """First correct slightly wrong cameras of the input and held-out frames, by up to a few degrees, so that they fit matches between the
     images. Cameras that fit already stay as they are; the report says what moved. See docs/poses.md."""
-    refine: Annotated[Passes, optional()] = 0
-    """Then refine the Gaussians on the input photos, which makes images sharp: PASSES steps for each photo, by default 15, with --all 7. The
-    first held-out frame decides when to stop, and is held out no longer. Not in the paper; see docs/refine.md."""
+    refine: Annotated[Passes, optional()] = -1
+    """Refine the Gaussians on the input photos, which makes images sharp: PASSES steps for each photo, by default 15, with --all 7. The first
+    held-out frame decides when to stop, and is held out no longer. 0 is the paper's single forward pass. See docs/refine.md."""
     min_confidence: Probability = 0.0
     """Pixels whose likeliest class is less likely than this are unknown in class maps: light grey, 254 in label files. Unseen pixels are
     hatched and 255. Scores do not change."""
