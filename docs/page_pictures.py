@@ -19,7 +19,7 @@ import torch
 from PIL import Image, ImageDraw
 from scipy.spatial.transform import Rotation
 
-from semgs import SavedScene, load, occupancy, open_scene
+from semgs import SavedScene, load, occupancy, open_scene, refine
 from semgs.export.scene_objects import place_things, things_of
 from semgs.figures.class_images import class_picture, overlay
 from semgs.figures.view_images import as_bytes
@@ -39,15 +39,18 @@ FLAGS = ("--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsa
 WINDOW = (740, 1060)
 """(height, width) of the browser [px]."""
 
+COLOURS, WORST_COLOUR = 128, 6.0
+"""Of a GIF; and how far the mean colour of a class may be off, of 255."""
+
 CELL = 6
 """Pixels of a cell of 5 cm in the floor plan."""
 
 
 def encoded(frames: tuple[int, ...] = INPUTS) -> SavedScene:
-    """The room from some of its photos."""
+    """The room from some of its photos, as `semgs demo` makes it."""
     scene = open_scene(demo_scene())
     views = scene.read(frames)
-    return SavedScene.of(load("small")(views), views, unit=scene.unit)
+    return SavedScene.of(refine(load("small")(views), views), views, unit=scene.unit)
 
 
 def save(name: str, picture: np.ndarray) -> None:
@@ -111,15 +114,28 @@ def photo_to_3d() -> None:
             (image if index < 12 else overlay(image, labels[index], scene.classes, min(1.0, (index - 11) / 4)), 110)
         )
     pictures = [Image.fromarray(frame).resize((240, 180)) for frame, _ in frames]
-    palette = Image.fromarray(
-        np.vstack([np.asarray(one) for one in (pictures[0], pictures[6], pictures[20])])
-    ).quantize(80)
+    palette = Image.fromarray(np.vstack([np.asarray(one) for one in pictures])).quantize(COLOURS, kmeans=2)
     found = [one.quantize(palette=palette, dither=Image.Dither.NONE) for one in pictures]
+    check_colours(pictures[-1], found[-1].convert("RGB"), labels[-1])
     path = IMAGES / "photo_to_3d.gif"
     found[0].save(
         path, save_all=True, append_images=found[1:], duration=[time for _, time in frames], loop=0, optimize=True
     )
     print(f"{path}: {path.stat().st_size / 1000:.0f} kB")
+
+
+def check_colours(picture: Image.Image, reduced: Image.Image, labels: np.ndarray) -> None:
+    """Check that each class of a class map keeps its colour with fewer colours: a palette made from photos turned chairs into the blue of cabinets.
+
+    Raises:
+        ValueError: one does not.
+    """
+    small = np.asarray(Image.fromarray(labels).resize(picture.size, Image.Resampling.NEAREST))
+    for number in np.unique(small):
+        shown = small == number
+        before, after = (np.asarray(one)[shown].astype(float).mean(0) for one in (picture, reduced))
+        if np.abs(before - after).max() > WORST_COLOUR:
+            raise ValueError(f"class {number} is {before.round()} and becomes {after.round()}")
 
 
 def robots() -> None:

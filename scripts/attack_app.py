@@ -20,7 +20,7 @@ import time
 import urllib.parse
 import zipfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext, redirect_stderr
+from contextlib import contextmanager, nullcontext, redirect_stderr, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -37,7 +37,8 @@ from semgs.rooms.sets.demo_room import demo_scene
 from semgs.viewer.server import serving as viewer_serving
 
 LIMITS = Limits(file_bytes=2_000_000, total_bytes=3_000_000, uploads=40, uploads_bytes=20_000_000, photos=5)
-HEADER_SECONDS = 2.0
+HEADER_SECONDS = SENDING_SECONDS = 2.0
+UNREAD = 20
 HALF_OPEN = 60
 METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS")
 PATIENCE = 20.0
@@ -430,6 +431,33 @@ def hold_connections(target: Target, report: Report) -> None:
     report.note("half-open connections are closed", closed == HALF_OPEN, f"{closed} of {HALF_OPEN}")
 
 
+def read_no_answer(target: Target, report: Report) -> None:
+    """Ask for a large file very often, and never read it."""
+    import gradio
+
+    files = Path(gradio.__file__).parent.glob("templates/frontend/assets/*.js")
+    largest = f"/assets/{max(files, key=lambda file: file.stat().st_size).name}"
+    connections = []
+    for _ in range(UNREAD):
+        one = socket.socket()
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        one.connect(("127.0.0.1", target.port))
+        one.sendall(f"GET {largest} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode() * 40)
+        connections.append(one)
+    time.sleep(SENDING_SECONDS + 3)
+    cut = 0
+    for one in connections:
+        one.settimeout(2)
+        with suppress(TimeoutError):
+            try:
+                while one.recv(1 << 20):
+                    pass
+            except ConnectionError:
+                cut += 1
+        one.close()
+    report.note("answers that are never read are given up", cut == UNREAD, f"{cut} of {UNREAD} of {largest}")
+
+
 def follow_too_often(target: Target, report: Report) -> None:
     """Let very many calls wait for one room, without reading what they say."""
     with running(target.folder / "waiting", SLOW_WORKER) as other:
@@ -557,7 +585,7 @@ def _zips(outside: Path) -> dict[str, list[tuple[Any, bytes]]]:
 def main(arguments: Sequence[str]) -> int:
     """Run all attacks. Returns 1 if one got through."""
     report = Report()
-    serving.HEADER_SECONDS = HEADER_SECONDS
+    serving.HEADER_SECONDS, serving.SENDING_SECONDS = HEADER_SECONDS, SENDING_SECONDS
     said = io.StringIO()
     rooms, few = "--rooms" in arguments, "--few" in arguments
     worker = [sys.executable, "-m", "semgs.cli.app_worker", "--cold"] if rooms else NO_WORKER
@@ -568,7 +596,7 @@ def main(arguments: Sequence[str]) -> int:
         call_from_elsewhere,
         climb_out_of_rooms,
         open_viewer,
-        *(() if few else (hold_connections,)),
+        *(() if few else (hold_connections, read_no_answer)),
         *((make_rooms,) if rooms else ()),
         upload_too_much,
         follow_too_often,

@@ -12,15 +12,17 @@ import stat
 import sys
 import time
 from collections.abc import Awaitable, Callable, MutableMapping, Sequence
+from contextlib import suppress
 from math import inf
 from pathlib import Path
 from typing import Any, TypeGuard
+from urllib.parse import parse_qsl
 
 from semgs.app.limits import MIB, Limits
 from semgs.app.uploads import GONE, UnusableUploadError, content_of, delete_oldest
 from semgs.files.strict_json import parse_json
 from semgs.files.text import printable
-from semgs.viewer.access import PAGE_POLICY, Access
+from semgs.viewer.access import PAGE_POLICY, WRONG_ORIGIN, Access
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -30,6 +32,9 @@ Send = Callable[[Message], Awaitable[None]]
 JOIN, UPLOAD = "/gradio_api/queue/join", "/gradio_api/upload"
 
 NAME = r"[A-Za-z0-9_.+-]+"
+
+PAGES = ("/rooms/",)
+"""Where links from elsewhere may lead, beside the page itself."""
 
 ROUTES = (
     ("GET HEAD", r"/"),
@@ -50,8 +55,8 @@ MOST_JSON = 256 * 1024
 MEASURED_BYTES = 4 * MIB
 """After so much of an upload, it is checked whether the folder is full."""
 
-BODY_SECONDS = 30.0
-"""A browser that sends nothing of a body for so long is gone."""
+BODY_SECONDS, BODY_BYTES = 30.0, 4096
+"""A browser that sends nothing of a body for so long is gone; from then on, it has to send so much in a second on average."""
 
 PREFIX = re.compile(r"(/[A-Za-z0-9_.~@-]+)*")
 """Where a proxy may put the page."""
@@ -63,6 +68,13 @@ _told: dict[str, float] = {}
 """When a failure was last told, by its place in the code."""
 
 SESSION = re.compile(r"[a-z0-9]{1,40}")
+
+QUERIES = {
+    "/gradio_api/queue/data": ("session_hash",),
+    "/gradio_api/upload_progress": ("upload_id",),
+    UPLOAD: ("upload_id",),
+}
+"""What the addresses of gradio's routes may have after "?", each a short word once: gradio keeps it."""
 
 BAD_REQUEST = "This is not a request of the page."
 FULL = "Too many files wait on this server. Try again in some minutes."
@@ -96,8 +108,10 @@ class Door:
         refusal = self._access.refusal(method, headers, query, websocket)
         if refusal is not None:
             return await _answer(scope, send, refusal.status, refusal.sentence, refusal.headers)
-        if websocket or not is_known(method, path):
+        if websocket or not is_known(method, path) or not is_plain(path, query):
             return await _answer(scope, send, 404, "There is no such page.")
+        if path != "/" and not path.startswith(PAGES) and self._access.is_foreign(headers):
+            return await _answer(scope, send, 403, WRONG_ORIGIN)
         scope = self._named(scope, headers)
         send = self._with_policy(send, path)
         if path == JOIN:
@@ -152,12 +166,12 @@ class Door:
         if not await asyncio.to_thread(delete_oldest, self._uploads, *room):
             return await _answer(scope, send, 507, FULL)
         left, complete = most if announced is None else announced, False
-        measured = left
+        measured, body = left, _Body(receive)
 
         # What others have announced keeps no place: it may never come. So the folder is measured again as this one arrives.
         async def counted() -> Message:
             nonlocal left, complete, measured
-            message = await receive() if complete else await _next(receive)
+            message = await receive() if complete else await body.next()
             left -= len(message.get("body", b""))
             complete = not message.get("more_body", False)
             if left < 0:
@@ -168,7 +182,7 @@ class Door:
                     raise _StopReadingError(507, FULL)
             return message
 
-        await self._pass(scope, counted, send)
+        await self._pass(scope, counted, _without_folder(send, self._uploads))
 
     def _named(self, scope: Scope, headers: Sequence[tuple[str, str]]) -> Scope:
         """A request that tells gradio no other name of this server than those it has. gradio writes them into its page, and calls them from there.
@@ -205,6 +219,19 @@ def is_known(method: str, path: str) -> bool:
     if ".." in path.split("/") or "\\" in path or "\0" in path:
         return False
     return any(method in methods.split() and re.fullmatch(route, path) for methods, route in ROUTES)
+
+
+def is_plain(path: str, query: str) -> bool:
+    """Whether what follows "?" is only what the page sends to a route of gradio."""
+    if path not in QUERIES:
+        return not path.startswith("/gradio_api/") or not query
+    pairs = parse_qsl(query, keep_blank_values=True) if query.count("&") < 4 else [("", "")]
+    names = [name for name, _ in pairs]
+    return (
+        len(set(names)) == len(names)
+        and set(names) <= set(QUERIES[path])
+        and all(SESSION.fullmatch(value) for _, value in pairs)
+    )
 
 
 def checked_call(body: Any, inputs: Sequence[int], uploads: Path) -> dict[str, Any]:
@@ -286,7 +313,7 @@ def _checked_file(value: Any, uploads: Path) -> dict[str, Any]:
     """An uploaded file. All that gradio needs is its path."""
     if not isinstance(value, dict) or not isinstance(value.get("path"), str):
         raise ValueError(BAD_REQUEST)
-    path, name = Path(value["path"]), value.get("orig_name")
+    path, name = uploads / value["path"], value.get("orig_name")
     if not inside(path, uploads):
         raise UnusableUploadError(GONE)
     return {
@@ -294,6 +321,26 @@ def _checked_file(value: Any, uploads: Path) -> dict[str, Any]:
         "orig_name": name if isinstance(name, str) else path.name,
         "meta": {"_type": "gradio.FileData"},
     }
+
+
+def _without_folder(send: Send, folder: Path) -> Send:
+    """Sends an answer that lists paths in a folder, as gradio does after an upload, with the paths from that folder on: which folder it is, concerns nobody."""
+    held: list[Message] = []
+
+    async def sent(message: Message) -> None:
+        held.append(message)
+        if message["type"] == "http.response.start" or message.get("more_body", False):
+            return
+        body = b"".join(one.get("body", b"") for one in held[1:])
+        with suppress(ValueError, TypeError):
+            body = json.dumps(
+                [str(Path(path).resolve().relative_to(folder.resolve())) for path in json.loads(body)]
+            ).encode()
+        kept = [(name, value) for name, value in held[0].get("headers", ()) if name.lower() != b"content-length"]
+        await send({**held[0], "headers": [*kept, (b"content-length", str(len(body)).encode())]})
+        await send({**message, "body": body})
+
+    return sent
 
 
 def _only(headers: Sequence[tuple[str, str]], name: str) -> str:
@@ -307,19 +354,32 @@ def _is_count(value: Any) -> TypeGuard[int]:
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 1_000_000
 
 
-async def _next(receive: Receive) -> Message:
-    """The next part of a body."""
-    try:
-        return await asyncio.wait_for(receive(), BODY_SECONDS)
-    except TimeoutError as error:
-        raise _StopReadingError(408, "Nothing came for too long.") from error
+class _Body:
+    """A body as it arrives, in time."""
+
+    def __init__(self, receive: Receive) -> None:
+        self._receive, self._began, self._size = receive, time.monotonic(), 0
+
+    async def next(self) -> Message:
+        """The next part.
+
+        Raises:
+            _StopReadingError: it does not come, or all of it comes too slowly.
+        """
+        most = BODY_SECONDS + self._size / BODY_BYTES - (time.monotonic() - self._began)
+        try:
+            message = await asyncio.wait_for(self._receive(), min(BODY_SECONDS, max(most, 0.0)))
+        except TimeoutError as error:
+            raise _StopReadingError(408, "Nothing came for too long.") from error
+        self._size += len(message.get("body", b""))
+        return message
 
 
 async def _whole(receive: Receive, most: int) -> bytes:
     """The body of a request."""
-    parts, size = [], 0
+    parts, size, body = [], 0, _Body(receive)
     while True:
-        message = await _next(receive)
+        message = await body.next()
         if message["type"] != "http.request":
             raise _StopReadingError(400, BAD_REQUEST)
         parts.append(message.get("body", b""))

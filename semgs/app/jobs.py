@@ -468,7 +468,7 @@ def _how_it_ended(code: int, log: Sequence[str]) -> str:
 def _tell(*lines: str) -> None:
     """Tell whoever runs the app, if there is still a terminal."""
     with suppress(OSError, ValueError):
-        print(*lines, sep="\n", file=sys.stderr, flush=True)
+        print(*[printable(line) for text in lines for line in text.splitlines()], sep="\n", file=sys.stderr, flush=True)
 
 
 def _note_stage(job: Job, line: str) -> bool:

@@ -8,6 +8,7 @@ import re
 import secrets
 import sys
 import time
+from collections import defaultdict
 from collections.abc import AsyncIterator, Sequence
 from html import escape
 from importlib.resources import files
@@ -28,6 +29,9 @@ MOST_PAGES = 8
 
 OTHER_CALLS = 40
 """So many calls of the page are answered at once, beside those that follow a job."""
+
+MOST_FOLLOWED = 1000
+"""Identifiers of uploads that are kept at most."""
 
 TITLE = "SemGS: photos to a labelled room"
 
@@ -130,6 +134,15 @@ def _restrain(gradio: Any, limits: Limits) -> None:
         def __init__(self, *given: Any, **options: Any) -> None:
             super().__init__(*given, **{**options, "max_fields": 0, "max_files": limits.photos + 1})
 
+        async def parse(self) -> Any:
+            try:
+                return await super().parse()
+            except BaseException:  # also if the browser goes away, which gradio leaves out
+                for file in self._files_to_close_on_error:
+                    file.close()
+                    Path(file.name).unlink(missing_ok=True)
+                raise
+
     class Apart(route_utils.GradioUploadFile):
         """An upload whose path is its own: gradio names it by its content, and the first room would delete what a second user dropped, too."""
 
@@ -137,10 +150,21 @@ def _restrain(gradio: Any, limits: Limits) -> None:
             super().__init__(*given, **options)
             self.sha.update(secrets.token_bytes(32))
 
+    statuses: Any = routes.file_upload_statuses
+    statuses._signals, statuses._statuses = Newest(asyncio.Event), Newest()
     for module in (queueing, route_utils, routes):
         setattr(module, "traceback", Failures)  # noqa: B010 - no part of what it promises
     route_utils.GradioMultiPartParser = FilesOnly  # type: ignore[misc]
     route_utils.GradioUploadFile = Apart  # type: ignore[misc]
+
+
+class Newest(defaultdict[str, Any]):
+    """A dictionary of the `MOST_FOLLOWED` entries that were added last. gradio keeps one for every identifier of an upload that a browser asks for."""
+
+    def __setitem__(self, key: str, value: Any) -> None:
+        super().__setitem__(key, value)
+        while len(self) > MOST_FOLLOWED:
+            del self[next(iter(self))]
 
 
 def _theme() -> Any:

@@ -16,6 +16,9 @@ from semgs.viewer.access import Access
 HEADER_SECONDS = 15.0
 """The line and the headers of a request have to arrive within this time."""
 
+SENDING_SECONDS = 60.0
+"""A browser that takes nothing of an answer for so long is gone."""
+
 MOST_CONNECTIONS = 400
 
 HEADERS = {"X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cache-Control": "private, no-store"}
@@ -89,14 +92,16 @@ def serve(app: Any, host: str, port: int, started: Callable[[int], None]) -> Non
         OSError: it is not possible to listen there.
     """
     import socket
+    import struct
 
     from uvicorn import Config, Server
     from uvicorn.protocols.http.h11_impl import H11Protocol
 
     class Protocol(H11Protocol):
-        """HTTP whose requests have to arrive in time: else some hundred connections that say nothing would keep everybody out."""
+        """HTTP whose requests have to arrive, and whose answers have to be taken, in time: else some hundred connections that do neither would keep everybody out."""
 
         deadline: Any = None
+        stuck: Any = None
 
         def connection_made(self, transport: Any) -> None:
             super().connection_made(transport)
@@ -108,7 +113,29 @@ def serve(app: Any, host: str, port: int, started: Callable[[int], None]) -> Non
 
         def connection_lost(self, exc: Exception | None) -> None:
             self._unwatch()
+            self._moves()
             super().connection_lost(exc)
+
+        def pause_writing(self) -> None:
+            super().pause_writing()
+            self.stuck = self.loop.call_later(SENDING_SECONDS, self._give_up)
+
+        def resume_writing(self) -> None:
+            super().resume_writing()
+            self._moves()
+
+        def _give_up(self) -> None:
+            """Close the connection now. The system would keep what it has for the browser."""
+            connection = self.transport.get_extra_info("socket")
+            if connection is not None:
+                connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            self.transport.abort()
+
+        def _moves(self) -> None:
+            """The answer is being taken."""
+            if self.stuck is not None:
+                self.stuck.cancel()
+                self.stuck = None
 
         def on_response_complete(self) -> None:
             super().on_response_complete()

@@ -19,6 +19,12 @@ MOST_CHUNK = 1 << 28
 MOST_GROWTH = 100
 """A bag that is compressed as a whole may become so many times longer, beside `MOST_CHUNK`."""
 
+MOST_DEFINITION, MOST_ELEMENTS, MOST_NUMBERS = 1 << 18, 1 << 10, 1 << 26
+"""Characters of the definition of a message; elements of an array of fixed length in it, and of one of numbers."""
+
+BASE, ARRAY = 1, 3
+"""Kinds of fields, as rosbags numbers them."""
+
 METADATA, MOST_METADATA = "metadata.yaml", 1 << 20
 """The list of a bag's topics, and its largest size [bytes]."""
 
@@ -47,6 +53,27 @@ def bag_reader(path: Path) -> Any:
     _bound_rosbags()
     _check_metadata(path / METADATA)
     return AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
+
+
+def check_definitions(reader: Any) -> None:
+    """Check the types that an opened bag defines: rosbags writes code for them, several lines for each element of an array of texts or of messages.
+
+    Raises:
+        ValueError: one is too long.
+    """
+    for connection in reader.connections:
+        if len(connection.msgdef.data) > MOST_DEFINITION:
+            raise ValueError(f"a definition of more than {MOST_DEFINITION:,} characters")
+    for name, (_, fields) in reader.typestore.fielddefs.items():
+        for field, (kind, content) in fields:
+            if kind == ARRAY and content[1] > (MOST_NUMBERS if _is_number(content[0]) else MOST_ELEMENTS):
+                raise ValueError(f"{content[1]:,} elements in {name}.{field}")
+
+
+def _is_number(described: tuple[Any, Any]) -> bool:
+    """Whether elements of an array, as rosbags describes them, are numbers, which are read at once."""
+    kind, content = described
+    return kind == BASE and content[0] != "string"
 
 
 def inflate(data: bytes, decompressor: Callable[[], Any]) -> bytes:

@@ -95,6 +95,10 @@ class Access:
         """Whether the server may be opened under a name, with a port or without."""
         return self.hosts is None or _name(host.lower()) in (*self.hosts, *self.names)
 
+    def is_foreign(self, headers: Iterable[tuple[str, str]]) -> bool:
+        """Whether a browser says that a page elsewhere sent a request, as a link or a frame does."""
+        return _is_foreign_site([value.strip() for name, value in headers if name.lower() == "sec-fetch-site"])
+
     def refusal(
         self, method: str, headers: Iterable[tuple[str, str]], query: str = "", websocket: bool = False
     ) -> Refusal | None:
@@ -130,8 +134,7 @@ class Access:
 
     def _is_foreign_fetch(self, method: str, given: dict[str, list[str]], websocket: bool) -> bool:
         """Whether a browser says that a page elsewhere sent the request. Links and frames from elsewhere may open pages, and nothing else."""
-        site = given.get("sec-fetch-site", ["none"])
-        if all(one in ("same-origin", "none") for one in site):
+        if not _is_foreign_site(given.get("sec-fetch-site", [])):
             return False
         opens_a_page = given.get("sec-fetch-mode") == ["navigate"] and method in SAFE_METHODS and not websocket
         return not opens_a_page
@@ -195,6 +198,11 @@ def _is_local(name: str) -> bool:
         return False
     mapped = getattr(address, "ipv4_mapped", None) or address
     return mapped.is_loopback or mapped.is_unspecified
+
+
+def _is_foreign_site(sites: Sequence[str]) -> bool:
+    """Whether a header Sec-Fetch-Site, as sent, names another site than this server or none."""
+    return any(site not in ("same-origin", "none") for site in sites)
 
 
 def _cookies(text: str, name: str) -> list[str]:

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from semgs.app import door
-from semgs.app.door import FULL, JOIN, UPLOAD, Door, checked_call, inside, is_known
+from semgs.app.door import FULL, JOIN, UPLOAD, Door, checked_call, inside, is_known, is_plain
 from semgs.app.limits import Limits
 from semgs.app.uploads import GONE, UnusableUploadError
 from semgs.viewer.access import Access
@@ -295,6 +295,96 @@ def test_bodies_that_do_not_come_are_given_up(uploads: Path, monkeypatch: pytest
         return int(sent[0]["status"])
 
     assert [asyncio.run(asked(path)) for path in (JOIN, UPLOAD)] == [408, 408]
+
+
+def test_bodies_that_come_too_slowly_are_given_up(uploads: Path, monkeypatch: pytest.MonkeyPatch):
+    """0.2 s and 100 bytes a second: of one byte each 0.05 s, the fifth comes too late, and of 100 bytes each 0.05 s none."""
+    monkeypatch.setattr(door, "BODY_SECONDS", 0.2)
+    monkeypatch.setattr(door, "BODY_BYTES", 100)
+
+    async def asked(part: bytes) -> int:
+        sent: list[Any] = []
+        left = 9
+
+        async def slowly() -> Any:
+            nonlocal left
+            left -= 1
+            await asyncio.sleep(0.05)
+            return {"type": "http.request", "body": part, "more_body": left > 0}
+
+        async def send(message: Any) -> None:
+            sent.append(message)
+
+        scope = {
+            "type": "http",
+            "method": "POST",
+            "path": UPLOAD,
+            "headers": [(b"host", b"localhost")],
+            "query_string": b"",
+        }
+        await Door(Behind(), Access(), uploads, LIMITS, [3])(scope, slowly, send)
+        return int(sent[0]["status"])
+
+    assert asyncio.run(asked(b"x")) == 408
+    assert asyncio.run(asked(bytes(100))) == 200
+
+
+@pytest.mark.parametrize(
+    ("path", "query", "plain"),
+    [
+        ("/gradio_api/upload_progress", "upload_id=a1b2", True), (UPLOAD, "upload_id=a1b2", True), (UPLOAD, "", True),
+        ("/gradio_api/queue/data", "session_hash=a1", True), ("/", "room=a&__theme=dark", True), ("/assets/a.js", "x=1", True),
+        ("/gradio_api/upload_progress", f"upload_id={41 * 'a'}", False), ("/gradio_api/upload_progress", "upload_id=", False),
+        ("/gradio_api/upload_progress", "upload_id=a&upload_id=b", False), ("/gradio_api/upload_progress", "session_hash=a", False),
+        ("/gradio_api/upload_progress", "upload_id=%0a", False), ("/gradio_api/queue/data", "session_hash=A", False), (JOIN, "a=1", False),
+        ("/gradio_api/queue/data", 9 * "&", False),
+    ],
+)  # fmt: skip
+def test_gradio_is_given_short_words_that_the_page_sends(path: str, query: str, plain: bool):
+    assert is_plain(path, query) is plain
+
+
+@pytest.mark.parametrize(
+    ("path", "expected"),
+    [("/", 200), (f"/rooms/{20 * 'a'}/index.html", 200), ("/gradio_api/queue/data", 403), ("/theme.css", 403)],
+)
+def test_links_from_elsewhere_lead_to_the_page_and_to_rooms(uploads: Path, path: str, expected: int):
+    foreign = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate"}
+    assert answer(uploads, path, method="GET", **foreign)[0] == expected
+
+
+def test_the_answer_to_an_upload_says_where_the_file_is_in_the_folder_alone(uploads: Path):
+    async def behind(scope: Any, receive: Any, send: Any) -> None:
+        await receive()
+        body = json.dumps([str(uploads / "abc" / "a.jpg")]).encode()
+        await send(
+            {"type": "http.response.start", "status": 200, "headers": [(b"content-length", str(len(body)).encode())]}
+        )
+        await send({"type": "http.response.body", "body": body[:9], "more_body": True})
+        await send({"type": "http.response.body", "body": body[9:]})
+
+    async def receive() -> Any:
+        return {"type": "http.request", "body": b"", "more_body": False}
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    sent: list[Any] = []
+    scope = {
+        "type": "http",
+        "method": "POST",
+        "path": UPLOAD,
+        "headers": [(b"host", b"localhost")],
+        "query_string": b"",
+    }
+    asyncio.run(Door(behind, Access(), uploads, LIMITS)(scope, receive, send))
+    assert sent[1]["body"] == b'["abc/a.jpg"]'
+    assert dict(sent[0]["headers"])[b"content-length"] == b"13"
+    assert checked_call({**CALL, "data": [[file("abc/a.jpg")], 2, ""]}, [3], uploads)["data"][0][0]["path"] == str(
+        uploads / "abc" / "a.jpg"
+    )
+    with pytest.raises(UnusableUploadError):
+        checked_call({**CALL, "data": [[file("../secret.jpg")], 2, ""]}, [3], uploads)
 
 
 def test_pages_say_what_they_may_load_and_who_may_frame_them(uploads: Path):

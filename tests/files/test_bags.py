@@ -125,3 +125,36 @@ def test_a_database_with_a_view_in_place_of_its_messages_is_refused(tmp_path: Pa
         database.commit()
     with pytest.raises(InputError):
         list(Bag(bag).messages(["/words"]))
+
+
+def bag_of(path: Path, definition: str) -> Path:
+    """A bag of ROS 1 with a message of a type that it defines itself; the data are not looked at."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg(definition, "own/msg/Own"))
+    md5sum = store.generate_msgdef("own/msg/Own", ros_version=1)[1]
+    file = path.with_suffix(".bag")
+    with Writer(file) as writer:
+        connection = writer.add_connection("/own", "own/msg/Own", msgdef=definition, md5sum=md5sum)
+        writer.write(connection, 1, bytes(64))
+    return file
+
+
+@pytest.mark.parametrize(
+    ("definition", "message"),
+    [
+        ("string[1025] a", r"1,025 elements in own/msg/Own\.a"), ("string[2000000000] a", r"2,000,000,000 elements"),
+        ("float64[67108865] a", r"67,108,865 elements"), ("uint8 a # " + "a" * (1 << 18), "a definition of more than 262,144 characters"),
+    ],
+)  # fmt: skip
+def test_definitions_for_which_code_without_end_would_be_written_are_refused(
+    tmp_path: Path, definition: str, message: str
+):
+    with pytest.raises(InputError, match=message):
+        Bag(bag_of(tmp_path / "a", definition))
+
+
+def test_honest_arrays_of_a_fixed_length_are_read(tmp_path: Path):
+    assert Bag(bag_of(tmp_path / "a", "string[1024] a\nfloat64[36] b")).topics == {"/own": "own/msg/Own"}

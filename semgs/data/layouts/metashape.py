@@ -119,10 +119,11 @@ def _file(path: Path) -> Path | None:
 def _read(file: Path) -> ElementTree.Element:
     """The root of the XML. Files that define entities, which could be made to grow without end, are refused."""
     data = read_bytes(file, EXPECTED)
-    if b"<!" in data.replace(b"<!--", b""):
-        raise InputError(file, EXPECTED, "definitions (<!DOCTYPE or <!ENTITY)")
     try:
-        return ElementTree.fromstring(data)
+        text = data.decode("utf-8-sig")
+        if "<!" in text.replace("<!--", ""):
+            raise InputError(file, EXPECTED, "definitions (<!DOCTYPE or <!ENTITY)")
+        return ElementTree.fromstring(text)  # from bytes, the parser would take the encoding that the file names
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise InputError(file, EXPECTED, f"damaged XML: {error}") from error
 

@@ -12,6 +12,7 @@ from landmarks import POINTS, found
 from other_cameras import FISHEYE, FRAME, POSES, SIZE, write_llff, write_metashape
 from PIL import Image
 
+from semgs.data.layouts import metashape
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import project
@@ -46,6 +47,18 @@ def test_a_component_scales_turns_and_moves_its_cameras(tmp_path: Path):
     a, b, c = POSES[1, :3, 3]
     np.testing.assert_allclose(frame.world_from_camera[:3, 3], [10 + 2 * c, 2 * a, 2 * b], atol=1e-9)
     np.testing.assert_allclose(frame.world_from_camera[:3, :3], POSES[1, [2, 0, 1], :3], atol=1e-9)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "cp037"])
+def test_definitions_in_another_encoding_are_refused_too(encoding: str, tmp_path: Path):
+    """As bytes, they have no "<!". The parser believes the encoding that a file names."""
+    text = "<!DOCTYPE a [<!ENTITY b 'c'>]><document version='1'><chunk>&b;</chunk></document>"
+    (tmp_path / "a.xml").write_bytes(
+        f'<?xml version="1.0" encoding="{encoding}"?>'.encode("ascii" if encoding == "cp037" else encoding)
+        + text.encode(encoding)
+    )
+    with pytest.raises(InputError, match=r"damaged XML|definitions"):
+        metashape._read(tmp_path / "a.xml")
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from semgs.data.layouts.ros.image_messages import as_file, ending_of
-from semgs.files.bags import METADATA, bag_reader
+from semgs.files.bags import METADATA, bag_reader, check_definitions
 from semgs.files.errors import InputError, readable
 from semgs.files.text import listed
 
@@ -87,11 +87,12 @@ class Bag:
         try:
             self._reader = bag_reader(path)
             self._reader.open()
+            weakref.finalize(self, _close, self._reader)
+            check_definitions(self._reader)
         except ImportError:
             raise
         except Exception as error:  # each storage raises its own
             raise InputError(path, "a ROS bag", f"one that rosbags cannot read: {error}") from error
-        weakref.finalize(self, _close, self._reader)
         for one in self._reader.connections:
             if not isinstance(one.topic, str):  # such as an unquoted 5 in YAML
                 raise InputError(path, "names of topics", f"{one.topic!r}, which is not text", METADATA)
