@@ -114,8 +114,7 @@ def photo_to_3d() -> None:
             (image if index < 12 else overlay(image, labels[index], scene.classes, min(1.0, (index - 11) / 4)), 110)
         )
     pictures = [Image.fromarray(frame).resize((240, 180)) for frame, _ in frames]
-    palette = Image.fromarray(np.vstack([np.asarray(one) for one in pictures])).quantize(COLOURS, kmeans=2)
-    found = [one.quantize(palette=palette, dither=Image.Dither.NONE) for one in pictures]
+    found = [one.quantize(COLOURS, kmeans=1, dither=Image.Dither.NONE) for one in pictures]  # each with a palette of its own
     check_colours(pictures[-1], found[-1].convert("RGB"), labels[-1])
     path = IMAGES / "photo_to_3d.gif"
     found[0].save(
@@ -125,7 +124,7 @@ def photo_to_3d() -> None:
 
 
 def check_colours(picture: Image.Image, reduced: Image.Image, labels: np.ndarray) -> None:
-    """Check that each class of a class map keeps its colour with fewer colours: a palette made from photos turned chairs into the blue of cabinets.
+    """Check that each class of a class map keeps its colour with fewer colours: one palette for all frames turned chairs into the blue of cabinets.
 
     Raises:
         ValueError: one does not.

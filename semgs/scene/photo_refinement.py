@@ -36,6 +36,9 @@ CELL_DEVIATION, LEAST_SPREAD = 0.05, 0.01
 DECAY = 0.1
 """The rates at the end, as a part of those at the start."""
 
+BORDER, FAINTEST = 0.12, 0.5
+"""Opacity falls towards a photo's border: the width of the border, as a part of the shorter side, and the factor at its end."""
+
 BETAS, EPSILON = (0.9, 0.99), 1e-15
 """Of Adam."""
 
@@ -141,7 +144,7 @@ def refine_until(
         raise ValueError(
             f"the encoding has depths {tuple(encoding.depths.shape)}; expected those of {len(views)} views of {views.size[0]}x{views.size[1]}"
         )
-    unknowns = Unknowns(encoding, views, moves)
+    unknowns = Unknowns(with_faded_borders(encoding, views), views, moves)
     curve, best = [], None
     if check is not None:
         curve, best = [_psnr(encoding, check, exposure)], encoding
@@ -253,6 +256,18 @@ class Unknowns:
             self.cells.value, scale_factor=CELL, mode="bilinear", align_corners=False
         )
         return fine[:, 0, :rows, :columns]
+
+
+@torch.no_grad()
+def with_faded_borders(encoding: Encoding, views: Views) -> Encoding:
+    """The same scene with less opaque Gaussians near the borders of their photos, where another photo sees the same. Photos are darker there, and end in a step."""
+    (height, width), means = views.size, encoding.gaussians.means
+    down, along = (torch.arange(side) + 0.5 for side in (height, width))
+    inwards = torch.minimum(torch.minimum(down, height - down)[:, None], torch.minimum(along, width - along))
+    part = (inwards / (BORDER * min(height, width))).clamp(max=1).to(means)
+    factors = FAINTEST + (1 - FAINTEST) * encoding.per_gaussian(part.expand(len(views), 1, height, width))[:, 0]
+    factors = torch.where(seen_by_several(encoding, views), factors, 1)
+    return replace(encoding, gaussians=replace(encoding.gaussians, opacities=factors * encoding.gaussians.opacities))
 
 
 @torch.no_grad()
