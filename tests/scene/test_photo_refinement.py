@@ -14,7 +14,14 @@ from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras, back_project
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.scene.encoding import Encoding
-from semgs.scene.photo_refinement import Unknown, match_exposure, refine, refine_until, seen_by_several
+from semgs.scene.photo_refinement import (
+    Unknown,
+    match_exposure,
+    refine,
+    refine_until,
+    seen_by_several,
+    with_faded_borders,
+)
 
 SIZE = (29, 37)
 
@@ -174,7 +181,7 @@ def test_what_one_photo_alone_sees_changes_its_colour_only(encoding: Encoding, v
     assert (after.means[shared] - before.means[shared]).abs().max() > 1e-5
 
 
-def test_a_gaussian_is_shared_where_the_other_photo_has_the_same_depth() -> None:
+def two_walls() -> tuple[Encoding, Views]:
     """Two cameras with a focal length of 10 px, 0.8 m apart, before a wall at 4 m: columns shift by 2. In the second photo, columns 17 to 19 are half as deep."""
     poses = torch.eye(4, dtype=torch.float64).repeat(2, 1, 1)
     poses[1, 0, 3] = 0.8
@@ -191,8 +198,21 @@ def test_a_gaussian_is_shared_where_the_other_photo_has_the_same_depth() -> None
     gaussians = Gaussians(back_project(depths, cameras).flatten(0, 2).float(), torch.ones(count), shape)
     walls = Encoding(gaussians, depths, torch.ones_like(depths), torch.zeros_like(depths), ranges)
     views = Views(images=torch.zeros(2, 3, 8, 20), cameras=cameras, depth_range=ranges)
-    shared = seen_by_several(walls, views).reshape(2, 8, 20)
-    # 0 and 1 of the first fall outside of the second, 19 onto its near part.
+    return walls, views
+
+
+def test_a_gaussian_is_shared_where_the_other_photo_has_the_same_depth() -> None:
+    """Columns 0 and 1 of the first photo fall outside of the second, 19 onto its near part."""
+    shared = seen_by_several(*two_walls()).reshape(2, 8, 20)
     assert [int(column) for column in shared[0].all(0).nonzero()] == list(range(2, 19))
     assert [int(column) for column in shared[1].all(0).nonzero()] == list(range(17))
     assert torch.equal(shared.any(1), shared.all(1))
+
+
+def test_what_several_photos_see_fades_towards_their_borders() -> None:
+    """The border has 12 % of 8 px. The outermost pixels are 0.5 px inside: 0.5 + 0.5 * 0.5 / 0.96 = 0.7604. What one photo alone sees stays."""
+    walls, views = two_walls()
+    opacities = with_faded_borders(walls, views).gaussians.opacities.reshape(2, 8, 20)
+    expected = torch.ones(2, 8, 20)
+    expected[0, [0, 7], 2:19] = expected[1, [0, 7], :17] = expected[1, :, 0] = 0.7604
+    torch.testing.assert_close(opacities, expected, rtol=0, atol=1e-4)
