@@ -324,7 +324,7 @@ def _checked_file(value: Any, uploads: Path) -> dict[str, Any]:
 
 
 def _without_folder(send: Send, folder: Path) -> Send:
-    """Sends an answer that lists paths in a folder, as gradio does after an upload, with the paths from that folder on: which folder it is, concerns nobody."""
+    """Sends an answer that lists paths in a folder, as gradio does after an upload, with the paths from that folder on: users need not know which folder that is."""
     held: list[Message] = []
 
     async def sent(message: Message) -> None:

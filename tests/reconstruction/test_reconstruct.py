@@ -173,13 +173,13 @@ def test_refined_gaussians_show_the_photos_better_and_the_first_held_out_frame_d
 
 
 def test_what_refining_makes_worse_stays_as_it_was(wall_scene: Callable[..., Scene], oracle: Network) -> None:
-    """The oracle's wall is already about as good as Gaussians of that size allow, 35.6 dB. A first pass costs 1.7 to 2 dB, as processors round
-    differently; more passes may win them back."""
+    """The oracle's wall is already about as good as Gaussians of that size allow, 35.6 dB. A first pass costs about 1 dB, as processors round
+    differently; more passes may win it back."""
     scene = wall_scene()
     result = reconstruct(scene, choose_named(scene, [0, 3]), oracle, passes=1)
     assert result.refinement is not None
     assert result.refinement.kept == 0
-    assert result.refinement.curve[1] < result.refinement.curve[0] - 1
+    assert result.refinement.curve[1] < result.refinement.curve[0] - 0.5
     assert any(note.startswith(f"Refining made {scene.frames[1].name} worse") for note in result.notes)
     assert result.context.scores == result.refinement.before[0].scores
 
