@@ -50,6 +50,9 @@ LEAST_SEEN = 0.5
 WELL_SEEN = 0.9
 """Targets that share this much are preferred; otherwise scores mostly measure what no input view saw."""
 
+MOSTLY_SEEN = 0.8
+"""What a second target has to share, if there is only one that shares `WELL_SEEN`."""
+
 GOOD_ENOUGH = 0.5
 """Input views that leave such a target are preferred to better ones that leave none, if their score is at least this share of the best."""
 
@@ -296,7 +299,8 @@ def _with_targets(
 
     Targets are up to `TARGETS` frames of which the input views see `WELL_SEEN`, no farther from one of them than the input views are from each other: evenly
     spread between the input views in file order, or else the nearest others. A walk that comes back has such frames in another part, too, and they show other things.
-    If there are none, the near frames that are seen best are taken, and a note says so; else one that is farther away.
+    If there are none, the near frames that are seen best are taken, and a note says so; else one that is farther away. One alone gets a second one up to twice as far
+    away, of which they see `MOSTLY_SEEN`.
     """
     between = [index for index in range(min(context) + 1, max(context)) if index not in context]
     others = [index for index in range(len(scene)) if index not in context]
@@ -307,16 +311,18 @@ def _with_targets(
     well = sorted((index for index in seen if seen[index] >= WELL_SEEN), key=lambda index: (distance[index], index))
     reach = _reach(centres[list(context)])
     near = [index for index in well if distance[index] <= reach]
-    targets = spread(sorted(index for index in near if index in between), TARGETS) or near[:TARGETS]
-    if not targets:
-        enough = [index for index in seen if seen[index] >= LEAST_SEEN and distance[index] <= reach]
-        targets = sorted(enough, key=lambda index: -seen[index])[:TARGETS]
-        if targets:
-            notes = [
-                *notes,
-                f"The input views see less than {WELL_SEEN:.0%} of each held-out frame, so compare the scores over the seen pixels.",
-            ]
+    enough = [index for index in seen if seen[index] >= LEAST_SEEN and distance[index] <= reach]
+    enough = sorted(enough, key=lambda index: -seen[index])
+    targets = spread(sorted(index for index in near if index in between), TARGETS) or near[:TARGETS] or enough[:TARGETS]
     targets = targets or well[:1]
+    if len(targets) == 1:  # one may decide when refining stops, and another one test the result
+        mostly = [index for index in seen if seen[index] >= MOSTLY_SEEN and distance[index] <= 2 * reach]
+        targets += sorted(set(mostly) - set(targets), key=lambda index: (distance[index], index))[:1]
+    if targets and max(seen[index] for index in targets) < WELL_SEEN:
+        notes = [
+            *notes,
+            f"The input views see less than {WELL_SEEN:.0%} of each held-out frame, so compare the scores over the seen pixels.",
+        ]
     reason = prefix + _reason(scene, grids, context, bounds)
     return Choice(context, tuple(sorted(targets)), reason, bounds, tuple(notes))
 

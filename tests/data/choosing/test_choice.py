@@ -135,7 +135,7 @@ def test_the_baseline_is_judged_by_measured_depth():
     """Near a wall at 1 m 0.09 m is 9 %; where nothing is measured the depth of rooms, 2.2 m, wants 0.2 m."""
     near = measured(1.0, (0.0, 0.05, 0.09, 0.25))
     choice = choose(near, 2)
-    assert (choice.context, choice.targets) == ((0, 2), (1,))
+    assert (choice.context, choice.targets) == ((0, 2), (1, 3))
     assert "by measured depth with a median of 1 m, and are 0.09 m (9% of it) apart" in choice.reason
     bare = replace(near, frames=tuple(replace(frame, depth=None) for frame in near.frames))
     assert choose(bare, 2).context == (1, 3)
@@ -171,7 +171,7 @@ def test_the_office_holds_out_what_its_input_views_cover(shared):
     for count, context, targets, notes in (
         (2, (13, 14), (12, 15), 1),
         (3, (13, 14, 15), (0, 12, 16), 1),
-        (4, (12, 13, 14, 15), (0,), 0),
+        (4, (12, 13, 14, 15), (0, 1), 0),
     ):
         choice = choose(office, count)
         assert (choice.context, choice.targets, len(choice.notes)) == (context, targets, notes)
@@ -187,6 +187,12 @@ def test_a_walk_that_comes_back_is_compared_with_frames_near_the_input_views():
         bare, frames=tuple(replace(one, depth=InMemory(np.full(LENS.size, 3.0, np.float32))) for one in bare.frames)
     )
     assert choose_named(whole, (0, 14)).targets == (13,)
+
+
+def test_one_frame_that_can_be_held_out_gets_a_second_one_beside_the_input_views():
+    """Input views 10 cm apart. 5 cm between them is held out, and of those beside them the nearest one, 6 cm away; not one 80 cm away."""
+    assert choose_named(scene(beside(0.0, 0.05, 0.1, 0.24, 0.16)), (0, 2)).targets == (1, 4)
+    assert choose_named(scene(beside(0.0, 0.05, 0.1, 0.9)), (0, 2)).targets == (1,)
 
 
 def test_a_close_up_is_chosen_only_if_it_is_much_better():
