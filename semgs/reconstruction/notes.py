@@ -148,8 +148,8 @@ def note_on_refinement(refinement: PhotoRefinement) -> str:
     if check is None:
         return f"No photo was left to check the refinement on, so it ran for all {passes} passes."
     end = " This frame is not held out any more."
-    if refinement.check_is_input:
-        end = " This input photo was left out of a trial of half the passes, and took part afterwards."
+    if refinement.check_taught:
+        end = " This photo was left out of a trial of half the passes, and took part afterwards."
     if kept == 0:
         return f"Refining made {check} worse, so the Gaussians are as the network placed them.{end}"
     return f"Refining stopped after pass {kept} of {passes}, where {check} looks best.{end}"

@@ -15,7 +15,7 @@ from semgs.data.choosing.choice import Choice
 from semgs.data.frames import Frame
 from semgs.data.resampling import default_size
 from semgs.data.scene import Scene
-from semgs.data.views import Views
+from semgs.data.views import Views, joined
 from semgs.depth_maps.depth_source import DepthMaps
 from semgs.depth_maps.frame_maps import FrameMaps
 from semgs.depth_maps.map_depth import MapPlacement, find_reference, fits, place_at_maps, read_maps
@@ -40,6 +40,9 @@ from semgs.segmenters.class_source import ClassSource
 from semgs.segmenters.features.scene_features import Featuring
 from semgs.segmenters.labelling import Labelling
 from semgs.segmenters.networks.cost import cost_of
+
+FEW_PHOTOS = 5
+"""Of so many photos, none is only there to decide when refining stops."""
 
 
 class ViewEncoder:
@@ -248,8 +251,8 @@ def reconstruct(
         if refined is not None:
             rendered = [part for part in (rendered_context, rendered_target) if part is not None]
             before = tuple(_one_pass(part, unrefined) for part in rendered)
-            check, left_out = (None, False) if decider is None else (decider.name, decider.position is not None)
-            refinement = PhotoRefinement(passes, refined.passes, check, refined.curve, before, left_out)
+            check, taught = (None, False) if decider is None else (decider.name, decider.every is not None)
+            refinement = PhotoRefinement(passes, refined.passes, check, refined.curve, before, taught)
         saved = _saved_scene(scene, rendered_context, encoding, network.name, labelling)
         up = up_of(saved)
     placement, plan = encoder.placement(choice.context), encoder.plan
@@ -334,12 +337,14 @@ class _Decider:
     Attributes:
         name: of its frame.
         view: as read.
-        position: among the input views, if it is one.
+        others: the photos that teach while it decides.
+        every: those that teach afterwards, with it among them; None if it is held out to the end.
     """
 
     name: str
     view: Views
-    position: int | None = None
+    others: Views
+    every: Views | None = None
 
 
 def _decider(
@@ -347,16 +352,21 @@ def _decider(
 ) -> tuple[_Decider | None, Choice, Views | None]:
     """The photo that decides when refining stops; and the choice and the held-out views without it.
 
-    It is the first held-out one. Without any, it is one of three or more input photos, the middle one. Of two photos, none decides.
+    It is the first held-out one. Without any, it is one of three or more input photos, the middle one. Of two photos, none decides. Of a few photos, none is spared: it takes
+    part afterwards.
     """
     if target is None:
         if len(context) < 3:
             return None, choice, None
         middle = len(context) // 2
-        return _Decider(scene.frames[choice.context[middle]].name, context.select([middle]), middle), choice, None
+        others = context.select([view for view in range(len(context)) if view != middle])
+        name = scene.frames[choice.context[middle]].name
+        return _Decider(name, context.select([middle]), others, context), choice, None
     rest = target.select(range(1, len(target))) if len(target) > 1 else None
-    name = scene.frames[choice.targets[0]].name
-    return _Decider(name, target.select([0])), replace(choice, targets=choice.targets[1:]), rest
+    view = target.select([0])
+    every = joined([context, view]) if len(scene) <= FEW_PHOTOS else None
+    decider = _Decider(scene.frames[choice.targets[0]].name, view, context, every)
+    return decider, replace(choice, targets=choice.targets[1:]), rest
 
 
 def _refined(
@@ -368,26 +378,31 @@ def _refined(
     exposure: bool,
     stages: Stages,
 ) -> Refined:
-    """The Gaussians refined on the input photos. An input photo decides in half the passes, over the other photos; then all photos take part."""
-    left_out = None if decider is None else decider.position
-    trial = [] if left_out is None else [view for view in range(len(context)) if view != left_out]
-    half = (passes + 1) // 2
-    count = passes * len(context) + half * len(trial)
+    """The Gaussians refined on the photos. A photo that takes part afterwards decides in half the passes, over the others; then all photos teach."""
+    trial, every = 0, context if decider is None else decider.every
+    if decider is not None:
+        trial = (passes + 1) // 2 if every is not None else passes
+    count = passes * (0 if every is None else len(every)) + trial * (0 if decider is None else len(decider.others))
+
+    def run(length: int, photos: Views, before: int, check: Views | None = None) -> Refined:
+        return refine_until(
+            encoding,
+            context,
+            length,
+            check=check,
+            moves=moves,
+            exposure=exposure,
+            photos=photos,
+            done=lambda steps: done(before + steps),
+        )
+
     with stages.steps("sharpen", f"Refining {len(encoding.gaussians):,} Gaussians in {count} steps", count) as done:
-        check = None if decider is None else decider.view
-        if not trial:
-            return refine_until(encoding, context, passes, check=check, moves=moves, exposure=exposure, done=done)
-        tried = refine_until(
-            encoding, context, half, check=check, moves=moves, exposure=exposure, photos=trial, done=done
-        )
-        if tried.passes == 0:
+        if decider is None:
+            return run(passes, context, 0)
+        tried = run(trial, decider.others, 0, decider.view)
+        if every is None or tried.passes == 0:
             return tried
-        kept = round(passes * tried.passes / half)
-        before = half * len(trial)
-        found = refine_until(
-            encoding, context, kept, moves=moves, exposure=exposure, done=lambda steps: done(before + steps)
-        )
-        return replace(found, curve=tried.curve)
+        return replace(run(round(passes * tried.passes / trial), every, trial * len(decider.others)), curve=tried.curve)
 
 
 def _rendered_alone(views: Views, encoding: Encoding) -> Iterator[tuple[Rendering, ViewScores]]:

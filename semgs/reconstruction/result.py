@@ -89,7 +89,7 @@ class PhotoRefinement:
         check: name of the frame that decided; None without one. It is no target of the reconstruction.
         curve: PSNR of that frame before the first pass and after each [dB]; empty without one.
         before: what the same views looked like before.
-        check_is_input: whether that frame is an input view, which was left out of half the passes to decide, and took part afterwards.
+        check_taught: whether that frame decided in a trial of half the passes, and taught with the others afterwards.
     """
 
     passes: int
@@ -97,7 +97,7 @@ class PhotoRefinement:
     check: str | None
     curve: tuple[float, ...]
     before: tuple[OnePassViews, ...]
-    check_is_input: bool = False
+    check_taught: bool = False
 
 
 @dataclass(frozen=True)

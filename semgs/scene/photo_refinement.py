@@ -7,7 +7,7 @@ the photos and their classes stay. What one photo alone sees changes its colour 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import log10
 
@@ -120,7 +120,7 @@ def refine_until(
     check: Views | None = None,
     moves: bool = True,
     exposure: bool = False,
-    photos: Sequence[int] | None = None,
+    photos: Views | None = None,
     done: Callable[[int], object] = lambda steps: None,
 ) -> Refined:
     """As `refine`, with a view that decides when to stop.
@@ -130,7 +130,7 @@ def refine_until(
         check: views that the result must render well; of all passes the best one is kept. None keeps the last one.
         moves: whether Gaussians may move; not those that a sensor has placed.
         exposure: fit a gain and an offset of each photo and channel in every step, and of the view that decides.
-        photos: which of the views teach; by default all.
+        photos: the views that teach; by default the input views.
         done: called after each step with the number of steps so far.
 
     Raises:
@@ -149,11 +149,11 @@ def refine_until(
     if check is not None:
         curve, best = [_psnr(encoding, check, exposure)], encoding
     order = torch.Generator().manual_seed(seed)
-    taught = torch.arange(len(views)) if photos is None else torch.tensor(photos)
-    steps, taken = passes * len(taught), 0
+    photos = views if photos is None else photos
+    steps, taken = passes * len(photos), 0
     for _ in range(passes):
-        for view in taught[torch.randperm(len(taught), generator=order)].tolist():
-            loss = ERROR_WEIGHT * _error(unknowns.gaussians(), encoding, views, view, exposure)
+        for photo in torch.randperm(len(photos), generator=order).tolist():
+            loss = ERROR_WEIGHT * _error(unknowns.gaussians(), encoding, photos, photo, exposure)
             (loss + PRIOR_WEIGHT * unknowns.prior()).backward()
             unknowns.step(DECAY ** (taken / steps))
             taken += 1

@@ -151,14 +151,16 @@ class PaleOracle(Oracle):
 def test_refined_gaussians_show_the_photos_better_and_the_first_held_out_frame_decides(
     wall_scene: Callable[..., Scene],
 ) -> None:
-    """Frames 1 and 2 are held out; 1 decides, so 2 is the only target."""
+    """Frames 1 and 2 are held out; 1 decides in two of four passes, and teaches afterwards, because there are four photos. So 2 is the only target."""
     scene, oracle = wall_scene(), PaleOracle()
     choice, stages = choose_named(scene, [0, 3]), Stages()
     result = reconstruct(scene, choice, oracle, passes=4, stages=stages)
     assert [name for name in stages.seconds if name != COMPILE] == ["read", "encode", "expose", "sharpen", "render"]
     refinement = result.refinement
     assert refinement is not None
-    assert (refinement.passes, refinement.check, len(refinement.curve)) == (4, scene.frames[1].name, 5)
+    assert (refinement.passes, refinement.check, len(refinement.curve)) == (4, scene.frames[1].name, 3)
+    assert refinement.check_taught
+    assert refinement.kept == 2 * max(range(3), key=refinement.curve.__getitem__)
     assert result.choice.targets == (2,)
     before, after = refinement.before[0], result.context
     assert [part.role for part in refinement.before] == ["context", "target"]
@@ -167,7 +169,7 @@ def test_refined_gaussians_show_the_photos_better_and_the_first_held_out_frame_d
     torch.testing.assert_close(before.images, reconstruct(scene, choice, oracle).context.images)
     assert refinement.kept > 0
     assert any(
-        f"where {scene.frames[1].name} looks best. This frame is not held out any more." in note
+        f"where {scene.frames[1].name} looks best. This photo was left out of a trial of half the passes" in note
         for note in result.notes
     )
 
@@ -197,6 +199,24 @@ def test_without_a_frame_to_check_refining_runs_to_its_end_and_says_so(
     )
 
 
+def test_of_many_photos_the_one_that_decides_is_held_out_to_the_end(wall_scene: Callable[..., Scene]) -> None:
+    """Six photos 4 cm apart; inputs 0 and 3, and 1 decides in all of two passes."""
+    scene = wall_scene(shifts=tuple(0.04 * number for number in range(6)))
+    done: list[int] = []
+
+    @contextmanager
+    def show(title: str, count: int) -> Iterator[Callable[[int], object]]:
+        assert count == 2 * 2
+        yield done.append
+
+    choice = choose_named(scene, [0, 3])
+    refinement = reconstruct(scene, choice, PaleOracle(), passes=2, stages=Stages(show_steps=show)).refinement
+    assert refinement is not None
+    assert (refinement.check, refinement.check_taught) == (scene.frames[1].name, False)
+    assert len(refinement.curve) == 3
+    assert done == [1, 2, 3, 4]
+
+
 def test_of_three_input_photos_the_middle_one_decides_and_then_takes_part(
     wall_scene: Callable[..., Scene], oracle: Network
 ) -> None:
@@ -212,7 +232,7 @@ def test_of_three_input_photos_the_middle_one_decides_and_then_takes_part(
     result = reconstruct(scene, choose_named(scene, [0, 1, 2]), oracle, passes=3, stages=Stages(show_steps=show))
     refinement = result.refinement
     assert refinement is not None
-    assert (refinement.check, refinement.check_is_input) == (scene.frames[1].name, True)
+    assert (refinement.check, refinement.check_taught) == (scene.frames[1].name, True)
     assert len(refinement.curve) == 3, "before, and after each of two passes"
     tried = max(range(3), key=refinement.curve.__getitem__)
     assert refinement.kept == round(3 * tried / 2)

@@ -31,7 +31,7 @@ def test_each_view_has_its_files_and_they_hold_what_was_rendered(
     own, held_out = [*both, "input"], [*both, "truth", "truth_depth", "truth_labels"]
     assert written == sorted(
         [f"context_{position:03d}_{name}.png" for position in (0, 2) for name in own]
-        + [f"target_001_{name}.png" for name in held_out]
+        + [f"target_{position:03d}_{name}.png" for position in (1, 3) for name in held_out]
     )
     assert result.target is not None
     rendering = result.encoding.render(result.target.views.cameras)
