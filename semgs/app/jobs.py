@@ -31,7 +31,7 @@ from typing import Any, Literal
 from semgs.app.limits import Limits
 from semgs.app.plain_errors import plain
 from semgs.app.requests import Request, RoomOptions
-from semgs.app.uploads import GONE, UnusableUploadError, Upload, check_uploads, content_of
+from semgs.app.uploads import GONE, UnusableUploadError, Upload, check_uploads, content_of, link_or_copy
 from semgs.files.errors import ERROR_LINE
 from semgs.files.strict_json import parse_json
 from semgs.files.text import counted, printable
@@ -513,10 +513,7 @@ def _linked(uploads: Sequence[Upload], folder: Path) -> list[list[str]]:
     files = []
     for number, one in enumerate(uploads):
         target = folder / f"{number:03d}{one.ending}"
-        try:
-            os.link(one.path, target)
-        except OSError:
-            shutil.copyfile(one.path, target)
+        link_or_copy(one.path, target)
         files.append([str(target), one.name])
     return files
 

@@ -323,7 +323,9 @@ def _options(gr: Any, jobs: Jobs) -> list[Any]:
         views = gr.Radio(
             [2, 3, 4], value=2, label="Views", info="Photos that the room is made from; more show more of it."
         )
-        refine = gr.Checkbox(False, label="Refine", info="Sharper images, for some seconds more.")
+        refine = gr.Checkbox(
+            True, label="Refine", info="Fits the room to your photos: sharper images, for some seconds more."
+        )
     with gr.Row():
         segmenter = gr.Dropdown(
             [(_source_name(one), one) for one in (OWN, *jobs.segmenters)],

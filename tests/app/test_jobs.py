@@ -56,7 +56,7 @@ if what == "leave":
     (pathlib.Path(tempfile.mkdtemp()) / "photo.jpg").touch()
     os.kill(os.getpid(), 9)
 if what == "fail":
-    print("semgs: error: 001.jpg: too dark; see --size and --views", file=sys.stderr)
+    print("semgs: error: photos/IMG_0.jpg: too dark; see --size and --views", file=sys.stderr)
     sys.exit(2)
 if what == "bug":
     raise RuntimeError("secret")
@@ -396,11 +396,12 @@ def test_options_that_the_page_does_not_offer_are_refused(options: dict):
 
 
 def test_options_become_those_of_the_command_line():
-    options = RoomOptions(3, True, "seg.onnx", "mug, power socket", "sensor", 1, 4, 1.25)
+    options = RoomOptions(3, False, "seg.onnx", "mug, power socket", "sensor", 1, 4, 1.25)
     words = [
         "--views",
         "3",
         "--refine",
+        "0",
         "--segmenter",
         "seg.onnx",
         "--words",
@@ -409,5 +410,13 @@ def test_options_become_those_of_the_command_line():
         "--depth",
         "sensor",
     ]
-    assert options.arguments(photos=False) == words
-    assert options.arguments(photos=True)[-4:] == ["--scale-from", "001.jpg", "004.jpg", "1.25"]
+    assert options.arguments({}) == words
+    photos = {1: "IMG_7.jpg", 2: "IMG_8.jpg", 4: "IMG_10.jpg"}  # the third is damaged
+    assert options.arguments(photos) == [*words, "--scale-from", "IMG_7.jpg", "IMG_10.jpg", "1.25"]
+    for number in (3, 5):
+        with pytest.raises(UnusableUploadError, match=rf"^Photo {number} cannot give the scale, [^.]+\. [^.]+\.$"):
+            RoomOptions(first=1, second=number, metres=1.0).arguments(photos)
+
+
+def test_a_room_is_refined_unless_the_user_says_otherwise():
+    assert RoomOptions().arguments({}) == ["--views", "2", "--refine"]
