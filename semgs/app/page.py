@@ -242,22 +242,20 @@ def _build(jobs: Jobs, local: bool) -> Any:
                 raise UnusableUploadError(GONE)
             return Upload(Path(path), Path(path).name)
 
-        def may_repeat(job: Job, page: str) -> bool:
-            # Others may look at a room whose address they know. Another one of its photos could show more of them.
-            return job.repeatable and (local or job.page == page)
-
         def view(job: Job | None, page: str, sentence: str = "") -> list[Any]:
             if job is not None and job.state in ("failed", "cancelled") and (room := jobs.find(job.earlier)):
                 job, sentence = room, job.sentence or "Cancelled. This is the room as it was before."
             working = job is not None and not job.over
             done = job is not None and job.state == "done"
-            repeatable = job is not None and may_repeat(job, page)
+            repeatable = job is not None and may_repeat(job, page, local)
             title = "Change options" if done else "Options"
             return [
                 job.identifier if job is not None and (working or done) else "",
                 gr.update(visible=not working and not done),
                 status_text(job, jobs.limits, jobs.ahead(job) if job else 0, sentence),
-                gr.update(visible=repeatable if done else not working, label=title, **({} if sentence else {"open": False})),
+                gr.update(
+                    visible=repeatable if done else not working, label=title, **({} if sentence else {"open": False})
+                ),
                 gr.update(visible=repeatable, value=_numbered(job)),
                 gr.update(visible=repeatable),
                 gr.update(visible=working),
@@ -302,7 +300,7 @@ def _build(jobs: Jobs, local: bool) -> Any:
 
         async def start_again(request: gr.Request, which: str, *values: Any) -> AsyncIterator[list[Any]]:
             job, page = jobs.find(which or ""), session(request)
-            if job is None or not may_repeat(job, page):
+            if job is None or not may_repeat(job, page, local):
                 yield view(job, page, GONE)
                 return
             async for now in submit_and_follow(page, (), values, job.request.kind == "example", job):
@@ -374,8 +372,8 @@ def _options(gr: Any, jobs: Jobs) -> list[Any]:
         '<p class="note">Scale: photos do not show how large a room is. If you know how far apart two of them were taken, sizes are in metres.</p>'
     )
     with gr.Row():
-        first = gr.Number(0, label="First photo", info="its number among those dropped", precision=0, minimum=0)
-        second = gr.Number(0, label="Second photo", info="its number among those dropped", precision=0, minimum=0)
+        first = gr.Number(0, label="First photo", info="the number beside its picture", precision=0, minimum=0)
+        second = gr.Number(0, label="Second photo", info="the number beside its picture", precision=0, minimum=0)
         metres = gr.Number(0, label="Metres between them", info="0 if you do not know", minimum=0)
     return [views, refine, segmenter, words, depth, first, second, metres]
 
@@ -397,6 +395,19 @@ def _chosen(values: Sequence[Any], example: bool = False) -> RoomOptions:
         return RoomOptions(int(views), bool(refine), str(segmenter), str(words or ""), str(depth), *numbers)
     except (TypeError, ValueError, OverflowError) as error:
         raise UnusableUploadError("An option has a value that cannot be used.") from error
+
+
+def may_repeat(job: Job, page: str, local: bool) -> bool:
+    """Whether a page may make a room again.
+
+    Others may look at a room whose address they know, but another one made of its photos could show more of these.
+
+    Args:
+        job: the room.
+        page: the page that wants it.
+        local: whether all pages are of this computer.
+    """
+    return job.repeatable and (local or (bool(page) and job.page == page))
 
 
 def privacy_statement(local: bool, limits: Limits) -> str:
@@ -443,7 +454,7 @@ def status_text(job: Job | None, limits: Limits, ahead: int = 0, sentence: str =
         lines.append(f'<li class="now"><span>Getting ready</span>{_clock(job.started)}</li>')
     return (
         f'<div class="status" role="status" aria-live="polite"><p><b>Working on {escape(job.title)}</b> '
-        f'{_clock(job.started)}</p><ol>{"".join(lines)}</ol></div>'
+        f"{_clock(job.started)}</p><ol>{''.join(lines)}</ol></div>"
     )
 
 

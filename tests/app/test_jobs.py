@@ -117,7 +117,71 @@ def test_a_job_passes_its_stages_and_leaves_only_its_room(start: Callable[..., J
     assert [(stage.title, stage.done, stage.of) for stage in job.stages] == [("Starting", 0, 0), ("Counting", 1, 2)]
     assert all(stage.seconds is not None for stage in job.stages)
     wait(lambda: not uploads[0].path.parent.exists())
+    assert sorted(path.name for path in job.folder.iterdir()) == ["files", "room"]
+
+
+def test_a_room_is_made_again_of_its_uploads_which_then_belong_to_the_new_one(
+    start: Callable[..., Jobs], tmp_path: Path
+):
+    jobs = start()
+    first = jobs.submit(photos(tmp_path / "uploads"))
+    assert_done(first)
+    wait(lambda: not (tmp_path / "uploads/up1").exists())
+    failed = jobs.submit(first.uploads, asked("fail"), earlier=first.identifier)
+    wait(lambda: failed.over and not failed.folder.exists())
+    assert (first.repeatable, failed.repeatable) == (True, False)
+    again = jobs.submit(first.uploads, earlier=first.identifier)
+    assert_done(again)
+    wait(lambda: not first.repeatable)
+    assert again.repeatable
+    assert [one.name for one in again.uploads] == ["IMG_0.jpg", "IMG_1.jpg"]
+    wait(lambda: [path.name for path in first.folder.iterdir()] == ["room"])
+    with pytest.raises(UnusableUploadError, match="Drop them again"):
+        jobs.submit(first.uploads)
+
+
+def test_uploads_of_a_room_go_before_the_time_that_the_page_promises_is_over(
+    start: Callable[..., Jobs], tmp_path: Path
+):
+    jobs = start(uploads_kept_seconds=3600.0)
+    job = jobs.submit(photos(tmp_path / "uploads"))
+    assert_done(job)
+    job.ended = time.time() - 3500
+    jobs.expire()
+    assert job.repeatable
+    job.ended = time.time() - 3550  # the next sweep, after 60 s, would be too late
+    jobs.expire()
+    assert (job.repeatable, job.room.exists(), jobs.find(job.identifier)) == (False, True, job)
+
+
+def test_if_rooms_are_too_large_together_uploads_go_first(start: Callable[..., Jobs], tmp_path: Path):
+    jobs, made = start(), []
+    for number in range(2):
+        made.append(jobs.submit(photos(tmp_path / f"uploads{number}")))
+        assert_done(made[-1])
+        for path in (made[-1].room / "large", made[-1].uploads[0].path):
+            path.write_bytes(bytes(1_000_000))
+    jobs.limits = replace(jobs.limits, rooms_bytes=3_500_000)  # of 4 MB
+    jobs.expire()
+    assert [job.repeatable for job in made] == [False, True]
+    jobs.limits = replace(jobs.limits, rooms_bytes=2_500_000)
+    jobs.expire()
+    assert [job.repeatable for job in made] == [False, False]
+    assert [job.room.exists() for job in made] == [True, True]
+
+
+def test_no_uploads_stay_when_the_app_ends_or_was_killed(start: Callable[..., Jobs], tmp_path: Path):
+    jobs = start()
+    job = jobs.submit(photos(tmp_path / "uploads"))
+    assert_done(job)
+    wait(lambda: not (tmp_path / "uploads/up1").exists())
+    jobs.close()
     assert [path.name for path in job.folder.iterdir()] == ["room"]
+    photos(job.folder / "files")  # what a killed one leaves
+    found = start().find(job.identifier)
+    assert found is not None
+    assert [path.name for path in job.folder.iterdir()] == ["room"]
+    assert not found.repeatable
 
 
 def test_jobs_run_one_at_a_time_in_order_and_those_that_wait_know_their_place(start: Callable[..., Jobs]):
