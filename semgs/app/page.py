@@ -249,13 +249,12 @@ def _build(jobs: Jobs, local: bool) -> Any:
             done = job is not None and job.state == "done"
             repeatable = job is not None and may_repeat(job, page, local)
             title = "Change options" if done else "Options"
+            fold: dict[str, Any] = {} if sentence else {"open": False}  # options that are wrong stay open
             return [
                 job.identifier if job is not None and (working or done) else "",
                 gr.update(visible=not working and not done),
                 status_text(job, jobs.limits, jobs.ahead(job) if job else 0, sentence),
-                gr.update(
-                    visible=repeatable if done else not working, label=title, **({} if sentence else {"open": False})
-                ),
+                gr.update(visible=repeatable if done else not working, label=title, **fold),
                 gr.update(visible=repeatable, value=_numbered(job)),
                 gr.update(visible=repeatable),
                 gr.update(visible=working),
