@@ -371,8 +371,8 @@ def _options(gr: Any, jobs: Jobs) -> list[Any]:
         '<p class="note">Scale: photos do not show how large a room is. If you know how far apart two of them were taken, sizes are in metres.</p>'
     )
     with gr.Row():
-        first = gr.Number(0, label="First photo", info="the number beside its picture", precision=0, minimum=0)
-        second = gr.Number(0, label="Second photo", info="the number beside its picture", precision=0, minimum=0)
+        first = gr.Number(0, label="First photo", info="its number above", precision=0, minimum=0)
+        second = gr.Number(0, label="Second photo", info="its number above", precision=0, minimum=0)
         metres = gr.Number(0, label="Metres between them", info="0 if you do not know", minimum=0)
     return [views, refine, segmenter, words, depth, first, second, metres]
 
