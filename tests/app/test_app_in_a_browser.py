@@ -81,8 +81,10 @@ def test_the_page_works_below_a_path_of_a_notebooks_proxy(tmp_path: Path):
 
 
 @pytest.mark.long
-@pytest.mark.timeout(900)
-def test_photos_without_cameras_become_a_room_that_can_be_used(app: App, fox: list[Path], tmp_path: Path):
+@pytest.mark.timeout(1800)
+def test_photos_without_cameras_become_a_room_that_can_be_used_and_made_again_in_metres_without_an_upload(
+    app: App, fox: list[Path], tmp_path: Path
+):
     time.sleep(20)  # as a user, who does not drop photos in the second in which the app starts
     with page_at(app) as page:
         drop(page, fox)
