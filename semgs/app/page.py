@@ -248,6 +248,7 @@ def _build(jobs: Jobs, local: bool) -> Any:
             working = job is not None and not job.over
             done = job is not None and job.state == "done"
             repeatable = job is not None and may_repeat(job, page, local)
+            again_from = job.uploads if job is not None and repeatable else ()  # others see no names of photos
             title = "Change options" if done else "Options"
             fold: dict[str, Any] = {} if sentence else {"open": False}  # options that are wrong stay open
             return [
@@ -255,7 +256,7 @@ def _build(jobs: Jobs, local: bool) -> Any:
                 gr.update(visible=not working and not done),
                 status_text(job, jobs.limits, jobs.ahead(job) if job else 0, sentence),
                 gr.update(visible=repeatable if done else not working, label=title, **fold),
-                gr.update(visible=repeatable, value=_numbered(job)),
+                gr.update(visible=repeatable, value=numbered_photos(again_from)),
                 gr.update(visible=repeatable),
                 gr.update(visible=working),
                 gr.update(visible=done),
@@ -476,9 +477,9 @@ def _clock(start: float) -> str:
     return f'<time class="clock" data-seconds="{seconds:.1f}" aria-hidden="true">{seconds:.0f} s</time>'
 
 
-def _numbered(job: Job | None) -> str:
-    """The names of a job's photos with their numbers, as HTML. The page's script adds pictures."""
-    names = [one.shown for one in job.uploads if one.ending in PICTURES] if job else []
+def numbered_photos(uploads: Sequence[Upload]) -> str:
+    """The names of photos as a numbered list in HTML. The page's script adds pictures."""
+    names = [one.shown for one in uploads if one.ending in PICTURES]
     return f'<ol class="photos">{"".join(f"<li><span>{escape(name)}</span></li>" for name in names)}</ol>'
 
 

@@ -11,8 +11,9 @@ import pytest
 from semgs.app import page
 from semgs.app.jobs import Job, Stage
 from semgs.app.limits import Limits
-from semgs.app.page import may_repeat, privacy_statement, status_text
+from semgs.app.page import may_repeat, numbered_photos, privacy_statement, status_text
 from semgs.app.requests import Request
+from semgs.app.uploads import Upload
 
 SIX_HOURS = Limits(kept_seconds=6 * 3600.0)
 
@@ -63,3 +64,10 @@ def test_on_a_server_only_the_page_that_made_a_room_makes_it_again() -> None:
     assert not may_repeat(job, "", local=False)
     job.state = "failed"
     assert not may_repeat(job, "mine", local=True)
+
+
+def test_names_of_photos_are_text_and_a_clip_has_no_numbers() -> None:
+    uploads = [Upload(Path("000.jpg"), "<b>1.jpg"), Upload(Path("001.heic"), "Küche.HEIC")]
+    items = "<li><span>&lt;b&gt;1.jpg</span></li><li><span>Küche.HEIC</span></li>"
+    assert numbered_photos(uploads) == f'<ol class="photos">{items}</ol>'
+    assert numbered_photos([Upload(Path("000.mp4"), "a.mp4")]) == '<ol class="photos"></ol>'
