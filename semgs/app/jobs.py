@@ -4,7 +4,8 @@ A worker is started before there is a job for it, because importing torch takes 
 nothing of a job stays in memory. On stderr it reports stages as JSON ({"stage": title, "done": 2, "of": 8}), and an error as a line "semgs: error: ...".
 With the first stage it has begun. One that ends earlier is replaced by another, a few times for each job.
 
-Each job has a folder: `files` with the uploads, which is deleted when the job ends, and `room` with the result, which appears once it is complete.
+Each job has a folder: `room` with the result, which appears once it is complete, and `files` with the uploads. These stay for some time beside a result, so that
+it can be made again with other options; then they move on to the new one. They are deleted when a job fails and when the app ends.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from typing import Any, Literal
 from semgs.app.limits import Limits
 from semgs.app.plain_errors import plain
 from semgs.app.requests import Request, RoomOptions
-from semgs.app.uploads import GONE, UnusableUploadError, Upload, check_uploads, content_of
+from semgs.app.uploads import GONE, UnusableUploadError, Upload, check_uploads, content_of, link_or_copy
 from semgs.files.errors import ERROR_LINE
 from semgs.files.strict_json import parse_json
 from semgs.files.text import counted, printable
@@ -105,7 +106,7 @@ class Job:
         folder: of the job.
         request: what the worker gets.
         title: what it is made from, in words.
-        sources: the files as uploaded.
+        sources: the files as uploaded, or as kept with an earlier result; deleted when the room is ready.
         page: which wants it; empty if it is not known.
         state: where it is.
         stages: in order; all but the last are finished.
@@ -113,6 +114,7 @@ class Job:
         started: when a worker took it [s]; 0 before.
         ended: when it was over [s]; 0 before.
         pages: how many pages have followed it.
+        earlier: the identifier of the result that it makes again; empty if there is none.
     """
 
     identifier: str
@@ -127,6 +129,7 @@ class Job:
     started: float = 0.0
     ended: float = 0.0
     pages: int = 0
+    earlier: str = ""
 
     @property
     def room(self) -> Path:
@@ -137,6 +140,17 @@ class Job:
     def over(self) -> bool:
         """Whether nothing will change any more."""
         return self.state in ("done", "failed", "cancelled")
+
+    @property
+    def uploads(self) -> list[Upload]:
+        """Its files, as long as they are kept."""
+        return [Upload(Path(path), name) for path, name in self.request.files]
+
+    @property
+    def repeatable(self) -> bool:
+        """Whether it can be made again: its files are still there, and it is of this run of the app."""
+        known = self.state == "done" and bool(self.request.options)
+        return known and all(one.path.is_file() for one in self.uploads)
 
 
 class Jobs:
@@ -194,10 +208,16 @@ class Jobs:
             thread.join(STOP_SECONDS)
         if spare is not None:
             _close(spare)
-        shutil.rmtree(self.folder / TEMPORARY, ignore_errors=True)
+        for kept in (self.folder / TEMPORARY, *(job.folder / FILES for job in self._jobs.values())):
+            shutil.rmtree(kept, ignore_errors=True)
 
     def submit(
-        self, uploads: Sequence[Upload], options: RoomOptions | None = None, example: bool = False, page: str = ""
+        self,
+        uploads: Sequence[Upload],
+        options: RoomOptions | None = None,
+        example: bool = False,
+        page: str = "",
+        earlier: str = "",
     ) -> Job:
         """Put a job into the queue. The files stay until a room is made of them, so that another try is possible.
 
@@ -206,6 +226,7 @@ class Jobs:
             options: of the room.
             example: make the included room, without files.
             page: which wants it; with a second click it gets its job again, unless that is over.
+            earlier: the identifier of a job that is made again, whose uploads these are.
 
         Raises:
             UnusableUploadError: the files or the options cannot be used, too many jobs wait, or the disk is full.
@@ -213,9 +234,9 @@ class Jobs:
         with self._entry:  # one after another, so that the second click finds the job of the first
             with self._lock:
                 asked = [job for job in self._jobs.values() if page and job.page == page and not job.over]
-            return asked[0] if asked else self._enter(uploads, options or RoomOptions(), example, page)
+            return asked[0] if asked else self._enter(uploads, options or RoomOptions(), example, page, earlier)
 
-    def _enter(self, uploads: Sequence[Upload], options: RoomOptions, example: bool, page: str) -> Job:
+    def _enter(self, uploads: Sequence[Upload], options: RoomOptions, example: bool, page: str, earlier: str) -> Job:
         """As `submit`, for a page without a job."""
         options.check(self.segmenters, self.depths)
         with self._lock:
@@ -241,7 +262,8 @@ class Jobs:
             "example": "the included room",
         }
         request = Request(kind, files, str(folder), asdict(options), asdict(self.limits))
-        job = Job(identifier, folder, request, titles[kind], sources=tuple(one.path for one in uploads), page=page)
+        sources = tuple(one.path for one in uploads)
+        job = Job(identifier, folder, request, titles[kind], sources=sources, page=page, earlier=earlier)
         with self._lock:
             self._jobs[identifier] = job
             self._queue.append(job)
@@ -384,21 +406,26 @@ class Jobs:
             self.expire()
 
     def expire(self) -> None:
-        """Delete results and uploads that are too old, and the oldest results if all are too large together."""
+        """Delete results and uploads that are too old, and the oldest if all are too large together: uploads first, because results are worth more."""
         now = time.time()
         with self._lock:
             over = sorted((job for job in self._jobs.values() if job.over), key=lambda job: job.ended, reverse=True)
-        together = list(itertools.accumulate(content_of(job.folder)[1] for job in over))
+        # Uploads go at the sweep before the time that the page promises, rooms at the one after it.
+        ages = {ROOM: self.limits.kept_seconds, FILES: self.limits.uploads_kept_seconds - SWEEP_SECONDS}
+        parts = [(job, name) for name in (ROOM, FILES) for job in over]
+        together = itertools.accumulate(content_of(job.folder / name)[1] for job, name in parts)
         old = [
-            job
-            for job, size in zip(over, together, strict=True)
-            if now - job.ended > self.limits.kept_seconds or (size > self.limits.rooms_bytes and job is not over[0])
+            (job, name)
+            for (job, name), size in zip(parts, together, strict=True)
+            if now - job.ended > ages[name]
+            or (size > self.limits.rooms_bytes and (job is not over[0] or name == FILES))
         ]
         with self._lock:
-            for job in old:
-                self._jobs.pop(job.identifier, None)
-        for job in old:
-            shutil.rmtree(job.folder, ignore_errors=True)
+            for job, name in old:
+                if name == ROOM:
+                    self._jobs.pop(job.identifier, None)
+        for job, name in old:
+            shutil.rmtree(job.folder if name == ROOM else job.folder / FILES, ignore_errors=True)
         for path in self.uploads.glob("*"):
             with suppress(OSError):  # gradio and jobs delete uploads at the same time
                 if now - path.stat().st_mtime > UPLOAD_SECONDS:
@@ -412,6 +439,7 @@ class Jobs:
         for folder in self.folder.iterdir():
             if not IDENTIFIER.fullmatch(folder.name) or not folder.is_dir():
                 continue
+            shutil.rmtree(folder / FILES, ignore_errors=True)
             record = folder / ROOM / "room.json"
             try:
                 title, ended = str(parse_json(record.read_bytes())["title"]), record.stat().st_mtime
@@ -495,16 +523,15 @@ def _end_stage(job: Job) -> None:
 
 
 def _clean(job: Job) -> None:
-    """Delete the files of a job that is over, except its result."""
-    for name in (FILES, WORK):
-        shutil.rmtree(job.folder / name, ignore_errors=True)
+    """Delete the files of a job that is over, except its result and the uploads for another one."""
+    shutil.rmtree(job.folder / WORK, ignore_errors=True)
     if job.state != "done":
         shutil.rmtree(job.folder, ignore_errors=True)
         return
     for path in job.sources:
         with suppress(OSError):
             path.unlink(missing_ok=True)
-            path.parent.rmdir()  # gradio makes a folder for each file
+            path.parent.rmdir()  # gradio makes a folder for each file; `files` of an earlier job is empty after the last
 
 
 def _linked(uploads: Sequence[Upload], folder: Path) -> list[list[str]]:
@@ -513,10 +540,7 @@ def _linked(uploads: Sequence[Upload], folder: Path) -> list[list[str]]:
     files = []
     for number, one in enumerate(uploads):
         target = folder / f"{number:03d}{one.ending}"
-        try:
-            os.link(one.path, target)
-        except OSError:
-            shutil.copyfile(one.path, target)
+        link_or_copy(one.path, target)
         files.append([str(target), one.name])
     return files
 

@@ -24,8 +24,9 @@ class Limits:
         disk_bytes: a job may write.
         waiting: jobs in the queue.
         uploads, uploads_bytes: number and size of all uploaded files that no job has yet; beyond them, new ones are refused.
-        rooms_bytes: of all results; beyond them, the oldest are deleted.
+        rooms_bytes: of all results and the uploads kept with them; beyond them, uploads are deleted first, then results, the oldest first.
         kept_seconds: results are deleted afterwards.
+        uploads_kept_seconds: uploads of a result are deleted afterwards, or with it; until then, it can be made again.
     """
 
     file_bytes: int = 512 * MIB
@@ -42,14 +43,25 @@ class Limits:
     uploads_bytes: int = 4096 * MIB
     rooms_bytes: int = 20 * 1024 * MIB
     kept_seconds: float = 24 * 3600.0
+    uploads_kept_seconds: float = 3600.0
 
     @property
     def kept(self) -> str:
         """How long results are kept, in words: "a day", "36 hours", "30 minutes"."""
-        if math.isinf(self.kept_seconds):
-            return "an unlimited time"
-        minutes = max(1, round(self.kept_seconds / 60))
-        units = (("day", "a", 24 * 60), ("hour", "an", 60), ("minute", "a", 1))
-        unit, article, length = next(one for one in units if minutes % one[2] == 0)
-        count = minutes // length
-        return f"{article} {unit}" if count == 1 else f"{count} {unit}s"
+        return _in_words(self.kept_seconds)
+
+    @property
+    def uploads_kept(self) -> str:
+        """How long uploads of a result are kept, in words."""
+        return _in_words(min(self.uploads_kept_seconds, self.kept_seconds))
+
+
+def _in_words(seconds: float) -> str:
+    """A time in the largest unit that fits."""
+    if math.isinf(seconds):
+        return "an unlimited time"
+    minutes = max(1, round(seconds / 60))
+    units = (("day", "a", 24 * 60), ("hour", "an", 60), ("minute", "a", 1))
+    unit, article, length = next(one for one in units if minutes % one[2] == 0)
+    count = minutes // length
+    return f"{article} {unit}" if count == 1 else f"{count} {unit}s"

@@ -19,7 +19,7 @@ from semgs.app.door import inside, tell_failure
 from semgs.app.jobs import IDENTIFIER, Job, Jobs
 from semgs.app.limits import Limits
 from semgs.app.requests import DEPTHS, OWN, RoomOptions
-from semgs.app.uploads import GONE, UnusableUploadError, Upload
+from semgs.app.uploads import GONE, PICTURES, UnusableUploadError, Upload
 from semgs.files.extras import needs_extra
 
 POLL_SECONDS = 0.4
@@ -40,7 +40,7 @@ HEAD = """<header class="head"><p class="brand">SemGS</p><h1>Photos in, labelled
 
 LOCAL = "Your photos stay on this computer."
 REMOTE = (
-    "Your photos are processed on this server and deleted when the room is ready, except small copies of those that the room shows; "
+    "Your photos are processed on this server and deleted {photos} after the room is ready, or was made again, except small copies of those that the room shows; "
     "the room is deleted after {kept}."
 )
 
@@ -96,7 +96,8 @@ def mount_page(application: Any, jobs: Jobs, local: bool) -> tuple[Any, list[int
 
     _restrain(gradio, jobs.limits)
     page = _build(jobs, local)
-    css = files("semgs.app").joinpath("web/page.css").read_text(encoding="utf-8")
+    web = files("semgs.app").joinpath("web")
+    css, script = (web.joinpath(name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
     mounted = gradio.mount_gradio_app(
         application,
         page,
@@ -106,7 +107,7 @@ def mount_page(application: Any, jobs: Jobs, local: bool) -> tuple[Any, list[int
         footer_links=[],
         show_error=False,
         max_file_size=jobs.limits.file_bytes,
-        head='<link rel="icon" href="data:,">',
+        head=f'<link rel="icon" href="data:,"><script>{script}</script>',
         ssr_mode=False,
         enable_monitoring=False,
     )
@@ -218,68 +219,91 @@ def _build(jobs: Jobs, local: bool) -> Any:
             dropped = gr.File(
                 label="Photos, a clip, or a zip", file_count="multiple", type="filepath", height=190, elem_id="drop"
             )
+            gr.HTML(f'<ol class="photos" data-most="{jobs.limits.photos}"></ol>')
             with gr.Row(elem_id="actions"):
                 make = gr.Button("Make the room", variant="primary", elem_id="make")
                 example = gr.Button("Try the included room", elem_id="example")
-            with gr.Accordion("Options", open=False, elem_id="options"):
-                options = _options(gr, jobs)
         status = gr.HTML("", elem_id="status")
+        with gr.Accordion("Options", open=False, elem_id="options") as folded:
+            photos = gr.HTML("", visible=False)
+            options = _options(gr, jobs)
+            again = gr.Button("Make it again", variant="primary", visible=False)
         with gr.Row(elem_id="after"):
             cancel = gr.Button("Cancel", visible=False, elem_id="cancel")
-            again = gr.Button("Make another room", visible=False, elem_id="again")
+            other = gr.Button("Make another room", visible=False)
         room = gr.HTML(EMPTY, elem_id="result")
-        shown = [identifier, ask, status, cancel, again, room]
+        shown = [identifier, ask, status, folded, photos, again, cancel, other, room]
+
+        def session(request: Any) -> str:
+            return str(request.session_hash or "")
 
         def _upload(path: str) -> Upload:
             if not inside(Path(path), jobs.uploads):  # the door has checked this, too
                 raise UnusableUploadError(GONE)
             return Upload(Path(path), Path(path).name)
 
-        def view(job: Job | None, sentence: str = "") -> list[Any]:
+        def view(job: Job | None, page: str, sentence: str = "") -> list[Any]:
+            if job is not None and job.state in ("failed", "cancelled") and (room := jobs.find(job.earlier)):
+                job, sentence = room, job.sentence or "Cancelled. This is the room as it was before."
             working = job is not None and not job.over
             done = job is not None and job.state == "done"
+            repeatable = job is not None and may_repeat(job, page, local)
+            again_from = job.uploads if job is not None and repeatable else ()  # others see no names of photos
+            title = "Change options" if done else "Options"
+            fold: dict[str, Any] = {} if sentence else {"open": False}  # options that are wrong stay open
             return [
-                job.identifier if job is not None and job.state != "cancelled" and job.state != "failed" else "",
+                job.identifier if job is not None and (working or done) else "",
                 gr.update(visible=not working and not done),
                 status_text(job, jobs.limits, jobs.ahead(job) if job else 0, sentence),
+                gr.update(visible=repeatable if done else not working, label=title, **fold),
+                gr.update(visible=repeatable, value=numbered_photos(again_from)),
+                gr.update(visible=repeatable),
                 gr.update(visible=working),
                 gr.update(visible=done),
                 _frame(job) if job is not None and done else ("" if working else EMPTY),
             ]
 
-        async def follow(job: Job) -> AsyncIterator[list[Any]]:
+        async def follow(job: Job, page: str) -> AsyncIterator[list[Any]]:
             job.pages += 1
-            number, before = job.pages, None
+            number, before = job.pages, ""
             while job.pages < number + MOST_PAGES:
                 over = job.over
-                now = view(job)
-                if now[2] != before:
-                    before = now[2]
-                    yield now
+                now = f"{job.state} {jobs.ahead(job)} {job.stages}"  # time passes in the browser alone
+                if now != before:
+                    before = now
+                    yield view(job, page)
                 if over:
                     return
                 await asyncio.sleep(POLL_SECONDS)
 
         async def submit_and_follow(
-            request: gr.Request, paths: Sequence[str], values: Sequence[Any], example: bool
+            page: str, paths: Sequence[str], values: Sequence[Any], example: bool, earlier: Job | None = None
         ) -> AsyncIterator[list[Any]]:
             try:
-                uploads, options = [_upload(path) for path in paths], _chosen(values, example)
-                page = str(request.session_hash or "")
-                job = await asyncio.to_thread(jobs.submit, uploads, options, example=example, page=page)
+                uploads = earlier.uploads if earlier else [_upload(path) for path in paths]
+                old = earlier.identifier if earlier else ""
+                job = await asyncio.to_thread(jobs.submit, uploads, _chosen(values, example), example, page, old)
             except UnusableUploadError as error:
-                yield view(None, str(error))
+                yield view(earlier, page, str(error))
                 return
-            async for now in follow(job):
+            async for now in follow(job, page):
                 yield now
 
         # These wait without a thread: the server has few, and answers everybody else with them.
         async def start(request: gr.Request, paths: Sequence[str] | None, *values: Any) -> AsyncIterator[list[Any]]:
-            async for now in submit_and_follow(request, paths or (), values, example=False):
+            async for now in submit_and_follow(session(request), paths or (), values, example=False):
                 yield now
 
         async def start_example(request: gr.Request, *values: Any) -> AsyncIterator[list[Any]]:
-            async for now in submit_and_follow(request, (), values, example=True):
+            async for now in submit_and_follow(session(request), (), values, example=True):
+                yield now
+
+        async def start_again(request: gr.Request, which: str, *values: Any) -> AsyncIterator[list[Any]]:
+            job, page = jobs.find(which or ""), session(request)
+            if job is None or not may_repeat(job, page, local):
+                yield view(job, page, GONE)
+                return
+            async for now in submit_and_follow(page, (), values, job.request.kind == "example", job):
                 yield now
 
         def stop(which: str) -> None:
@@ -295,21 +319,22 @@ def _build(jobs: Jobs, local: bool) -> Any:
             job = jobs.find(which) if IDENTIFIER.fullmatch(which) else None
             if job is None:
                 kept = f"Rooms are kept for {jobs.limits.kept}; make it again from your photos."
-                yield view(None, f"This room is no longer here. {kept}")
+                yield view(None, "", f"This room is no longer here. {kept}")
                 return
-            async for now in follow(job):
+            async for now in follow(job, session(request)):
                 yield now
 
-        for one in (start, start_example, resume):  # gradio reads them, and gr is no global name
+        for one in (start, start_example, start_again, resume):  # gradio reads them, and gr is no global name
             one.__annotations__["request"] = gr.Request
         hidden: Any = {"show_progress": "hidden", "api_visibility": "private"}
         many: Any = {**hidden, "concurrency_limit": None}
         make.click(start, [dropped, *options], shown, **many)
         example.click(start_example, options, shown, **many)
         cancel.click(stop, identifier, None, **many)
-        again.click(lambda: [*view(None), None], None, [*shown, dropped], **many)
+        again.click(start_again, [identifier, *options], shown, **many)
+        other.click(lambda: [*view(None, ""), None], None, [*shown, dropped], **many)
         # In the browser alone: an answer of the server could come after that of the button.
-        dropped.change(None, None, status, js="() => ''", **hidden)
+        dropped.change(None, dropped, status, js="(files) => window.semgs.list(files)", **hidden)
         identifier.change(None, identifier, identifier, js=KEEP_ADDRESS, **hidden)
         page.load(resume, None, shown, **many)
     page.max_threads = MOST_PAGES * (jobs.limits.waiting + 1) + OTHER_CALLS
@@ -323,7 +348,9 @@ def _options(gr: Any, jobs: Jobs) -> list[Any]:
         views = gr.Radio(
             [2, 3, 4], value=2, label="Views", info="Photos that the room is made from; more show more of it."
         )
-        refine = gr.Checkbox(False, label="Refine", info="Sharper images, for some seconds more.")
+        refine = gr.Checkbox(
+            True, label="Refine", info="Fits the room to your photos: sharper images, for some seconds more."
+        )
     with gr.Row():
         segmenter = gr.Dropdown(
             [(_source_name(one), one) for one in (OWN, *jobs.segmenters)],
@@ -345,8 +372,8 @@ def _options(gr: Any, jobs: Jobs) -> list[Any]:
         '<p class="note">Scale: photos do not show how large a room is. If you know how far apart two of them were taken, sizes are in metres.</p>'
     )
     with gr.Row():
-        first = gr.Number(0, label="First photo", info="its number in the list", precision=0, minimum=0)
-        second = gr.Number(0, label="Second photo", info="its number in the list", precision=0, minimum=0)
+        first = gr.Number(0, label="First photo", info="its number above", precision=0, minimum=0)
+        second = gr.Number(0, label="Second photo", info="its number above", precision=0, minimum=0)
         metres = gr.Number(0, label="Metres between them", info="0 if you do not know", minimum=0)
     return [views, refine, segmenter, words, depth, first, second, metres]
 
@@ -370,14 +397,27 @@ def _chosen(values: Sequence[Any], example: bool = False) -> RoomOptions:
         raise UnusableUploadError("An option has a value that cannot be used.") from error
 
 
+def may_repeat(job: Job, page: str, local: bool) -> bool:
+    """Whether a page may make a room again.
+
+    Others may look at a room whose address they know, but another one made of its photos could show more of these.
+
+    Args:
+        job: the room.
+        page: the page that wants it.
+        local: whether all pages are of this computer.
+    """
+    return job.repeatable and (local or (bool(page) and job.page == page))
+
+
 def privacy_statement(local: bool, limits: Limits) -> str:
     """What becomes of photos.
 
     Args:
         local: whether they stay on this computer.
-        limits: how long rooms are kept.
+        limits: how long rooms and photos are kept.
     """
-    return LOCAL if local else REMOTE.format(kept=limits.kept)
+    return LOCAL if local else REMOTE.format(photos=limits.uploads_kept, kept=limits.kept)
 
 
 def status_text(job: Job | None, limits: Limits, ahead: int = 0, sentence: str = "") -> str:
@@ -387,9 +427,9 @@ def status_text(job: Job | None, limits: Limits, ahead: int = 0, sentence: str =
         job: the job; None if there is none.
         limits: how long rooms are kept.
         ahead: jobs before it.
-        sentence: an error without a job.
+        sentence: an error that no job has ended with.
     """
-    if job is None:
+    if sentence or job is None:
         return _alert(sentence) if sentence else ""
     if job.state == "failed":
         return _alert(job.sentence)
@@ -407,15 +447,14 @@ def status_text(job: Job | None, limits: Limits, ahead: int = 0, sentence: str =
         title = escape(stage_name(stage.title))
         if stage.seconds is None:
             share = f'<progress max="{stage.of}" value="{stage.done}"></progress>' if stage.of else ""
-            lines.append(f'<li class="now"><span>{title}</span>{share}</li>')
+            lines.append(f'<li class="now"><span>{title}</span>{share}{_clock(stage.start)}</li>')
         else:
             lines.append(f"<li><span>{title}</span><time>{stage.seconds:.1f} s</time></li>")
     if not lines:
-        lines.append('<li class="now"><span>Getting ready</span></li>')
-    started = f"{time.time() - job.started:.0f} s"
+        lines.append(f'<li class="now"><span>Getting ready</span>{_clock(job.started)}</li>')
     return (
         f'<div class="status" role="status" aria-live="polite"><p><b>Working on {escape(job.title)}</b> '
-        f'<span class="clock" aria-hidden="true">{started}</span></p><ol>{"".join(lines)}</ol></div>'
+        f"{_clock(job.started)}</p><ol>{''.join(lines)}</ol></div>"
     )
 
 
@@ -430,6 +469,18 @@ def stage_name(title: str) -> str:
 def _alert(sentence: str) -> str:
     """An error as HTML."""
     return f'<div class="status error" role="alert"><p>{escape(sentence)}</p></div>'
+
+
+def _clock(start: float) -> str:
+    """The time since a start as HTML. The page's script lets it move on."""
+    seconds = max(0.0, time.time() - start)
+    return f'<time class="clock" data-seconds="{seconds:.1f}" aria-hidden="true">{seconds:.0f} s</time>'
+
+
+def numbered_photos(uploads: Sequence[Upload]) -> str:
+    """The names of photos as a numbered list in HTML. The page's script adds pictures."""
+    names = [one.shown for one in uploads if one.ending in PICTURES]
+    return f'<ol class="photos">{"".join(f"<li><span>{escape(name)}</span></li>" for name in names)}</ol>'
 
 
 def _frame(job: Job) -> str:

@@ -6,16 +6,20 @@ import re
 from pathlib import Path
 
 from semgs.app.requests import Request
-from semgs.app.uploads import Upload
+from semgs.app.uploads import Upload, photo_names
 from semgs.files.text import printable
 
-WORKERS_PHOTO = r"(?<![\w/])(?:[\w./-]*/)?\d{3}\.jpg\b"
-"""The name that the worker gives a photo, wherever it is."""
+WORKERS_PHOTO = r"(?<![\w./-])(?:[\w./-]*/)?(?:{})(?![\w-]|\.\w)"
+"""A photo by one of the names that the worker gives photos, wherever it is."""
 
 PLAIN = (
     (
         r"expected photos whose cameras can be estimated, found (.+?)(?: \(\d+ photos\))?; ",
         r"it cannot be found where they were taken: \1. ",
+    ),
+    (
+        r"scale from: no camera was estimated for '(.+?)';.*",
+        r"it cannot be found where \1 was taken, so it cannot give the scale. Choose another photo under Options",
     ),
     (r"expected two or more photos, found (?:1|none)(?:; )?", "fewer than two can be used. "),
     (r"expected a video that OpenCV can decode, found no frames; ", "it cannot be decoded. "),
@@ -29,8 +33,9 @@ def plain(sentence: str, request: Request) -> str:
     shown = {path: Upload(Path(path), name).shown for path, name in request.files}
     patterns = [re.escape(path) for path in shown]
     if request.kind == "photos":
-        shown |= {f"{number:03d}.jpg": name for number, name in enumerate(shown.values(), 1)}
-        patterns.append(WORKERS_PHOTO)
+        copies = photo_names([name for _, name in request.files])
+        shown |= dict(zip(copies, list(shown.values()), strict=True))
+        patterns.append(WORKERS_PHOTO.format("|".join(map(re.escape, copies))))
     if patterns:  # all at once: the name of one may be what the worker calls another
         names = re.compile("|".join(patterns))
         sentence = names.sub(
@@ -51,6 +56,6 @@ def plain(sentence: str, request: Request) -> str:
         sentence = re.sub(pattern, words, sentence)
     sentence = printable(sentence).strip()
     sentence = re.sub(r"(?<=\. )[a-z]", lambda found: found[0].upper(), sentence)
-    if "." not in sentence.split(" ")[0]:  # names of files stay as they are
+    if "." not in sentence.split(" ")[0] and not sentence.startswith(tuple(shown.values())):  # names of files stay
         sentence = sentence[:1].upper() + sentence[1:]
     return sentence if sentence.endswith((".", "!", "?")) else f"{sentence}."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
@@ -27,7 +28,7 @@ class RoomOptions:
     """
 
     views: int = 2
-    refine: bool = False
+    refine: bool = True
     segmenter: str = OWN
     words: str = ""
     depth: str = "network"
@@ -64,15 +65,16 @@ class RoomOptions:
         if any(given) and (self.first == self.second or not math.isfinite(self.metres) or self.metres > 100):
             raise UnusableUploadError("For the scale, give two different photos and a distance of up to 100 metres.")
 
-    def arguments(self, photos: bool) -> list[str]:
+    def arguments(self, photos: Mapping[int, str]) -> list[str]:
         """The options for `semgs reconstruct`.
 
         Args:
-            photos: whether the scene is photos without cameras, whose scale can be given.
+            photos: of photos without cameras, whose scale can be given, the name of each by its number; else empty.
+
+        Raises:
+            UnusableUploadError: a photo that gives the scale is not among these.
         """
-        words = ["--views", str(self.views)]
-        if self.refine:
-            words.append("--refine")
+        words = ["--views", str(self.views), "--refine", *([] if self.refine else ["0"])]
         if self.segmenter != OWN:
             words += ["--segmenter", self.segmenter]
             listed = [word.strip() for word in self.words.split(",") if word.strip()]
@@ -80,7 +82,12 @@ class RoomOptions:
         if self.depth != "network":
             words += ["--depth", self.depth]
         if self.metres > 0 and photos:
-            words += ["--scale-from", f"{self.first:03d}.jpg", f"{self.second:03d}.jpg", f"{self.metres:g}"]
+            for number in (self.first, self.second):
+                if number not in photos:
+                    raise UnusableUploadError(
+                        f"Photo {number} cannot give the scale, because there is none with this number or it is damaged. Choose another under Options."
+                    )
+            words += ["--scale-from", photos[self.first], photos[self.second], f"{self.metres:g}"]
         return words
 
 

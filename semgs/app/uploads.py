@@ -1,26 +1,30 @@
 """From uploaded files to what `semgs reconstruct` takes: a folder of photos, a clip, or the folder of a scene.
 
-Names of uploaded files are never used as paths. Archives are unpacked by `semgs.app.unzipping`.
+Names of uploaded files are never used as paths as they are: `photo_names` makes safe ones of them. Archives are unpacked by `semgs.app.unzipping`.
 """
 
 from __future__ import annotations
 
 import io
+import itertools
 import math
 import os
+import re
+import shutil
 import time
+import unicodedata
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Literal
 
 from semgs.app.limits import MIB, Limits
 from semgs.app.unzipping import UnfitZipError, unpack_zip
 from semgs.files.atomic import write_bytes
-from semgs.files.text import counted, listed, printable
+from semgs.files.text import counted, listed, natural_order, printable
 
 PICTURES = (".jpg", ".jpeg", ".png", ".heic")
 CLIPS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm")
@@ -38,6 +42,12 @@ LONGEST_SIDE = 1024
 """Photos without cameras are reduced to this [px]: their cameras are found three times as fast, and the network sees less than 76,800 pixels anyway."""
 
 QUALITY = 95
+
+LONGEST_STEM = 60
+"""Longest name of a photo's copy, without its ending [letters]."""
+
+DEVICES = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
+"""Names that Windows takes for devices."""
 
 UNUSED_SECONDS = 300.0
 """Uploads that no job has taken for so long make place for others, if the folder is full."""
@@ -77,6 +87,48 @@ class Upload:
         """The name for messages."""
         name = " ".join(printable(PurePosixPath(self.name.replace("\\", "/")).name).split())
         return name if len(name) <= 60 else f"{name[:40]}…{name[-12:]}"
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Uploaded files in the form that `semgs reconstruct` takes.
+
+    Attributes:
+        scene: a folder or a clip.
+        notes: on what was left out.
+        photos: of photos without cameras, the name of each that can be read, by its number from 1; empty for other scenes.
+    """
+
+    scene: Path
+    notes: tuple[str, ...] = ()
+    photos: Mapping[int, str] = field(default_factory=dict)
+
+
+def photo_names(names: Sequence[str]) -> list[str]:
+    """Names for the copies of photos, as close to those that the user has as every disk allows.
+
+    They are made of ASCII letters, digits, "-", "_" and ".", no two differ in capitals alone, and their natural order is the order given. Where the
+    user's names have another order, each name begins with the number of its photo.
+    """
+    stems = [_safe_stem(name) for name in names]
+    copies: list[str] = []
+    taken: set[str] = set()
+    for stem in stems:
+        tries = (stem if number == 1 else f"{stem}_{number}" for number in itertools.count(1))
+        copies.append(next(one for one in tries if one.lower() not in taken))
+        taken.add(copies[-1].lower())
+    found = [f"{copy}.jpg" for copy in copies]
+    if sorted(found, key=natural_order) == found:
+        return found
+    return [f"{number:03d}_{stem}.jpg" for number, stem in enumerate(stems, 1)]
+
+
+def _safe_stem(name: str) -> str:
+    """A file's name without folders, ending and accents, in letters that every disk takes."""
+    stem = PurePosixPath(name.replace("\\", "/")).stem
+    plain = re.sub(r"[\u0300-\u036f]", "", unicodedata.normalize("NFKD", stem))
+    safe = re.sub(r"[^A-Za-z0-9._-]+", "_", plain)[:LONGEST_STEM].lstrip(".-").rstrip(".") or "photo"
+    return f"_{safe}" if DEVICES.fullmatch(safe) else safe
 
 
 def check_uploads(uploads: Sequence[Upload], limits: Limits) -> Kind:
@@ -125,7 +177,7 @@ def check_uploads(uploads: Sequence[Upload], limits: Limits) -> Kind:
 
 def prepare(
     kind: Kind, uploads: Sequence[Upload], folder: Path, limits: Limits, say: Callable[[str], object]
-) -> tuple[Path, list[str]]:
+) -> Prepared:
     """Write uploaded files in the form that `semgs reconstruct` takes.
 
     Args:
@@ -133,9 +185,6 @@ def prepare(
         folder: an existing, empty one.
         limits: of photos and archives.
         say: takes the title of each stage.
-
-    Returns:
-        the scene, and notes on what was left out.
 
     Raises:
         UnusableUploadError: a file cannot be used.
@@ -145,8 +194,8 @@ def prepare(
     if kind == "clip":
         _check_clip(uploads[0], limits)
         clip = folder / f"clip{uploads[0].ending}"
-        uploads[0].path.rename(clip)
-        return clip, []
+        link_or_copy(uploads[0].path, clip)
+        return Prepared(clip)
     say("Unpacking the zip")
     unpacked = folder / UNPACKED
     unpack(uploads[0], unpacked, limits)
@@ -161,7 +210,15 @@ def prepare(
         if len(photos) > limits.photos:
             raise UnusableUploadError(f"The zip has {len(photos)} photos without cameras; use at most {limits.photos}.")
         return _photos(photos, folder / PHOTOS, limits, say)
-    return scene, []
+    return Prepared(scene)
+
+
+def link_or_copy(source: Path, target: Path) -> None:
+    """Make a file available under another name too, without a copy if both are on one disk."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copyfile(source, target)
 
 
 def content_of(folder: Path) -> tuple[int, int]:
@@ -225,24 +282,24 @@ def _inner(folder: Path) -> Path:
     return folder
 
 
-def _photos(
-    uploads: Sequence[Upload], folder: Path, limits: Limits, say: Callable[[str], object]
-) -> tuple[Path, list[str]]:
+def _photos(uploads: Sequence[Upload], folder: Path, limits: Limits, say: Callable[[str], object]) -> Prepared:
     """Write photos upright and reduced."""
     folder.mkdir()
     say(f"Reading {counted(len(uploads), 'photo')}")
     damaged: list[str] = []
-    for number, one in enumerate(uploads, 1):
+    photos: dict[int, str] = {}
+    for number, (one, name) in enumerate(zip(uploads, photo_names([one.name for one in uploads]), strict=True), 1):
         _check_pixels(one, limits)
         data = _reduced(one)
         if data is None:
             damaged.append(one.shown)
             continue
-        write_bytes(folder / f"{number:03d}.jpg", data)
-    if len(uploads) - len(damaged) < 2:
+        write_bytes(folder / name, data)
+        photos[number] = name
+    if len(photos) < 2:
         names = f" Damaged: {listed(damaged, 3)}." if damaged else ""
         raise UnusableUploadError(f"Fewer than two photos can be read.{names}")
-    return folder, [f"{name} is damaged and was left out." for name in damaged]
+    return Prepared(folder, tuple(f"{name} is damaged and was left out." for name in damaged), photos)
 
 
 def _check_pixels(upload: Upload, limits: Limits) -> None:

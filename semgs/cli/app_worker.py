@@ -71,7 +71,7 @@ def work(line: str) -> int:
     from semgs.app.limits import Limits
     from semgs.app.requests import Request, RoomOptions
     from semgs.app.room import write_room
-    from semgs.app.uploads import PHOTOS, UNPACKED, UnusableUploadError, Upload, prepare
+    from semgs.app.uploads import UNPACKED, Prepared, UnusableUploadError, Upload, prepare
 
     report_stage("Getting ready")  # the queue takes this as the beginning
     request = Request(**json.loads(line))
@@ -82,12 +82,11 @@ def work(line: str) -> int:
     # Relative paths, so that reports and messages name what a user gave, and no folder of this machine.
     os.chdir(work_folder)
     out, extra = Path("out"), Path("files")
-    notes: list[str] = []
     if request.kind == "example":
         from semgs.rooms.sets.demo_room import demo_scene
 
-        scene = Path("included_room")
-        scene.symlink_to(demo_scene())
+        prepared, arguments = Prepared(Path("included_room")), options.arguments({})
+        prepared.scene.symlink_to(demo_scene())
     else:
         confine_to(Path())
         os.environ[VARIABLE_OF_CACHE] = str(
@@ -95,14 +94,14 @@ def work(line: str) -> int:
         )  # nothing of a user's scene stays when its job is deleted
         uploads = [Upload(Path(path), name) for path, name in request.files]
         try:
-            scene, notes = prepare(request.kind, uploads, Path(), Limits(**request.limits), report_stage)
+            prepared = prepare(request.kind, uploads, Path(), Limits(**request.limits), report_stage)
+            arguments = options.arguments(prepared.photos)
         except UnusableUploadError as error:
             raise UsageError(str(error)) from error
-        if scene.is_relative_to(UNPACKED):
+        if prepared.scene.is_relative_to(UNPACKED):
             confine_to(Path(UNPACKED))
-    photos = scene == Path(PHOTOS)
     # A room has copies of the views that it shows, and no other photo.
-    code = main(["reconstruct", str(scene), "--out", str(out), "--drop-photos", *options.arguments(photos)])
+    code = main(["reconstruct", str(prepared.scene), "--out", str(out), "--drop-photos", *arguments])
     if code:
         return code
     report: Any = read_json(out / "report.json")
@@ -117,7 +116,7 @@ def work(line: str) -> int:
             path.rename(out / path.name)
     report_stage("Making the page of your room")
     titles = {"photos": "Your room", "clip": "Your room", "archive": "Your scene", "example": "The included room"}
-    write_room(out, title=titles[request.kind], notes=notes)
+    write_room(out, title=titles[request.kind], notes=prepared.notes)
     out.rename(folder / "room")
     return 0
 

@@ -11,7 +11,7 @@ import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -54,6 +54,7 @@ def scene(tmp_path: Path) -> Path:
 def test_the_page_opens_and_says_what_is_wrong_with_one_photo(tmp_path: Path):
     with running_app(tmp_path / "app") as app, page_at(app, (600, 390)) as page:
         drop(page, [picture(tmp_path / "a.jpg").path])
+        page.locator("ol.photos li", has_text="a.jpg").locator("img[src^='data:image/jpeg']").wait_for()
         make_room(page)
         assert sentence_on(page).startswith("One photo is not enough")
         open_options(page)
@@ -80,8 +81,10 @@ def test_the_page_works_below_a_path_of_a_notebooks_proxy(tmp_path: Path):
 
 
 @pytest.mark.long
-@pytest.mark.timeout(900)
-def test_photos_without_cameras_become_a_room_that_can_be_used(app: App, fox: list[Path], tmp_path: Path):
+@pytest.mark.timeout(1800)
+def test_photos_without_cameras_become_a_room_that_can_be_used_and_made_again_in_metres_without_an_upload(
+    app: App, fox: list[Path], tmp_path: Path
+):
     time.sleep(20)  # as a user, who does not drop photos in the second in which the app starts
     with page_at(app) as page:
         drop(page, fox)
@@ -105,15 +108,35 @@ def test_photos_without_cameras_become_a_room_that_can_be_used(app: App, fox: li
         page.reload()
         room_in(page)
         assert room.get_by_text("Photos alone do not show how large a room is").count() == 1
-        assert not list(job_folder(app, page).rglob("*.jpg"))  # photos that the room does not show
+        folder = job_folder(app, page)
+        assert not list((folder / "room").rglob("*.jpg"))  # photos that the room does not show
+        names = {path.name for path in fox}
+        assert {view["name"].rsplit("/")[-1] for view in report_of(app, page)["views"]} < names
+
+        uploads: list[str] = []
+        page.on("request", lambda request: uploads.append(request.url) if "/upload" in request.url else None)
+        page.get_by_role("button", name="Change options").click()
+        page.get_by_label("Refine").uncheck()
+        page.get_by_label("First photo").fill("1")
+        page.get_by_label("Second photo").fill("40")
+        page.get_by_label("Metres between them").fill("0.5")
+        again = page.get_by_role("button", name="Make it again", exact=True)
+        again.click()
+        assert sentence_on(page).startswith("Photo 40 cannot give the scale")
+        assert job_folder(app, page) == folder  # the room is there as before
+        page.get_by_label("Second photo").fill(str(len(fox)))
+        again.click()
+        page.locator("#status .now").first.wait_for()
+        room_in(page)
+        report = report_of(app, page)
+        assert (report["scene"]["unit"], report["refinement"], uploads) == ("metric", None, [])
+        assert [path.name for path in folder.iterdir()] == ["room"]
 
 
 @pytest.mark.long
 @pytest.mark.timeout(900)
 def test_the_included_room_has_boxes_sizes_and_a_refinement(app: App):
     with page_at(app) as page:
-        open_options(page)
-        page.get_by_label("Refine").check()
         page.get_by_role("button", name="Try the included room").click()
         room = room_in(page)
         room.get_by_role("button", name="Boxes").click()
@@ -123,6 +146,48 @@ def test_the_included_room_has_boxes_sizes_and_a_refinement(app: App):
         assert box is not None
         scene.click(position={"x": 0.62 * box["width"], "y": 0.5 * box["height"]})
         room.locator("#info").get_by_text("(length × width × height)").wait_for()
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_on_a_phone_time_moves_without_requests_and_then_the_room_comes_first(app: App):
+    with page_at(app, (844, 390)) as page:
+        page.get_by_role("button", name="Try the included room").click()
+        clock = page.locator("#status .now .clock").first
+        clock.wait_for()
+        requests: list[str] = []
+        page.on("request", lambda request: requests.append(request.url))
+        seen = set()
+        while not seen > {"1 s", "2 s", "3 s"}:
+            seen |= set(page.locator("#status .clock").all_inner_texts())
+            assert page.locator("iframe.room").count() or not requests
+        scene = room_in(page).locator("#scene")
+        box = scene.bounding_box()
+        assert box is not None
+        assert box["y"] + 0.75 * box["height"] < 844
+        assert page.evaluate("[scrollY, document.documentElement.scrollWidth]") == [0, 390]
+
+
+@pytest.mark.long
+@pytest.mark.timeout(300)
+def test_numbers_and_pictures_follow_the_list_of_dropped_photos(app: App, tmp_path: Path):
+    names = ["b.jpg", "a.jpg", "c.png"]
+    files = [picture(tmp_path / name, seed=seed).path for seed, name in enumerate(names)]
+    files[2].write_bytes(b"damaged")
+    with page_at(app) as page:
+        tiles = page.locator("#ask ol.photos li")
+        drop(page, files)
+        tiles.nth(2).wait_for()
+        page.locator("#ask ol.photos img[src^='data:image/jpeg']").nth(1).wait_for()
+        assert tiles.all_inner_texts() == names
+        page.wait_for_function(
+            "document.querySelectorAll('#ask ol.photos img').length === 2"
+        )  # none of the damaged one
+        page.locator("#drop .file-preview tr").first.get_by_role("button", name="Remove this file").click()
+        page.wait_for_function("document.querySelectorAll('#ask ol.photos li').length === 2")
+        assert tiles.all_inner_texts() == names[1:]
+        page.get_by_role("button", name="Clear").click()
+        tiles.first.wait_for(state="detached")
 
 
 @pytest.fixture
@@ -151,8 +216,7 @@ def test_photos_of_a_phone_with_a_known_distance_become_a_room_in_metres(app: Ap
         room = room_in(page)
         room.locator("#scene").click()
         room.locator("#info").get_by_text(re.compile(r"\bm\b")).first.wait_for()
-        report = json.loads((job_folder(app, page) / "room/report.json").read_text())
-        assert report["scene"]["unit"] == "metric"
+        assert report_of(app, page)["scene"]["unit"] == "metric"
 
 
 @pytest.mark.long
@@ -186,7 +250,7 @@ def test_a_segmenter_that_the_server_offers_says_the_classes(shared: Path, scene
         page.get_by_role("option", name="mosaic.tflite", exact=True).click()
         make_room(page)
         room_in(page)
-        report = json.loads((job_folder(app, page) / "room/report.json").read_text())
+        report = report_of(app, page)
         assert "mosaic" in report["model"]["segmenter"]
         assert str(tmp_path) not in json.dumps(report)
 
@@ -209,6 +273,12 @@ def test_words_without_a_segmenter_and_half_a_scale_get_a_sentence(app: App, sce
 def job_folder(app: App, page: Page) -> Path:
     """The folder of the job whose room the page shows."""
     return app.folder / "rooms" / page.url.split("room=")[1]
+
+
+def report_of(app: App, page: Page) -> dict[str, Any]:
+    """The report of the room that the page shows."""
+    report: dict[str, Any] = json.loads((job_folder(app, page) / "room/report.json").read_text())
+    return report
 
 
 MOSAIC = {
@@ -349,7 +419,7 @@ def test_fifty_jobs_in_a_row_leave_memory_flat_and_no_files(app: App, scene: Pat
     assert np.median(memory[-10:]) < np.median(memory[5:15]) + 30
     rooms = {path for path in (app.folder / "rooms").iterdir() if path.is_dir()} - before
     assert len(rooms) == 25
-    assert all([path.name for path in room.iterdir()] == ["room"] for room in rooms)
+    assert all(sorted(path.name for path in room.iterdir()) == ["files", "room"] for room in rooms)
 
 
 @pytest.mark.long

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import re
+import time
 from pathlib import Path
 
 import pytest
 
 from semgs.app import page
-from semgs.app.jobs import Job
+from semgs.app.jobs import Job, Stage
 from semgs.app.limits import Limits
-from semgs.app.page import privacy_statement, status_text
+from semgs.app.page import may_repeat, numbered_photos, privacy_statement, status_text
 from semgs.app.requests import Request
+from semgs.app.uploads import Upload
 
 SIX_HOURS = Limits(kept_seconds=6 * 3600.0)
 
@@ -18,7 +21,10 @@ SIX_HOURS = Limits(kept_seconds=6 * 3600.0)
 def test_a_server_says_which_photos_stay_and_for_how_long() -> None:
     said = privacy_statement(local=False, limits=SIX_HOURS)
     assert "except small copies of those that the room shows" in said
+    assert "deleted an hour after the room is ready, or was made again, except small copies" in said
     assert said.endswith("the room is deleted after 6 hours.")
+    short = privacy_statement(local=False, limits=Limits(kept_seconds=1200.0))
+    assert "deleted 20 minutes after the room is ready" in short  # they go with the room
     assert privacy_statement(local=True, limits=SIX_HOURS) == "Your photos stay on this computer."
 
 
@@ -34,3 +40,34 @@ def test_of_very_many_uploads_that_somebody_follows_only_the_newest_are_kept(mon
     for name in "abcda":
         kept[name].append(name)
     assert dict(kept) == {"c": ["c"], "d": ["d"], "a": ["a"]}
+
+
+def test_a_running_stage_says_for_how_long_it_has_run_so_that_the_browser_can_count_on() -> None:
+    now = time.time()
+    stages = [Stage("Reading", now - 9.0, 4.0), Stage("Rendering", now - 5.0)]
+    job = Job("x", Path(), Request("example", [], "", {}), "a zip", state="working", started=now - 9.0, stages=stages)
+    clocks = [float(seconds) for seconds in re.findall(r'data-seconds="([\d.]+)"', status_text(job, SIX_HOURS))]
+    assert [round(seconds) for seconds in clocks] == [9, 5]  # all of it, and the stage
+    assert "<time>4.0 s</time>" in status_text(job, SIX_HOURS)
+
+
+def test_a_room_with_wrong_options_for_another_one_says_so() -> None:
+    job = Job("x", Path(), Request("example", [], "", {}), "a zip", state="done")
+    assert "Choose 2 to 4 views." in status_text(job, SIX_HOURS, sentence="Choose 2 to 4 views.")
+
+
+def test_on_a_server_only_the_page_that_made_a_room_makes_it_again() -> None:
+    job = Job("x", Path(), Request("example", [], "", {"views": 2}), "a zip", state="done", page="mine")
+    assert [may_repeat(job, page, local=False) for page in ("mine", "another", "")] == [True, False, False]
+    assert may_repeat(job, "another", local=True)
+    job.page = ""
+    assert not may_repeat(job, "", local=False)
+    job.state = "failed"
+    assert not may_repeat(job, "mine", local=True)
+
+
+def test_names_of_photos_are_text_and_a_clip_has_no_numbers() -> None:
+    uploads = [Upload(Path("000.jpg"), "<b>1.jpg"), Upload(Path("001.heic"), "Küche.HEIC")]
+    items = "<li><span>&lt;b&gt;1.jpg</span></li><li><span>Küche.HEIC</span></li>"
+    assert numbered_photos(uploads) == f'<ol class="photos">{items}</ol>'
+    assert numbered_photos([Upload(Path("000.mp4"), "a.mp4")]) == '<ol class="photos"></ol>'

@@ -226,7 +226,7 @@ def upload(sample: Path, replaced: dict[str, bytes], work: Path) -> Path:
     archive = zipped(work.parent / "upload.zip", {**members, **replaced})
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir()
-    scene, _ = prepare("archive", [Upload(archive.path, "my.zip")], work, Limits(), lambda title: None)
+    scene = prepare("archive", [Upload(archive.path, "my.zip")], work, Limits(), lambda title: None).scene
     confine_to(work / UNPACKED)
     return scene
 

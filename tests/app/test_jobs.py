@@ -56,7 +56,7 @@ if what == "leave":
     (pathlib.Path(tempfile.mkdtemp()) / "photo.jpg").touch()
     os.kill(os.getpid(), 9)
 if what == "fail":
-    print("semgs: error: 001.jpg: too dark; see --size and --views", file=sys.stderr)
+    print("semgs: error: photos/IMG_0.jpg: too dark; see --size and --views", file=sys.stderr)
     sys.exit(2)
 if what == "bug":
     raise RuntimeError("secret")
@@ -117,7 +117,71 @@ def test_a_job_passes_its_stages_and_leaves_only_its_room(start: Callable[..., J
     assert [(stage.title, stage.done, stage.of) for stage in job.stages] == [("Starting", 0, 0), ("Counting", 1, 2)]
     assert all(stage.seconds is not None for stage in job.stages)
     wait(lambda: not uploads[0].path.parent.exists())
+    assert sorted(path.name for path in job.folder.iterdir()) == ["files", "room"]
+
+
+def test_a_room_is_made_again_of_its_uploads_which_then_belong_to_the_new_one(
+    start: Callable[..., Jobs], tmp_path: Path
+):
+    jobs = start()
+    first = jobs.submit(photos(tmp_path / "uploads"))
+    assert_done(first)
+    wait(lambda: not (tmp_path / "uploads/up1").exists())
+    failed = jobs.submit(first.uploads, asked("fail"), earlier=first.identifier)
+    wait(lambda: failed.over and not failed.folder.exists())
+    assert (first.repeatable, failed.repeatable) == (True, False)
+    again = jobs.submit(first.uploads, earlier=first.identifier)
+    assert_done(again)
+    wait(lambda: not first.repeatable)
+    assert again.repeatable
+    assert [one.name for one in again.uploads] == ["IMG_0.jpg", "IMG_1.jpg"]
+    wait(lambda: [path.name for path in first.folder.iterdir()] == ["room"])
+    with pytest.raises(UnusableUploadError, match="Drop them again"):
+        jobs.submit(first.uploads)
+
+
+def test_uploads_of_a_room_go_before_the_time_that_the_page_promises_is_over(
+    start: Callable[..., Jobs], tmp_path: Path
+):
+    jobs = start(uploads_kept_seconds=3600.0)
+    job = jobs.submit(photos(tmp_path / "uploads"))
+    assert_done(job)
+    job.ended = time.time() - 3500
+    jobs.expire()
+    assert job.repeatable
+    job.ended = time.time() - 3550  # the next sweep, after 60 s, would be too late
+    jobs.expire()
+    assert (job.repeatable, job.room.exists(), jobs.find(job.identifier)) == (False, True, job)
+
+
+def test_if_rooms_are_too_large_together_uploads_go_first(start: Callable[..., Jobs], tmp_path: Path):
+    jobs, made = start(), []
+    for number in range(2):
+        made.append(jobs.submit(photos(tmp_path / f"uploads{number}")))
+        assert_done(made[-1])
+        for path in (made[-1].room / "large", made[-1].uploads[0].path):
+            path.write_bytes(bytes(1_000_000))
+    jobs.limits = replace(jobs.limits, rooms_bytes=3_500_000)  # of 4 MB
+    jobs.expire()
+    assert [job.repeatable for job in made] == [False, True]
+    jobs.limits = replace(jobs.limits, rooms_bytes=2_500_000)
+    jobs.expire()
+    assert [job.repeatable for job in made] == [False, False]
+    assert [job.room.exists() for job in made] == [True, True]
+
+
+def test_no_uploads_stay_when_the_app_ends_or_was_killed(start: Callable[..., Jobs], tmp_path: Path):
+    jobs = start()
+    job = jobs.submit(photos(tmp_path / "uploads"))
+    assert_done(job)
+    wait(lambda: not (tmp_path / "uploads/up1").exists())
+    jobs.close()
     assert [path.name for path in job.folder.iterdir()] == ["room"]
+    photos(job.folder / "files")  # what a killed one leaves
+    found = start().find(job.identifier)
+    assert found is not None
+    assert [path.name for path in job.folder.iterdir()] == ["room"]
+    assert not found.repeatable
 
 
 def test_jobs_run_one_at_a_time_in_order_and_those_that_wait_know_their_place(start: Callable[..., Jobs]):
@@ -396,11 +460,12 @@ def test_options_that_the_page_does_not_offer_are_refused(options: dict):
 
 
 def test_options_become_those_of_the_command_line():
-    options = RoomOptions(3, True, "seg.onnx", "mug, power socket", "sensor", 1, 4, 1.25)
+    options = RoomOptions(3, False, "seg.onnx", "mug, power socket", "sensor", 1, 4, 1.25)
     words = [
         "--views",
         "3",
         "--refine",
+        "0",
         "--segmenter",
         "seg.onnx",
         "--words",
@@ -409,5 +474,13 @@ def test_options_become_those_of_the_command_line():
         "--depth",
         "sensor",
     ]
-    assert options.arguments(photos=False) == words
-    assert options.arguments(photos=True)[-4:] == ["--scale-from", "001.jpg", "004.jpg", "1.25"]
+    assert options.arguments({}) == words
+    photos = {1: "IMG_7.jpg", 2: "IMG_8.jpg", 4: "IMG_10.jpg"}  # the third is damaged
+    assert options.arguments(photos) == [*words, "--scale-from", "IMG_7.jpg", "IMG_10.jpg", "1.25"]
+    for number in (3, 5):
+        with pytest.raises(UnusableUploadError, match=rf"^Photo {number} cannot give the scale, [^.]+\. [^.]+\.$"):
+            RoomOptions(first=1, second=number, metres=1.0).arguments(photos)
+
+
+def test_a_room_is_refined_unless_the_user_says_otherwise():
+    assert RoomOptions().arguments({}) == ["--views", "2", "--refine"]

@@ -19,6 +19,7 @@ from chromium import page_of
 from tunnels import tunnel_to
 
 from semgs import __version__
+from semgs.app.page import privacy_statement
 
 ROOT = Path(__file__).resolve().parents[2]
 SPACE = ROOT / "space"
@@ -40,7 +41,7 @@ def test_its_settings_name_what_is_there():
 def test_its_page_says_which_photos_stay_and_for_how_long():
     limits = runpy.run_path(str(SPACE / "app.py"))["LIMITS"]
     said = (SPACE / "README.md").read_text()
-    assert f"except small copies of those that the room shows; the room is deleted after {limits.kept}." in said
+    assert privacy_statement(local=False, limits=limits).split("deleted", 1)[1] in said
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import stat
 import zipfile
 from collections.abc import Callable
@@ -14,8 +15,9 @@ from dropped_files import picture, with_link, written, zipped
 from PIL import Image
 
 from semgs.app.limits import Limits
-from semgs.app.uploads import LONGEST_SIDE, UnusableUploadError, Upload, check_uploads, prepare, unpack
+from semgs.app.uploads import LONGEST_SIDE, UnusableUploadError, Upload, check_uploads, photo_names, prepare, unpack
 from semgs.files.images.pictures import read_optics, read_rgb
+from semgs.files.text import natural_order
 
 SMALL = Limits(file_bytes=40_000, total_bytes=60_000, photos=3, pixels=10_000, members=5, unpacked_bytes=50_000)
 
@@ -99,18 +101,19 @@ def test_photos_come_out_upright_small_and_with_their_focal_length(tmp_path: Pat
     exif.get_ifd(0x8769)[0xA405] = 26
     uploads = [picture(tmp_path / "a.jpg", (2048, 1024), exif=exif), picture(tmp_path / "b.png", (30, 50), 1)]
     before = read_optics(uploads[0].path).focal_px
-    scene, notes = prepare("photos", uploads, tmp_path, Limits(), lambda title: None)
-    assert notes == []
-    assert [read_rgb(path).shape for path in sorted(scene.iterdir())] == [(LONGEST_SIDE, 512, 3), (50, 30, 3)]
+    prepared = prepare("photos", uploads, tmp_path, Limits(), lambda title: None)
+    assert prepared.notes == ()
+    assert [read_rgb(path).shape for path in sorted(prepared.scene.iterdir())] == [(LONGEST_SIDE, 512, 3), (50, 30, 3)]
     assert before is not None
-    assert read_optics(scene / "001.jpg").focal_px == pytest.approx(before / 2, rel=0.03)
+    assert read_optics(prepared.scene / "a.jpg").focal_px == pytest.approx(before / 2, rel=0.03)
 
 
 def test_a_damaged_photo_among_good_ones_is_left_out_and_named(tmp_path: Path):
     uploads = [picture(tmp_path / "a.jpg"), written(tmp_path / "b.jpg", b"junk"), picture(tmp_path / "c.jpg", seed=1)]
-    scene, notes = prepare("photos", uploads, tmp_path, Limits(), lambda title: None)
-    assert sorted(path.name for path in scene.iterdir()) == ["001.jpg", "003.jpg"]
-    assert notes == ["b.jpg is damaged and was left out."]
+    prepared = prepare("photos", uploads, tmp_path, Limits(), lambda title: None)
+    assert sorted(path.name for path in prepared.scene.iterdir()) == ["a.jpg", "c.jpg"]
+    assert prepared.notes == ("b.jpg is damaged and was left out.",)
+    assert prepared.photos == {1: "a.jpg", 3: "c.jpg"}  # the third that was dropped stays the third
 
 
 def test_a_zip_of_photos_is_photos_and_clutter_is_ignored(tmp_path: Path):
@@ -125,9 +128,9 @@ def test_a_zip_of_photos_is_photos_and_clutter_is_ignored(tmp_path: Path):
             "trip/.DS_Store": b"x",
         },
     )
-    scene, _ = prepare("archive", [archive], tmp_path, Limits(), lambda title: None)
-    assert scene.name == "photos"
-    assert len(list(scene.iterdir())) == 2
+    prepared = prepare("archive", [archive], tmp_path, Limits(), lambda title: None)
+    assert prepared.scene.name == "photos"
+    assert sorted(path.name for path in prepared.scene.iterdir()) == ["a.jpg", "b.jpg"]
 
 
 def test_a_zip_of_a_cameras_card_is_photos_in_the_order_of_its_folders(tmp_path: Path):
@@ -138,9 +141,10 @@ def test_a_zip_of_a_cameras_card_is_photos_in_the_order_of_its_folders(tmp_path:
         "DCIM/101APPLE/IMG_2.webp": b"a format that is not read",
     }
     archive = zipped(tmp_path / "a.zip", members)
-    scene, notes = prepare("archive", [archive], tmp_path, Limits(), lambda title: None)
-    assert notes == []
-    assert [read_rgb(path).shape for path in sorted(scene.iterdir())] == [(20, 30, 3), (20, 40, 3)]
+    prepared = prepare("archive", [archive], tmp_path, Limits(), lambda title: None)
+    assert prepared.notes == ()
+    assert prepared.photos == {1: "001_IMG_9.jpg", 2: "002_IMG_1.jpg"}
+    assert [read_rgb(path).shape for path in sorted(prepared.scene.iterdir())] == [(20, 30, 3), (20, 40, 3)]
 
 
 def test_a_zip_of_one_photo_is_too_little_and_calls_none_damaged(tmp_path: Path):
@@ -153,8 +157,41 @@ def test_a_panorama_is_still_one_when_it_is_reduced(tmp_path: Path):
     exif = Image.Exif()
     exif.get_ifd(0x8769)[0xA401] = 6
     uploads = [picture(tmp_path / "a.jpg", exif=exif), picture(tmp_path / "b.jpg", seed=1)]
-    scene, _ = prepare("photos", uploads, tmp_path, Limits(), lambda title: None)
+    scene = prepare("photos", uploads, tmp_path, Limits(), lambda title: None).scene
     assert [read_optics(path).panorama for path in sorted(scene.iterdir())] == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (["0007.jpg", "0012.JPG"], ["0007.jpg", "0012.jpg"]),
+        (["IMG_9.HEIC", "IMG_10.png"], ["IMG_9.jpg", "IMG_10.jpg"]),  # by value, 9 is before 10
+        (["Küche 1.JPG", "Küche 1.JPG"], ["Kuche_1.jpg", "Kuche_1_2.jpg"]),
+        (["a.jpg", "A.png", "a_2.jpg"], ["a.jpg", "A_2.jpg", "a_2_2.jpg"]),
+        (["b.jpg", "a.jpg"], ["001_b.jpg", "002_a.jpg"]),  # the order is that in which they were dropped
+        (["../x.jpg"], ["x.jpg"]), (["C:\\a\\x.jpg"], ["x.jpg"]), (["-rf.jpg"], ["rf.jpg"]), ([".a.jpg"], ["a.jpg"]), (["...jpg"], ["photo.jpg"]),
+        (["CON.jpg"], ["_CON.jpg"]), (["com1.x.png"], ["_com1.x.jpg"]), (["console.jpg"], ["console.jpg"]), (["写真.jpg"], ["_.jpg"]),
+        (["a\nb\0.jpg"], ["a_b_.jpg"]), (["a" * 296 + ".jpg"], ["a" * 60 + ".jpg"]), (["a" * 61 + ".jpg", "a" * 62 + ".jpg"], ["a" * 60 + ".jpg", "a" * 60 + "_2.jpg"]),
+    ],
+)  # fmt: skip
+def test_photos_keep_their_names_as_far_as_every_disk_allows(names: list[str], expected: list[str]):
+    assert photo_names(names) == expected
+
+
+def test_names_of_photos_are_apart_and_in_the_order_given_whatever_they_are():
+    letters = np.random.default_rng(0).choice(list("aA1.-_ é/\\"), (200, 12, 4))
+    for drawn in letters:
+        names = photo_names(["".join(name) + ".jpg" for name in drawn])
+        assert len({name.lower() for name in names}) == 12
+        assert sorted(names, key=natural_order) == names
+        assert all(re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9._-]*\.jpg", name) for name in names)
+
+
+def test_a_clip_stays_where_it_was_for_another_room(tmp_path: Path):
+    clip = written(tmp_path / "a.mp4", b"a clip")
+    (tmp_path / "work").mkdir()
+    prepared = prepare("clip", [clip], tmp_path / "work", Limits(), lambda title: None)
+    assert (prepared.photos, prepared.scene.read_bytes(), clip.path.read_bytes()) == ({}, b"a clip", b"a clip")
 
 
 def test_an_honest_archive_keeps_its_folders(tmp_path: Path):

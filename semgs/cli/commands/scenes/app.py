@@ -31,8 +31,8 @@ class App:
     """Open a page in the browser: drop photos, and get a labelled room in 3D.
 
     The page takes photos (JPEG, PNG, HEIC) without cameras, a clip, or a zip of a scene, and shows each stage. The room can be looked at, measured and
-    downloaded. Rooms are made by semgs reconstruct in a process of its own, one at a time; others wait. Photos are deleted once the room is ready, except
-    small copies of those that the room shows. The app runs until Ctrl-C.
+    downloaded. Rooms are made by semgs reconstruct in a process of its own, one at a time; others wait. Photos are kept as long as their room, or for an
+    hour if other machines can open the page, so that options can be changed; then small copies of those that the room shows are left. The app runs until Ctrl-C.
 
     Examples
     - semgs app
@@ -53,7 +53,7 @@ class App:
     ] = None
     """Where rooms are kept."""
     keep_hours: Annotated[float, one_word("HOURS", at_least(0.0, more=True))] = 24.0
-    """Rooms are deleted after this time."""
+    """Rooms and their photos are deleted after this time."""
     minutes: Annotated[float, one_word("MINUTES", at_least(0.0, more=True))] = 15.0
     """A room may take this long."""
     segmenter: Annotated[tuple[str, ...], optional("SEGMENTER [...]")] = ()
@@ -88,7 +88,9 @@ class App:
         """Serve rooms in a folder until an interrupt."""
         from semgs.app.serving import application, serve
 
-        limits = Limits(seconds=60 * self.minutes, kept_seconds=3600 * self.keep_hours)
+        kept = 3600 * self.keep_hours
+        photos_kept = kept if local else Limits.uploads_kept_seconds  # on a server, photos go before their room
+        limits = Limits(seconds=60 * self.minutes, kept_seconds=kept, uploads_kept_seconds=photos_kept)
         worker = [sys.executable, "-m", "semgs.cli.app_worker"]
         jobs = Jobs(folder / "rooms", worker, limits, segmenters, depths, uploads=folder / "uploads")
         try:
