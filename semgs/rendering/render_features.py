@@ -1,8 +1,8 @@
-"""Renders features of any kind, with the shapes of the semantic Gaussians."""
+"""Renders features of any kind, with the shapes of the semantic Gaussians; and the transpose of rendering, from pixels to Gaussians."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import ModuleType
 
 import torch
@@ -78,3 +78,33 @@ def render_features(
 
     views = render_each_view(gaussians, cameras, near, backend, render_view)
     return FeatureRendering(torch.cat([view.features for view in views]), torch.cat([view.alphas for view in views]))
+
+
+def gather_maps(
+    gaussians: Gaussians, maps: Float[Tensor, "v c h w"], cameras: Cameras, *, near: float | Tensor | None = None
+) -> list[Float[Tensor, "g c"]]:
+    """For each view and each Gaussian the sum of the pixels of its maps, weighted by the Gaussian's blending weight in each, in the shapes of colour.
+
+    Rendered pixels are linear in the features of the Gaussians, so the gradient of one rendering gives the sums exactly.
+
+    Args:
+        gaussians: of one scene, without a batch axis.
+        maps: of each view; ones give the pixels that a Gaussian covers.
+        cameras: the views [v], at the size of the maps.
+        near: as for `semgs.render`.
+
+    Raises:
+        ValueError: as for `semgs.render`.
+    """
+    remaining = iter(maps)
+
+    def gather(scene: Gaussians, camera: Pinhole, bound: float | None, back_end: ModuleType) -> Tensor:
+        order = back_end.depth_order(scene.means, camera, bound)
+        pixels, shape = next(remaining), scene.colour
+        features = scene.means.new_zeros(len(scene), len(pixels), requires_grad=True)
+        with torch.enable_grad():
+            splats = Splats(scene.means, shape.quaternions, shape.scales, scene.opacities, features)
+            picture = back_end.splat(splats, order, camera).picture
+            return torch.autograd.grad(picture, features, pixels.to(picture))[0]
+
+    return render_each_view(replace(gaussians, semantic=None), cameras, near, "auto", gather)

@@ -12,7 +12,6 @@ the square root.
 from __future__ import annotations
 
 from dataclasses import replace
-from types import ModuleType
 
 import torch
 from jaxtyping import Bool, Float
@@ -21,9 +20,7 @@ from torch import Tensor
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.fusion import LEAST
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.rendering.pinhole import Pinhole
-from semgs.rendering.render import render_each_view
-from semgs.rendering.splats import Splats
+from semgs.rendering.render_features import gather_maps
 
 LEAST_WEIGHT = 0.001
 """A photo in which a Gaussian contributes less than this says nothing about it [px]."""
@@ -63,26 +60,11 @@ class PixelVotes:
             )
         known = (distributions.sum(0, keepdim=True) > 0).to(distributions)
         logs = torch.cat(((distributions + LEAST).log() * known, known))
-        sums = self._collect(camera, logs).to(self.votes)
+        sums = gather_maps(self._gaussians, logs[None], camera)[0].to(self.votes)
         logs, pixels = sums[:, :-1], sums[:, -1]
         seen = pixels >= LEAST_WEIGHT
         self.votes[seen] += logs[seen] / pixels[seen, None].sqrt()
         self.weights[seen] += pixels[seen].sqrt()
-
-    def _collect(self, camera: Cameras, maps: Float[Tensor, "c h w"]) -> Float[Tensor, "g c"]:
-        """For each Gaussian the sum of the pixels of maps, weighted by its blending weight in each."""
-
-        def collect(scene: Gaussians, pinhole: Pinhole, near: float | None, backend: ModuleType) -> Tensor:
-            order = backend.depth_order(scene.means, pinhole, near)
-            features = scene.means.new_zeros(len(scene), len(maps), requires_grad=True)
-            shape = scene.colour
-            with torch.enable_grad():
-                splats = Splats(scene.means, shape.quaternions, shape.scales, scene.opacities, features)
-                picture = backend.splat(splats, order, pinhole).picture
-                return torch.autograd.grad(picture, features, maps.to(picture))[0]
-
-        plain = replace(self._gaussians, semantic=None)
-        return render_each_view(plain, camera, None, "auto", collect)[0]
 
     @property
     def unseen(self) -> Bool[Tensor, " g"]:

@@ -8,6 +8,7 @@ from math import ceil, log10
 from typing import Literal
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float, Float32, Int64, UInt8
 from torch import Tensor
 
@@ -15,6 +16,7 @@ from semgs.figures.class_images import UNKNOWN_GREY
 from semgs.files.images.colours import Colour, depth_limits, depth_picture, heat_picture
 from semgs.geometry.gaussians import Appearance
 from semgs.geometry.rotations import covariance
+from semgs.rendering.render_features import gather_maps
 from semgs.rendering.rendering import UNSEEN, class_numbers
 from semgs.scene.confidence import class_confidences
 from semgs.scene.own_views import own_colours
@@ -111,7 +113,7 @@ class SceneSplats:
         Args:
             scene: the scene.
             min_confidence: Gaussians whose likeliest class is less likely are unknown.
-            at_most: how many Gaussians the groups contain in total: the most opaque ones. None is all.
+            at_most: how many Gaussians the groups contain in total: those that cover most pixels of the input views. None is all.
             instances: the number of the thing that each Gaussian belongs to.
         """
         count = len(scene.gaussians)
@@ -127,7 +129,7 @@ class SceneSplats:
             scene=scene,
             scale=TYPICAL_DEPTH / float(np.median(known)) if known.size else 1.0,
             labels=labels,
-            groups=_groups(labels, names, colours, _most_opaque(scene.gaussians.opacities.numpy(), at_most)),
+            groups=_groups(labels, names, colours, _covering(scene, at_most)),
             colours=np.rint(255 * own_colours(scene).numpy()).astype(np.uint8),
             confidences=confidences,
             depths=depths,
@@ -220,11 +222,13 @@ def _groups(
     return tuple(group for group in groups if len(group.members))
 
 
-def _most_opaque(opacities: Float32[np.ndarray, " g"], at_most: int | None) -> Bool[np.ndarray, " g"]:
-    """The most opaque ones; the first of equal ones."""
-    kept = np.ones(len(opacities), np.bool_)
-    if at_most is not None:
-        kept[np.argsort(-opacities, kind="stable")[at_most:]] = False
+def _covering(scene: SavedScene, at_most: int | None) -> Bool[np.ndarray, " g"]:
+    """The Gaussians that cover most pixels of the input views, counted by the light that each stops there; the first of equal ones."""
+    kept = np.ones(len(scene.gaussians), np.bool_)
+    if at_most is not None and at_most < len(kept):
+        ones = torch.ones(1, 1, 1, 1).expand(len(scene.frames), 1, *scene.cameras.size)
+        covered = sum(gather_maps(scene.gaussians, ones, scene.cameras, near=scene.near))[:, 0].numpy()
+        kept[np.argsort(-covered, kind="stable")[at_most:]] = False
     return kept
 
 

@@ -25,8 +25,8 @@ from semgs.viewer.server import serving
 from semgs.viewer.splat_groups import Group, Mode, SceneSplats
 from semgs.viewer.viewer_cameras import input_views
 
-MOST_GAUSSIANS = 100_000
-"""With this many Gaussians in colour and in classes, a page has less than 10 MB."""
+MOST_GAUSSIANS = 153_600
+"""Those of two views at 240x320 with one for each pixel. In colour and in classes, they take less than 12 MB."""
 
 TITLE = "<title>Viser</title>"
 
@@ -68,7 +68,7 @@ def scene_page(
         photos: of its input views, or none.
         up: the direction that is up in the scene.
         min_confidence: Gaussians whose likeliest class is less likely are unknown.
-        at_most: Gaussians of the page: the most opaque ones.
+        at_most: Gaussians of the page: those that cover most pixels of the input views.
         things: to show with their boxes.
         near_photos: whether the camera stays where the photos saw, until the user frees it.
         script: controls the page instead of its own panel; it calls `semgs.load`.

@@ -80,7 +80,7 @@ def open_window(
         photos: of its input views, or none.
         up: the direction that is up in the scene.
         min_confidence: Gaussians and pixels whose likeliest class is less likely are unknown.
-        at_most: Gaussians in the viewer: the most opaque ones. None is all.
+        at_most: Gaussians in the viewer: those that cover most pixels of the input views. None is all.
         things: to show with their boxes.
         near_photos: whether cameras stay where the photos saw, until a user frees them.
         host, port, access: as for `serving`.

@@ -9,7 +9,8 @@ from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.rendering import reference
 from semgs.rendering.pinhole import Pinhole
-from semgs.rendering.render_features import LEAST_ALPHA, render_features
+from semgs.rendering.render import render
+from semgs.rendering.render_features import LEAST_ALPHA, gather_maps, render_features
 from semgs.rendering.splats import Splats
 
 NEAR = 1.0
@@ -76,3 +77,14 @@ def test_features_of_other_gaussians_are_refused():
     gaussians, cameras = in_a_row(0.4, 0.5)
     with pytest.raises(ValueError, match=r"features are \(3, 2\) for \(2,\) Gaussians"):
         render_features(gaussians, torch.zeros(3, 2), cameras)
+
+
+def test_a_map_goes_to_the_gaussians_by_what_they_show_of_it():
+    """The same weights: of a pixel of 10, the front gets 4 and the back 3. All pixels of ones add up to the light that is stopped."""
+    gaussians, cameras = in_a_row(0.4, 0.5)
+    pixel, ones = torch.zeros(1, 1, 6, 9).double(), torch.ones(1, 1, 6, 9).double()
+    pixel[0, 0, 2, 3] = 10
+    (found,) = gather_maps(gaussians, pixel, cameras)
+    assert found[:, 0].tolist() == pytest.approx([4, 3])
+    (covered,) = gather_maps(gaussians, ones, cameras)
+    assert float(covered.sum()) == pytest.approx(float(render(gaussians, cameras).alphas.sum()))

@@ -13,6 +13,7 @@ from semgs.data.tables.classes import IGNORE, SCANNET20
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.robotics.floor import NoFloorError, floor_height
 from semgs.robotics.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy, closed, occupancy
+from semgs.robotics.rays import rays_of
 
 
 def at(found: Occupancy, x: float, y: float) -> int:
@@ -199,3 +200,13 @@ def test_views_that_know_no_depth_show_no_floor() -> None:
     some = scene.gaussians.map(lambda tensor: tensor[:77])  # not one for each pixel, so depth decides
     with pytest.raises(NoFloorError, match="the depth of every pixel of the input views is unknown"):
         occupancy(some, scene.cameras, depths=torch.zeros(len(scene.cameras.world_from_camera), *scene.cameras.size))
+
+
+def test_rays_end_at_the_gaussians_without_their_footprints() -> None:
+    """One more Gaussian than there are pixels, so depth is rendered. Footprints, which are 1 m wide here, would fill the images."""
+    scene = room_of_blocks()
+    more = scene.gaussians.map(lambda tensor: torch.cat((tensor, tensor[-1:])))
+    wide = replace(more, footprints=torch.ones(len(more)))
+    plain, found = (rays_of(one, scene.cameras, np.eye(3), None, None) for one in (more, wide))
+    assert len(plain.ends)
+    assert np.array_equal(plain.ends, found.ends)

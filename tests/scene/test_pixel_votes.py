@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -102,3 +103,14 @@ def test_a_map_of_another_size_or_table_is_refused() -> None:
         votes.add(camera(), middle(0.2, 0.3, 0.5))
     with pytest.raises(ValueError, match="expected"):
         votes.add(camera(), torch.zeros(2, 9, 8))
+
+
+def test_footprints_are_not_blurred_into_votes() -> None:
+    """They would widen a Gaussian of 10 cm in a photo from so near; `label-splat` gives classes to the splat as its file has it."""
+    plain = on_the_axis((2.0, 0.6), (3.0, 0.9))
+    found = []
+    for gaussians in (plain, replace(plain, footprints=torch.full((2,), 1.0))):
+        votes = PixelVotes(gaussians, 2)
+        votes.add(camera(), torch.full((2, *SIZE), 0.5))
+        found.append(votes.weights)
+    assert torch.equal(*found)

@@ -103,11 +103,17 @@ def test_the_least_confident_gaussians_are_unknown():
     assert tuple(splats.splats("classes").colours[5]) == UNKNOWN_GREY
 
 
-def test_thinning_keeps_the_most_opaque_ones():
+def test_thinning_leaves_out_what_covers_nothing_however_opaque_it_is():
+    """Ten Gaussians of the second view, opaque, behind the wall."""
     scene = wall_and_chair()
-    kept = np.concatenate([group.members for group in SceneSplats.of(scene, at_most=1000).groups])
-    assert len(kept) == 1000
-    assert scene.gaussians.opacities[kept].min() > np.delete(scene.gaussians.opacities.numpy(), kept).max()
+    hidden = 2000 + 50 * torch.arange(15, 25) + 10
+    centre = scene.cameras.centres[1].float()
+    scene.gaussians.opacities[:] = 0.9
+    scene.gaussians.opacities[hidden] = 1.0
+    scene.gaussians.means[hidden] = centre + 1.5 * (scene.gaussians.means[hidden] - centre)
+    kept = np.concatenate([group.members for group in SceneSplats.of(scene, at_most=3990).groups])
+    assert len(kept) == 3990
+    assert not set(hidden.tolist()) & set(kept.tolist())
 
 
 def test_hiding_a_class_leaves_the_others():

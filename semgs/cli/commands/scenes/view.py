@@ -67,9 +67,9 @@ class View:
     html: Annotated[Path | None, optional("FILE.html")] = None
     """Write the scene as one page and exit."""
     max_gaussians: Annotated[
-        Count | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: all; 100,000 for --html)")
+        Count | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: all; 153,600 for --html)")
     ] = None
-    """Show at most this many Gaussians, the most opaque ones. A page has up to 10 MB per 100,000."""
+    """Show at most this many Gaussians, those that cover most pixels of the input views. A page of 100,000 has up to 9 MB."""
     min_confidence: Probability = 0.0
     """Gaussians whose likeliest class is less likely than this are unknown."""
     objects: bool = False
