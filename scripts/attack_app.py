@@ -442,7 +442,7 @@ def read_no_answer(target: Target, report: Report) -> None:
         one = socket.socket()
         one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         one.connect(("127.0.0.1", target.port))
-        one.sendall(f"GET {largest} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode() * 40)
+        one.sendall(f"GET {largest} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode() * (1 + len(connections)))
         connections.append(one)
     time.sleep(SENDING_SECONDS + 3)
     cut = 0

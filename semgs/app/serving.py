@@ -105,6 +105,7 @@ def serve(app: Any, host: str, port: int, started: Callable[[int], None]) -> Non
 
         def connection_made(self, transport: Any) -> None:
             super().connection_made(transport)
+            transport.set_write_buffer_limits(high=0)  # pause_writing comes with the first byte that has to wait
             self._watch()
 
         def data_received(self, data: bytes) -> None:

@@ -43,6 +43,9 @@ LONGEST_SIDE = 1024
 
 QUALITY = 95
 
+MOST_MM = 65535
+"""Longest focal length that EXIF can hold [mm]."""
+
 LONGEST_STEM = 60
 """Longest name of a photo's copy, without its ending [letters]."""
 
@@ -355,7 +358,7 @@ def _reduced(upload: Upload) -> bytes | None:
     exif = Image.Exif()
     if optics.focal_px is not None:
         focal_mm = optics.focal_px * math.hypot(36, 24) / math.hypot(height, width)
-        exif.get_ifd(IFD.Exif)[Base.FocalLengthIn35mmFilm] = max(1, round(focal_mm))
+        exif.get_ifd(IFD.Exif)[Base.FocalLengthIn35mmFilm] = min(max(1, round(focal_mm)), MOST_MM)
     if optics.panorama:
         exif.get_ifd(IFD.Exif)[Base.CustomRendered] = 6
     image.thumbnail((LONGEST_SIDE, LONGEST_SIDE), Image.Resampling.LANCZOS, reducing_gap=3.0)

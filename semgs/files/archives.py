@@ -24,6 +24,9 @@ MOST_BYTES = 1 << 28
 MOST_LISTED = 1 << 26
 """Longest list of members that is read [bytes]: 64 MiB, half a million members."""
 
+LONGEST_NAME = 4000
+"""Longest name of a member, with its folders [letters]; file systems refuse longer ones, and Python reads no longer number."""
+
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _ENCRYPTED = 0x1
 _HEADER = struct.Struct("<4s22xHH")
@@ -151,7 +154,7 @@ def members(archive: Path) -> dict[str, Member]:
     """The files of a zip archive by their names in it.
 
     Raises:
-        InputError: it is not a zip archive or is damaged, its list is longer than `MOST_LISTED`, two members have the same name, or a member is encrypted, compressed by
+        InputError: it is not a zip archive or is damaged, its list is longer than `MOST_LISTED`, two members have the same name, or a member has none or a very long one, is encrypted, compressed by
             another method than deflate, or longer than the archive.
     """
     try:
@@ -163,6 +166,8 @@ def members(archive: Path) -> dict[str, Member]:
     for one in listed:
         if not one.filename:
             raise InputError(archive, "members with names", "one without")
+        if len(one.filename) > LONGEST_NAME:
+            raise InputError(archive, f"names of at most {LONGEST_NAME:,} letters", f"one of {len(one.filename):,}")
         if one.compress_type not in _METHODS or one.flag_bits & _ENCRYPTED:
             fault = "encrypted" if one.flag_bits & _ENCRYPTED else f"compressed by method {one.compress_type}"
             raise InputError(archive, "members that are stored or deflated", f"one {fault}", one.filename)

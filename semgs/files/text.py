@@ -37,7 +37,8 @@ def counted(count: int, one: str, more: str = "") -> str:
 def natural_order(name: str) -> tuple[list[tuple[int, str]], str]:
     """A key to sort names with numbers in them: text and numbers alternate, and numbers count by value, so 2 comes before 10."""
     parts = re.split(r"([0-9]+)", name.lower())
-    return [(int(part), "") if index % 2 else (0, part) for index, part in enumerate(parts)], name
+    digits = [part.lstrip("0") if index % 2 else part for index, part in enumerate(parts)]
+    return [(len(part) if index % 2 else 0, part) for index, part in enumerate(digits)], name
 
 
 def _escaped(character: str) -> str:

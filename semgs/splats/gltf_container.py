@@ -121,7 +121,8 @@ class Container:
         """
         buffers = self.content.get("buffers", [])
         number = len(buffers) if isinstance(buffers, list) else 0
-        size = sum(len(self._buffer(index, f"buffers[{index}]")) for index in range(number))
+        read = [self._buffer(index, f"buffers[{index}]") for index in range(number)]
+        size = sum(len(data) for data in {id(data): data for data in read}.values())
         if count * SMALLEST > size:
             raise InputError(self.path, f"at most {size // SMALLEST:,} Gaussians in {size:,} bytes", f"{count:,}")
 
@@ -138,7 +139,9 @@ class Container:
     def _buffer(self, index: int, place: str) -> bytes:
         """The bytes of a buffer, read once."""
         if index not in self.read:
-            self.read[index] = self._read_buffer(self.entry("buffers", index, place), index, place)
+            buffer = self.entry("buffers", index, place)
+            same = [one for one in self.read if buffer.get("uri") == self.entry("buffers", one, place).get("uri")]
+            self.read[index] = self.read[same[0]] if same else self._read_buffer(buffer, index, place)
         return self.read[index]
 
     def _read_buffer(self, buffer: dict[str, Any], index: int, place: str) -> bytes:

@@ -138,3 +138,12 @@ def test_a_list_of_members_that_is_too_long_is_not_read(tmp_path: Path, monkeypa
     monkeypatch.setattr("semgs.files.archives.MOST_LISTED", 3 * 49 - 1)
     with pytest.raises(InputError, match=r"one that cannot be read: a part of 147 bytes"):
         members(path)
+
+
+def test_members_with_longer_names_than_files_can_have_are_refused(tmp_path: Path):
+    """Digits alone: Python reads no number of more than 4,300, and a capture's frames are named by numbers."""
+    path = tmp_path / "a.zip"
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr(f"keyframes/images/{'1' * 5000}.jpg", b"x")
+    with pytest.raises(InputError, match=r"expected names of at most 4,000 letters, found one of 5,021"):
+        members(path)

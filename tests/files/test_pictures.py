@@ -412,3 +412,52 @@ def test_of_an_animated_image_one_frame_is_decoded(tmp_path: Path):
     for path in (tmp_path / "a.png", tmp_path / "a.jpg"):
         assert most_memory(lambda path=path: read_rgb(path)) < 12_000_000  # one frame has 2.4 MB
         assert read_rgb(path).shape == (800, 1000, 3)
+
+
+def with_exif(
+    path: Path, *entries: tuple[int, int, bytes], pointer: bytes = struct.pack("<HHII", 0x8769, 4, 1, 26)
+) -> Path:
+    """A JPEG of 64x48 pixels whose EXIF data has these entries of 8 bytes: tag, type and value."""
+    start = 26 + 2 + 12 * len(entries) + 4
+    table = b"".join(
+        struct.pack("<HHII", tag, kind, 1, start + 8 * number) for number, (tag, kind, _) in enumerate(entries)
+    )
+    values = b"".join(value for _, _, value in entries)
+    first = b"II*\0" + struct.pack("<IH", 8, 1) + pointer + bytes(4)
+    data = first + struct.pack("<H", len(entries)) + table + bytes(4) + values
+    Image.new("RGB", (64, 48)).save(path, "JPEG", exif=b"Exif\0\0" + data)
+    return path
+
+
+@pytest.mark.parametrize("millimetres", [1e308, 1e12, 1e-320])
+def test_focal_lengths_that_no_camera_has_are_none(tmp_path: Path, millimetres: float):
+    assert read_optics(with_exif(tmp_path / "a.jpg", (0xA405, 12, struct.pack("<d", millimetres)))).focal_px is None
+    long = struct.pack("<d", 1e300)
+    assert read_optics(with_exif(tmp_path / "b.jpg", (0x920A, 12, long), (0xA20E, 12, long))).focal_px is None
+
+
+def test_a_focal_length_of_26_millimetres_is_48_pixels_of_80(tmp_path: Path):
+    """The diagonal has 80 px and 43.27 mm."""
+    found = read_optics(with_exif(tmp_path / "a.jpg", (0xA405, 12, struct.pack("<d", 26.0)))).focal_px
+    assert found == pytest.approx(48.07, abs=0.01)
+
+
+def test_a_place_of_exif_data_before_the_file_is_damage(tmp_path: Path):
+    with pytest.raises(InputError, match="expected readable EXIF data or none"):
+        read_optics(with_exif(tmp_path / "a.jpg", pointer=struct.pack("<HHIi", 0x8769, 9, 1, -5)))
+
+
+def test_a_heic_whose_pixels_are_more_than_it_says_is_damaged(tmp_path: Path):
+    heif = pytest.importorskip("pillow_heif")
+    heif.register_heif_opener()
+    data = io.BytesIO()
+    noise = np.random.default_rng(0).integers(0, 255, (1024, 1024, 3), np.uint8)
+    Image.fromarray(noise).save(data, "HEIF", quality=20)
+    lying = bytearray(data.getvalue())
+    at = lying.find(b"ispe")
+    while at >= 0:
+        lying[at + 8 : at + 16] = struct.pack(">II", 64, 64)
+        at = lying.find(b"ispe", at + 1)
+    (tmp_path / "a.heic").write_bytes(lying)
+    with pytest.raises(InputError):
+        read_upright(tmp_path / "a.heic")

@@ -45,3 +45,8 @@ def test_numbers_in_names_are_sorted_by_value_and_letters_of_any_case_alike() ->
 def test_a_count_is_followed_by_the_singular_or_the_plural():
     assert [counted(n, "scene") for n in (0, 1, 2, 1200)] == ["0 scenes", "1 scene", "2 scenes", "1,200 scenes"]
     assert [counted(n, "class", "classes") for n in (1, 2)] == ["1 class", "2 classes"]
+
+
+def test_numbers_in_names_count_by_value_however_long_they_are():
+    names = [f"a{'9' * 5000}", "a10", "a2", f"a1{'0' * 5000}", "a02"]
+    assert sorted(names, key=natural_order) == ["a02", "a2", "a10", f"a{'9' * 5000}", f"a1{'0' * 5000}"]

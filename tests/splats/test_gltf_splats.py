@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 from math import sqrt
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 import torch
 from saved_scenes import wall
 from splat_files import SPLAT, glb, gltf, gltf_arrays, gltf_text, known_gaussian, save
+from traced_memory import most_memory
 
 from semgs.export.gltf import save_gltf
 from semgs.files.errors import InputError
@@ -202,3 +204,13 @@ def test_a_folder_or_nothing_is_refused(tmp_path: Path):
     for path, found in ((tmp_path, "no file"), (tmp_path / "no.ply", "no such file")):
         with pytest.raises(InputError, match=found):
             load_splat(path)
+
+
+def test_buffers_of_one_file_are_read_once(tmp_path: Path):
+    content, body = gltf(gltf_arrays())
+    save(tmp_path / "a.bin", body + bytes(1_000_000))
+    text = json.loads(gltf_text(content, body, "a.bin"))
+    text["buffers"] *= 200
+    path = save(tmp_path / "a.gltf", json.dumps(text).encode())
+    assert load_splat(path).gaussians.means.tolist() == [[1, -2, 3]]
+    assert most_memory(lambda: load_splat(path)) < 20_000_000

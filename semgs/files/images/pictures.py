@@ -46,6 +46,8 @@ _PANORAMA = 6
 """What iPhones write as CustomRendered of a panorama."""
 _MM = {2: 25.4, 3: 10.0}
 """Millimetres of FocalPlaneResolutionUnit: inches, centimetres."""
+MOST_FOCAL_PX = 1e6
+"""A longer focal length is damage: telescopes have less [px]."""
 _EIGHT_BITS, _SIXTEEN_BITS = ("L", "P"), ("I;16", "I;16B", "I;16L")
 _DAMAGE = (
     OSError,
@@ -53,6 +55,8 @@ _DAMAGE = (
     ValueError,
     EOFError,
     IndexError,
+    OverflowError,
+    RuntimeError,
     struct.error,
     zlib.error,
     Image.DecompressionBombError,
@@ -115,18 +119,21 @@ def read_optics(path: str | Stored) -> Optics:
         ImportError: it is a HEIC, and pillow-heif is not installed.
     """
     with _opened(path) as image:
-        exif = _readable_exif(path, image).get_ifd(_EXIF)
+        try:
+            exif = _readable_exif(path, image).get_ifd(_EXIF)
+        except _DAMAGE as error:
+            raise InputError(path, "readable EXIF data or none", str(error)) from error
         equivalent, focal, per_unit = (_positive(exif.get(tag)) for tag in (_FOCAL_35_MM, _FOCAL_MM, _PLANE_X))
         xmp = image.info.get("xmp", b"")
         stitched = exif.get(_CUSTOM) == _PANORAMA or b"GPano:" in (xmp if isinstance(xmp, bytes) else str(xmp).encode())
         if equivalent:
-            return Optics(equivalent * math.hypot(*image.size) / _DIAGONAL_35_MM, stitched)
+            return Optics(_possible_focal(equivalent * math.hypot(*image.size) / _DIAGONAL_35_MM), stitched)
         unit = _MM.get(exif.get(_PLANE_UNIT, 2))
         if not (focal and per_unit and unit):
             return Optics(None, stitched)
         taken = [side for tag in (_TAKEN_WIDTH, _TAKEN_HEIGHT) if (side := _positive(exif.get(tag)))]
         shrunk = max(image.size) / max(taken) if len(taken) == 2 else 1.0
-        return Optics(focal * per_unit / unit * shrunk, stitched)
+        return Optics(_possible_focal(focal * per_unit / unit * shrunk), stitched)
 
 
 def read_upright(path: str | Stored) -> np.ndarray:
@@ -411,6 +418,11 @@ def _positive(value: object) -> float | None:
     except (TypeError, ValueError, ZeroDivisionError):
         return None
     return number if math.isfinite(number) and number > 0 else None
+
+
+def _possible_focal(focal_px: float) -> float | None:
+    """A focal length [px] that a camera can have, else None."""
+    return focal_px if 1 <= focal_px < MOST_FOCAL_PX else None
 
 
 def _decode(path: str | Stored, image: Image.Image) -> None:

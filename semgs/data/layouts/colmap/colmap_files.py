@@ -63,8 +63,8 @@ ADVICE = {
 }
 """What to do about some models."""
 
-_POSITION = rb"(?:[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf))"
-_IMAGE_POINTS = re.compile(rb"(?:%b\s+%b\s+-?\d+(?:\s+|$))+" % (_POSITION, _POSITION))
+_POSITION = rb"(?:[-+]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?|[-+]?(?:nan|inf))"
+_IMAGE_POINTS = re.compile(rb"(?:%b\s++%b\s++-?\d++(?:\s++|$))++" % (_POSITION, _POSITION))
 """A line of images.txt that lists points, X Y POINT3D_ID each. Names may be of several words, too, but these are not all numbers."""
 
 _COUNT = struct.Struct("<Q")

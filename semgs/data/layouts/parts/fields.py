@@ -14,7 +14,7 @@ from semgs.files.errors import InputError
 from semgs.files.stored import Stored
 from semgs.files.strict_json import read_json
 
-_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
+_NUMBER = re.compile(r"[-+]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][-+]?[0-9]++)?")
 """A number in a text. `float` also takes others, such as 1_2."""
 
 

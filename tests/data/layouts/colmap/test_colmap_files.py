@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import struct
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from semgs.data.layouts.colmap import colmap_files
 from semgs.data.layouts.colmap.colmap_files import PARAMETERS, read_cameras, read_images, read_points
 from semgs.files.errors import InputError
 
@@ -181,3 +183,15 @@ def test_a_model_without_points_has_none_for_any_image(tmp_path: Path):
     found = read_points(tmp_path / "points3D.txt", {1, 2}, 100)
     assert found.positions.shape == (0, 3)
     assert found.seen == {}
+
+
+@pytest.mark.parametrize(
+    "line", [b"11 11 1 " * 40 + b"x", b"1" * 40_000 + b" 2", b"1.1e1 " * 5000 + b"x", b"1 2 " + b"3" * 40_000 + b"x"]
+)
+def test_lines_that_look_like_points_are_judged_at_once(line: bytes):
+    """A number that could be read in two ways doubled the time with each of them."""
+    start = time.process_time()
+    assert colmap_files._IMAGE_POINTS.fullmatch(line) is None
+    assert time.process_time() - start < 1
+    assert colmap_files._IMAGE_POINTS.fullmatch(b"1.5 -2 -1 3e2 .5 7")
+    assert colmap_files._IMAGE_POINTS.fullmatch(b"1. nan 12")
