@@ -227,7 +227,7 @@ def _covering(scene: SavedScene, at_most: int | None) -> Bool[np.ndarray, " g"]:
     kept = np.ones(len(scene.gaussians), np.bool_)
     if at_most is not None and at_most < len(kept):
         ones = torch.ones(1, 1, 1, 1).expand(len(scene.frames), 1, *scene.cameras.size)
-        covered = sum(gather_maps(scene.gaussians, ones, scene.cameras, near=scene.near))[:, 0].numpy()
+        covered = torch.stack(gather_maps(scene.gaussians, ones, scene.cameras, near=scene.near)).sum((0, 2)).numpy()
         kept[np.argsort(-covered, kind="stable")[at_most:]] = False
     return kept
 
