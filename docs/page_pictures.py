@@ -114,7 +114,9 @@ def photo_to_3d() -> None:
             (image if index < 12 else overlay(image, labels[index], scene.classes, min(1.0, (index - 11) / 4)), 110)
         )
     pictures = [Image.fromarray(frame).resize((240, 180)) for frame, _ in frames]
-    found = [one.quantize(COLOURS, kmeans=1, dither=Image.Dither.NONE) for one in pictures]  # each with a palette of its own
+    found = [
+        one.quantize(COLOURS, kmeans=1, dither=Image.Dither.NONE) for one in pictures
+    ]  # each with a palette of its own
     check_colours(pictures[-1], found[-1].convert("RGB"), labels[-1])
     path = IMAGES / "photo_to_3d.gif"
     found[0].save(
