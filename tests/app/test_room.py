@@ -123,6 +123,7 @@ def test_a_note_that_all_photos_were_placed_is_no_news():
     assert plain_note("The cameras of 3 of 3 photos were estimated from the photos.") == ""
 
 
+@pytest.mark.long
 def test_a_room_in_a_browser_hides_classes_names_what_is_clicked_and_measures(room: Path):
     with served(room) as address, page_of((700, 420), offline=False) as page:
         page.goto(f"{address}/index.html")

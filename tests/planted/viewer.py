@@ -22,8 +22,8 @@ VIEWER = (
         'if mode in ("classes", "confidence", "things") else gaussians.colour', "if mode == 'none' else gaussians.colour", OF_SPLATS,
     ),
     Mutant(
-        "the most transparent Gaussians are kept", "semgs/viewer/splat_groups.py",
-        'np.argsort(-opacities, kind="stable")', 'np.argsort(opacities, kind="stable")', OF_SPLATS,
+        "the Gaussians that cover least are kept", "semgs/viewer/splat_groups.py",
+        'np.argsort(-covered, kind="stable")', 'np.argsort(covered, kind="stable")', OF_SPLATS,
     ),
     Mutant(
         "a click stops at the first Gaussian", "semgs/viewer/pick.py",
