@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, BinaryIO, Self
+from typing import Any, BinaryIO
 from urllib.parse import quote
 
 from semgs.files.extras import needs_extra
@@ -159,7 +159,7 @@ class _Growing:
     def __init__(self, file: Any, left: int) -> None:
         self._file, self._left = file, left
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> _Growing:
         return self
 
     def __exit__(self, *error: object) -> None:
