@@ -52,6 +52,9 @@ ROUTES = (
 MOST_JSON = 256 * 1024
 """Largest body of a request other than an upload [bytes]."""
 
+MOST_FILES, MOST_LETTERS = 100, 1000
+"""Files of a call, unless the limits say it, and letters of a text in it: gradio keeps what the last thousands of pages sent."""
+
 MEASURED_BYTES = 4 * MIB
 """After so much of an upload, it is checked whether the folder is full."""
 
@@ -143,7 +146,7 @@ class Door:
         """Let through a call of one of the page's functions, rewritten so that it holds nothing but what such a call needs."""
         try:
             body = await _whole(receive, MOST_JSON)
-            checked = checked_call(parse_json(body), self._inputs, self._uploads)
+            checked = checked_call(parse_json(body), self._inputs, self._uploads, self._limits.photos + 1)
         except _StopReadingError as error:
             return await _answer(scope, send, error.status, error.sentence)
         except UnusableUploadError as error:
@@ -234,13 +237,14 @@ def is_plain(path: str, query: str) -> bool:
     )
 
 
-def checked_call(body: Any, inputs: Sequence[int], uploads: Path) -> dict[str, Any]:
+def checked_call(body: Any, inputs: Sequence[int], uploads: Path, most: int = MOST_FILES) -> dict[str, Any]:
     """A call of one of the page's functions, with nothing in it but what that needs.
 
     Args:
         body: what a browser sent, from JSON.
         inputs: how many values each function takes.
         uploads: the folder for what browsers send; files are in it.
+        most: files of a call.
 
     Raises:
         ValueError: it is no such call.
@@ -254,7 +258,7 @@ def checked_call(body: Any, inputs: Sequence[int], uploads: Path) -> dict[str, A
     if not isinstance(session, str) or not SESSION.fullmatch(session) or not (trigger is None or _is_count(trigger)):
         raise ValueError(BAD_REQUEST)
     return {
-        "data": [_checked_value(value, uploads) for value in data],
+        "data": [_checked_value(value, uploads, most) for value in data],
         "event_data": None,
         "fn_index": number,
         "trigger_id": trigger,
@@ -300,12 +304,14 @@ class _StopReadingError(Exception):
         self.status, self.sentence = status, sentence
 
 
-def _checked_value(value: Any, uploads: Path) -> Any:
-    """A value of an input: a text, a number, nothing, or a list of uploaded files."""
-    if value is None or isinstance(value, str | int | float):
+def _checked_value(value: Any, uploads: Path, most: int) -> Any:
+    """A value of an input: a short text, a number, nothing, or a list of different uploaded files."""
+    if value is None or isinstance(value, int | float) or (isinstance(value, str) and len(value) <= MOST_LETTERS):
         return value
-    if isinstance(value, list):
-        return [_checked_file(one, uploads) for one in value]
+    if isinstance(value, list) and len(value) <= most:
+        files = [_checked_file(one, uploads) for one in value]
+        if len({one["path"] for one in files}) == len(files):
+            return files
     raise ValueError(BAD_REQUEST)
 
 

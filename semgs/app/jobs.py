@@ -69,6 +69,9 @@ DISK_SECONDS = 2.0
 FREE_SHARE = 0.9
 """A job may take this share of the memory that is free when it starts, so that the system never has to choose what it kills."""
 
+FORGOTTEN_SECONDS = 600.0
+"""Failed and cancelled jobs are forgotten after this time."""
+
 TRIES = 3
 """A job fails if so many workers in a row end before they have begun it."""
 
@@ -417,7 +420,7 @@ class Jobs:
         old = [
             (job, name)
             for (job, name), size in zip(parts, together, strict=True)
-            if now - job.ended > ages[name]
+            if now - job.ended > (ages[name] if job.state == "done" else FORGOTTEN_SECONDS)
             or (size > self.limits.rooms_bytes and (job is not over[0] or name == FILES))
         ]
         with self._lock:

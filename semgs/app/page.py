@@ -30,6 +30,9 @@ MOST_PAGES = 8
 OTHER_CALLS = 40
 """So many calls of the page are answered at once, beside those that follow a job."""
 
+MOST_SESSIONS = 400
+"""Pages of which gradio keeps what was entered."""
+
 MOST_FOLLOWED = 1000
 """Identifiers of uploads that are kept at most."""
 
@@ -96,6 +99,7 @@ def mount_page(application: Any, jobs: Jobs, local: bool) -> tuple[Any, list[int
 
     _restrain(gradio, jobs.limits)
     page = _build(jobs, local)
+    page.state_session_capacity = MOST_SESSIONS
     web = files("semgs.app").joinpath("web")
     css, script = (web.joinpath(name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
     mounted = gradio.mount_gradio_app(
@@ -153,6 +157,12 @@ def _restrain(gradio: Any, limits: Limits) -> None:
 
     statuses: Any = routes.file_upload_statuses
     statuses._signals, statuses._statuses = Newest(asyncio.Event), Newest()
+
+    def named(self: Any, file: Any) -> str:
+        """The path of an uploaded file. gradio makes an empty temporary file for each, and leaves it."""
+        return str(file.path)
+
+    gradio.File._process_single_file = named
     for module in (queueing, route_utils, routes):
         setattr(module, "traceback", Failures)  # noqa: B010 - no part of what it promises
     route_utils.GradioMultiPartParser = FilesOnly  # type: ignore[misc]

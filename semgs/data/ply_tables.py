@@ -22,6 +22,9 @@ EXPECTED = "a PLY file"
 LONGEST_HEADER = 1 << 20
 """Bytes in which the header has to end."""
 
+MOST_ELEMENTS = 100
+"""Elements of a header; files have a handful."""
+
 MOST_DIGITS = 12
 """Digits of a count."""
 
@@ -115,8 +118,10 @@ def _header(path: str | Stored, text: bytes) -> tuple[str, list[Element], tuple[
             case ["format", name, "1.0"] if name in ORDERS and order is None:
                 order = ORDERS[name]
             case ["element", name, count] if count.isascii() and count.isdigit() and len(count) <= MOST_DIGITS:
-                if any(element.name == name for element in elements):
-                    raise InputError(path, "elements with different names", f"{name} twice", place)
+                if len(elements) == MOST_ELEMENTS or any(element.name == name for element in elements):
+                    raise InputError(
+                        path, f"at most {MOST_ELEMENTS} elements with different names", f"{name:.60} as well", place
+                    )
                 elements.append(Element(name, int(count), {}))
             case ["property", "list", _, _, name] if elements:
                 _add(path, place, elements[-1], name, "list")

@@ -37,7 +37,14 @@ def read_array(path: Stored, kinds: str = KINDS) -> np.ndarray:
         except (tokenize.TokenError, SyntaxError, TypeError, RecursionError, MemoryError) as error:
             raise ValueError(f"a header that cannot be parsed: {error}") from error
     length = math.prod(shape) * dtype.itemsize
-    if dtype.kind not in kinds or dtype.hasobject or min(shape, default=0) < 0 or length != len(data) - file.tell():
+    if (
+        any(isinstance(side, bool) for side in shape)
+        or dtype.kind not in kinds
+        or dtype.hasobject
+        or min(shape, default=0) < 0
+        or length != len(data) - file.tell()
+    ):
         found = f"a header of {shape} of {dtype} and {len(data) - file.tell()} bytes"
         raise InputError(path, "an array of numbers, as long as its header says", found)
-    return np.frombuffer(data, dtype, offset=file.tell()).reshape(shape, order="F" if in_columns else "C")
+    with input_error(path, "an array of numbers"):
+        return np.frombuffer(data, dtype, offset=file.tell()).reshape(shape, order="F" if in_columns else "C")

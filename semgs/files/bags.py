@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import bz2
 import os
+import re
 from collections.abc import Callable
-from functools import cache
+from functools import cache, wraps
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO
@@ -61,13 +62,25 @@ def check_definitions(reader: Any) -> None:
     Raises:
         ValueError: one is too long.
     """
-    for connection in reader.connections:
-        if len(connection.msgdef.data) > MOST_DEFINITION:
-            raise ValueError(f"a definition of more than {MOST_DEFINITION:,} characters")
     for name, (_, fields) in reader.typestore.fielddefs.items():
         for field, (kind, content) in fields:
             if kind == ARRAY and content[1] > (MOST_NUMBERS if _is_number(content[0]) else MOST_ELEMENTS):
                 raise ValueError(f"{content[1]:,} elements in {name}.{field}")
+
+
+def _bounded(parse: Callable[..., Any]) -> Callable[..., Any]:
+    """A parser of definitions that refuses long ones, and IDL with nested parentheses or with any in a constant: each pair multiplies rosbags' time by fifty."""
+
+    @wraps(parse)
+    def checked(text: str, *more: Any) -> Any:
+        if len(text) > MOST_DEFINITION:
+            raise ValueError(f"a definition of more than {MOST_DEFINITION:,} characters")
+        bare = re.sub(r'"(?:[^"\\]|\\.)*+"|//[^\n]*+|/\*.*?\*/', "", text, flags=re.DOTALL)
+        if not more and (re.search(r"\bconst\b[^;]*\(|\([^()]*\(", bare) or "<<" in bare):
+            raise ValueError("a definition with computed constants or nested parentheses")
+        return parse(text, *more)
+
+    return checked
 
 
 def _is_number(described: tuple[Any, Any]) -> bool:
@@ -181,12 +194,17 @@ def _bound_rosbags() -> None:
     It looks them up in tables, or in its modules. A version that has them elsewhere stays as it is.
     """
     from lz4.frame import LZ4FrameDecompressor
+    from rosbags.highlevel import anyreader
     from rosbags.rosbag1 import reader as reader_of_ros_1
     from rosbags.rosbag2 import reader as reader_of_ros_2
     from rosbags.rosbag2 import storage_mcap, storage_sqlite3
 
     if not isinstance(storage_sqlite3.apsw, _Sqlite):
         vars(storage_sqlite3)["apsw"] = _Sqlite(storage_sqlite3.apsw)
+
+    for name in ("get_types_from_msg", "get_types_from_idl"):
+        if not hasattr(parse := getattr(anyreader, name), "__wrapped__"):
+            vars(anyreader)[name] = _bounded(parse)
 
     streams: dict[str, Callable[[], Any]] = {"bz2": bz2.BZ2Decompressor, "lz4": LZ4FrameDecompressor}
     zstd: Any = getattr(reader_of_ros_2, "zstd", None)

@@ -42,12 +42,14 @@ class Container:
         content: its JSON object.
         body: the binary chunk of a .glb; None if it has none.
         read: the buffers that were read, by their number.
+        indices: the number of the first buffer from each place.
     """
 
     path: Path
     content: dict[str, Any]
     body: bytes | None = None
     read: dict[int, bytes] = field(default_factory=dict)
+    indices: dict[str, int] = field(default_factory=dict)
 
     def entry(self, kind: str, index: object, place: str) -> dict[str, Any]:
         """An object of a list of the file, such as "accessors".
@@ -140,8 +142,9 @@ class Container:
         """The bytes of a buffer, read once."""
         if index not in self.read:
             buffer = self.entry("buffers", index, place)
-            same = [one for one in self.read if buffer.get("uri") == self.entry("buffers", one, place).get("uri")]
-            self.read[index] = self.read[same[0]] if same else self._read_buffer(buffer, index, place)
+            uri = buffer.get("uri")
+            same = self.indices.setdefault(uri, index) if isinstance(uri, str) else index
+            self.read[index] = self.read[same] if same in self.read else self._read_buffer(buffer, index, place)
         return self.read[index]
 
     def _read_buffer(self, buffer: dict[str, Any], index: int, place: str) -> bytes:

@@ -353,6 +353,19 @@ def test_links_from_elsewhere_lead_to_the_page_and_to_rooms(uploads: Path, path:
     assert answer(uploads, path, method="GET", **foreign)[0] == expected
 
 
+def test_a_call_names_few_files_each_once_and_short_texts(uploads: Path):
+    """gradio keeps something for each of them."""
+    one = file(uploads / "abc" / "a.jpg")
+    (uploads / "abc" / "b.jpg").write_bytes(b"photo")
+    other = file(uploads / "abc" / "b.jpg")
+    assert len(checked_call({**CALL, "data": [[one, other], 2, "a" * 1000]}, [3], uploads, 2)["data"][0]) == 2
+    for data in ([[one, one], 2, ""], [[one, other, one], 2, ""], [[one] * 3, 2, ""], [[one], 2, "a" * 1001]):
+        with pytest.raises(ValueError, match="not a request of the page"):
+            checked_call({**CALL, "data": data}, [3], uploads, 2)
+    with pytest.raises(ValueError, match="not a request of the page"):
+        checked_call({**CALL, "data": [[one, other], 2, ""]}, [3], uploads, 1)
+
+
 def test_the_answer_to_an_upload_says_where_the_file_is_in_the_folder_alone(uploads: Path):
     async def behind(scope: Any, receive: Any, send: Any) -> None:
         await receive()

@@ -158,3 +158,23 @@ def test_definitions_for_which_code_without_end_would_be_written_are_refused(
 
 def test_honest_arrays_of_a_fixed_length_are_read(tmp_path: Path):
     assert Bag(bag_of(tmp_path / "a", "string[1024] a\nfloat64[36] b")).topics == {"/own": "own/msg/Own"}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "const long A = ((1));",
+        "const long A = (1);",
+        "const long A = 1 << 80000000;",
+        "@a(value=((1))) struct B { long c; };",
+    ],
+)
+def test_definitions_in_idl_that_take_for_ever_are_refused(line: str):
+    from rosbags.highlevel import anyreader
+
+    bags._bound_rosbags()
+    text = "module own { module msg { %s struct Own { long a; }; }; };"
+    with pytest.raises(ValueError, match="computed constants or nested parentheses"):
+        anyreader.get_types_from_idl(text % line)
+    honest = text % '@verbatim (language="comment", text="a (b (c)) const (d)") // const (e)\n'
+    assert "own/msg/Own" in anyreader.get_types_from_idl(honest)

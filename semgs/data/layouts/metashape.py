@@ -108,7 +108,7 @@ def _file(path: Path) -> Path | None:
     """The file of the cameras at a path, None if there is none."""
     files = [path] if path.is_file() else sorted(path.glob("*.xml")) if path.is_dir() else []
     for file in files:
-        if file.suffix.lower() == ".xml":
+        if file.suffix.lower() == ".xml" and file.is_file():
             with file.open("rb") as opened:
                 start = opened.read(START)
             if b"<document" in start and b"<chunk" in start:

@@ -102,6 +102,8 @@ def _scannet20_labels(path: Path | Stored, content: dict[str, Any]) -> tuple[int
     """The label in ScanNet's 20 classes of each number, from a file that states it with `scannet20`."""
     if unknown := sorted(content.keys() - {"name", "classes", "unknown", "terms"}):
         raise InputError(path, "name, classes, unknown, terms", repr(unknown[0]))
+    if not isinstance(content.get("unknown", IGNORE), int):
+        raise InputError(path, "a whole number", f"{content['unknown']!r:.60}", key="unknown")
     labels: dict[Any, int] = {IGNORE: IGNORE, content.get("unknown", IGNORE): IGNORE}
     for index, entry in enumerate(content["classes"]):
         key = f"classes[{index}]"

@@ -62,7 +62,7 @@ class BagFile:
             if stamp_of(message) == self.stamp:
                 try:
                     return as_file(message)
-                except ValueError as error:
+                except (AttributeError, TypeError, ValueError) as error:
                     raise OSError(str(error)) from error
         raise OSError("the message is no longer in the bag")
 

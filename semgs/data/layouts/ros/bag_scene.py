@@ -59,6 +59,16 @@ def open_recording(path: Path, details: SceneDetails) -> Scene:
         InputError: it is damaged, or has no images, intrinsics or poses, or several and no choice; the error lists what there is.
         ImportError: rosbags is not installed.
     """
+    try:
+        return _recording(path, details)
+    except InputError:
+        raise
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
+        raise InputError(path, "messages with the fields of their types", f"others: {error}") from error
+
+
+def _recording(path: Path, details: SceneDetails) -> Scene:
+    """As `open_recording`, but for messages whose fields are not those of their types, as a bag defines them itself."""
     bag = open_bag(path)
     topic = choose_pictures(bag, details.camera)
     frame = frame_id_of(bag.first(topic))

@@ -90,7 +90,7 @@ def _size(fields: Mapping[str, str], name: str) -> tuple[int, int] | None:
     """(height, width) of a camera's images from `_info.txt` or `SCAN.txt`."""
     for before in (name, f"m_{name}"):
         height, width = (fields.get(f"{before}{side}", "") for side in ("Height", "Width"))
-        if all(side.isdecimal() and int(side) for side in (height, width)):
+        if all(side.isdecimal() and len(side) <= 6 and int(side) for side in (height, width)):
             return int(height), int(width)
     return None
 

@@ -96,6 +96,8 @@ def normal(name: str) -> str:
 
 def _whole(path: Path, line: int, column: str, text: str, allowed: range) -> int:
     """An integer of the table, in the allowed range."""
-    if not text.isdecimal() or int(text) not in allowed:
-        raise InputError(path, f"a whole number {allowed[0]}..{allowed[-1]}", repr(text), key=f"line {line}, {column}")
+    if not text.isdecimal() or len(text) > 9 or int(text) not in allowed:
+        raise InputError(
+            path, f"a whole number {allowed[0]}..{allowed[-1]}", f"{text!r:.60}", key=f"line {line}, {column}"
+        )
     return int(text)
