@@ -23,9 +23,6 @@ MOST_GROWTH = 100
 MOST_DEFINITION, MOST_ELEMENTS, MOST_NUMBERS = 1 << 18, 1 << 10, 1 << 26
 """Characters of the definition of a message; elements of an array of fixed length in it, and of one of numbers."""
 
-BASE, ARRAY = 1, 3
-"""Kinds of fields, as rosbags numbers them."""
-
 METADATA, MOST_METADATA = "metadata.yaml", 1 << 20
 """The list of a bag's topics, and its largest size [bytes]."""
 
@@ -62,9 +59,11 @@ def check_definitions(reader: Any) -> None:
     Raises:
         ValueError: one is too long.
     """
+    from rosbags.interfaces import Nodetype
+
     for name, (_, fields) in reader.typestore.fielddefs.items():
         for field, (kind, content) in fields:
-            if kind == ARRAY and content[1] > (MOST_NUMBERS if _is_number(content[0]) else MOST_ELEMENTS):
+            if kind == Nodetype.ARRAY and content[1] > (MOST_NUMBERS if _is_number(content[0]) else MOST_ELEMENTS):
                 raise ValueError(f"{content[1]:,} elements in {name}.{field}")
 
 
@@ -85,8 +84,10 @@ def _bounded(parse: Callable[..., Any]) -> Callable[..., Any]:
 
 def _is_number(described: tuple[Any, Any]) -> bool:
     """Whether elements of an array, as rosbags describes them, are numbers, which are read at once."""
+    from rosbags.interfaces import Nodetype
+
     kind, content = described
-    return kind == BASE and content[0] != "string"
+    return kind == Nodetype.BASE and content[0] != "string"
 
 
 def inflate(data: bytes, decompressor: Callable[[], Any]) -> bytes:

@@ -144,7 +144,8 @@ def refine_until(
         raise ValueError(
             f"the encoding has depths {tuple(encoding.depths.shape)}; expected those of {len(views)} views of {views.size[0]}x{views.size[1]}"
         )
-    unknowns = Unknowns(with_faded_borders(encoding, views), views, moves)
+    shared = seen_by_several(encoding, views)
+    unknowns = Unknowns(with_faded_borders(encoding, views, shared), views, moves, shared)
     curve, best = [], None
     if check is not None:
         curve, best = [_psnr(encoding, check, exposure)], encoding
@@ -169,10 +170,10 @@ def refine_until(
 
 
 class Unknowns:
-    """What learns, and the scene that it makes of another."""
+    """What learns, and the scene that it makes of another. Gaussians that are not `shared` learn their colour only."""
 
-    def __init__(self, encoding: Encoding, views: Views, moves: bool) -> None:
-        self._start, self._moves = encoding.map(torch.Tensor.detach), moves
+    def __init__(self, encoding: Encoding, views: Views, moves: bool, shared: Bool[Tensor, " g"]) -> None:
+        self._start, self._moves, self._shared = encoding.map(torch.Tensor.detach), moves, shared
         gaussians = self._start.gaussians
         self._blocks = encoding.blocks.to(gaussians.means.device)
         owner = encoding.own_views
@@ -194,7 +195,6 @@ class Unknowns:
         self.cells = Unknown(zeros(len(views), 1, *cells), 0.003)
         self.depth = Unknown(zeros(len(gaussians)), 0.002, together=True)
         self.aside = Unknown(zeros(len(gaussians), 2), 0.1, together=True)
-        self._shared = seen_by_several(self._start, views)
 
     def step(self, factor: float) -> None:
         """One step of all."""
@@ -259,14 +259,14 @@ class Unknowns:
 
 
 @torch.no_grad()
-def with_faded_borders(encoding: Encoding, views: Views) -> Encoding:
-    """The same scene with less opaque Gaussians near the borders of their photos, where another photo sees the same. Photos are darker there, and end in a step."""
+def with_faded_borders(encoding: Encoding, views: Views, shared: Bool[Tensor, " g"]) -> Encoding:
+    """The same scene with less opaque Gaussians near the borders of their photos, if they are shared with another photo. Photos are darker there, and end in a step."""
     (height, width), means = views.size, encoding.gaussians.means
     down, along = (torch.arange(side) + 0.5 for side in (height, width))
     inwards = torch.minimum(torch.minimum(down, height - down)[:, None], torch.minimum(along, width - along))
     part = (inwards / (BORDER * min(height, width))).clamp(max=1).to(means)
     factors = FAINTEST + (1 - FAINTEST) * encoding.per_gaussian(part.expand(len(views), 1, height, width))[:, 0]
-    factors = torch.where(seen_by_several(encoding, views), factors, 1)
+    factors = torch.where(shared, factors, 1)
     return replace(encoding, gaussians=replace(encoding.gaussians, opacities=factors * encoding.gaussians.opacities))
 
 

@@ -76,6 +76,18 @@ def answer(
     return sent[0]["status"], sent[-1]["body"].decode(), behind.bodies, told
 
 
+async def posted(uploads: Path, path: str, receive: Any, behind: Any = None) -> list[Any]:
+    """The messages that answer a request whose body comes from `receive`."""
+    sent: list[Any] = []
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    scope = {"type": "http", "method": "POST", "path": path, "headers": [(b"host", b"localhost")], "query_string": b""}
+    await Door(behind or Behind(), Access(), uploads, LIMITS, [3])(scope, receive, send)
+    return sent
+
+
 @pytest.fixture
 def uploads(tmp_path: Path) -> Path:
     """A folder of uploads with one file, beside a file of this machine."""
@@ -275,26 +287,11 @@ def test_uploads_that_fill_the_folder_together_end(uploads: Path, monkeypatch: p
 def test_bodies_that_do_not_come_are_given_up(uploads: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(door, "BODY_SECONDS", 0.05)
 
-    async def asked(path: str) -> int:
-        sent: list[Any] = []
+    async def never() -> Any:
+        await asyncio.sleep(60)
 
-        async def never() -> Any:
-            await asyncio.sleep(60)
-
-        async def send(message: Any) -> None:
-            sent.append(message)
-
-        scope = {
-            "type": "http",
-            "method": "POST",
-            "path": path,
-            "headers": [(b"host", b"localhost")],
-            "query_string": b"",
-        }
-        await Door(Behind(), Access(), uploads, LIMITS, [3])(scope, never, send)
-        return int(sent[0]["status"])
-
-    assert [asyncio.run(asked(path)) for path in (JOIN, UPLOAD)] == [408, 408]
+    for path in (JOIN, UPLOAD):
+        assert asyncio.run(posted(uploads, path, never))[0]["status"] == 408
 
 
 def test_bodies_that_come_too_slowly_are_given_up(uploads: Path, monkeypatch: pytest.MonkeyPatch):
@@ -302,8 +299,7 @@ def test_bodies_that_come_too_slowly_are_given_up(uploads: Path, monkeypatch: py
     monkeypatch.setattr(door, "BODY_SECONDS", 0.2)
     monkeypatch.setattr(door, "BODY_BYTES", 100)
 
-    async def asked(part: bytes) -> int:
-        sent: list[Any] = []
+    def status(part: bytes) -> int:
         left = 9
 
         async def slowly() -> Any:
@@ -312,21 +308,10 @@ def test_bodies_that_come_too_slowly_are_given_up(uploads: Path, monkeypatch: py
             await asyncio.sleep(0.05)
             return {"type": "http.request", "body": part, "more_body": left > 0}
 
-        async def send(message: Any) -> None:
-            sent.append(message)
+        return int(asyncio.run(posted(uploads, UPLOAD, slowly))[0]["status"])
 
-        scope = {
-            "type": "http",
-            "method": "POST",
-            "path": UPLOAD,
-            "headers": [(b"host", b"localhost")],
-            "query_string": b"",
-        }
-        await Door(Behind(), Access(), uploads, LIMITS, [3])(scope, slowly, send)
-        return int(sent[0]["status"])
-
-    assert asyncio.run(asked(b"x")) == 408
-    assert asyncio.run(asked(bytes(100))) == 200
+    assert status(b"x") == 408
+    assert status(bytes(100)) == 200
 
 
 @pytest.mark.parametrize(
@@ -379,18 +364,7 @@ def test_the_answer_to_an_upload_says_where_the_file_is_in_the_folder_alone(uplo
     async def receive() -> Any:
         return {"type": "http.request", "body": b"", "more_body": False}
 
-    async def send(message: Any) -> None:
-        sent.append(message)
-
-    sent: list[Any] = []
-    scope = {
-        "type": "http",
-        "method": "POST",
-        "path": UPLOAD,
-        "headers": [(b"host", b"localhost")],
-        "query_string": b"",
-    }
-    asyncio.run(Door(behind, Access(), uploads, LIMITS)(scope, receive, send))
+    sent = asyncio.run(posted(uploads, UPLOAD, receive, behind))
     assert sent[1]["body"] == b'["abc/a.jpg"]'
     assert dict(sent[0]["headers"])[b"content-length"] == b"13"
     assert checked_call({**CALL, "data": [[file("abc/a.jpg")], 2, ""]}, [3], uploads)["data"][0][0]["path"] == str(

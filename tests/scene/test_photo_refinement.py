@@ -212,7 +212,7 @@ def test_a_gaussian_is_shared_where_the_other_photo_has_the_same_depth() -> None
 def test_what_several_photos_see_fades_towards_their_borders() -> None:
     """The border has 12 % of 8 px. The outermost pixels are 0.5 px inside: 0.5 + 0.5 * 0.5 / 0.96 = 0.7604. What one photo alone sees stays."""
     walls, views = two_walls()
-    opacities = with_faded_borders(walls, views).gaussians.opacities.reshape(2, 8, 20)
+    opacities = with_faded_borders(walls, views, seen_by_several(walls, views)).gaussians.opacities.reshape(2, 8, 20)
     expected = torch.ones(2, 8, 20)
     expected[0, [0, 7], 2:19] = expected[1, [0, 7], :17] = expected[1, :, 0] = 0.7604
     torch.testing.assert_close(opacities, expected, rtol=0, atol=1e-4)
