@@ -29,7 +29,7 @@ Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 
-JOIN, UPLOAD = "/gradio_api/queue/join", "/gradio_api/upload"
+JOIN, STREAM, UPLOAD = "/gradio_api/queue/join", "/gradio_api/queue/data", "/gradio_api/upload"
 
 NAME = r"[A-Za-z0-9_.+-]+"
 
@@ -42,7 +42,7 @@ ROUTES = (
     ("GET HEAD", r"/theme\.css"),
     ("GET HEAD", r"/favicon\.ico"),
     ("GET HEAD", r"/rooms/[a-z0-9]{20}/.+"),
-    ("GET", r"/gradio_api/queue/data"),
+    ("GET", re.escape(STREAM)),
     ("GET", r"/gradio_api/upload_progress"),
     ("POST", re.escape(JOIN)),
     ("POST", re.escape(UPLOAD)),
@@ -70,14 +70,20 @@ QUIET_SECONDS = 60.0
 _told: dict[str, float] = {}
 """When a failure was last told, by its place in the code."""
 
+ROOM = re.compile(r"(?:^|&)(room=[a-z0-9]{1,40})(?:&|$)")
+"""Of the page's address, what a function may need to know."""
+
 SESSION = re.compile(r"[a-z0-9]{1,40}")
 
 QUERIES = {
-    "/gradio_api/queue/data": ("session_hash",),
+    STREAM: ("session_hash",),
     "/gradio_api/upload_progress": ("upload_id",),
     UPLOAD: ("upload_id",),
 }
 """What the addresses of gradio's routes may have after "?", each a short word once: gradio keeps it."""
+
+MULTIPART = re.compile(r"multipart/form-data; ?boundary=[A-Za-z0-9'()+_,./:=?-]{1,70}", re.IGNORECASE)
+"""The type of an upload as browsers send it; other parameters, such as a character set, are for programs."""
 
 BAD_REQUEST = "This is not a request of the page."
 FULL = "Too many files wait on this server. Try again in some minutes."
@@ -120,7 +126,7 @@ class Door:
         if path == JOIN:
             return await self._join(scope, receive, send)
         if path == UPLOAD:
-            return await self._upload(scope, receive, send, dict(headers))
+            return await self._upload(scope, receive, send, headers)
         return await self._pass(scope, receive, send)
 
     async def _pass(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -156,12 +162,16 @@ class Door:
         data = json.dumps(checked).encode()
         kept = [(name, value) for name, value in scope["headers"] if name not in (b"content-length", b"content-type")]
         told = [(b"content-type", b"application/json"), (b"content-length", str(len(data)).encode())]
-        await self._pass({**scope, "headers": kept + told}, _replayed(data, receive), send)
+        room = ROOM.search(scope.get("query_string", b"").decode("latin-1"))
+        query = b"" if room is None else room[1].encode()
+        await self._pass({**scope, "headers": kept + told, "query_string": query}, _replayed(data, receive), send)
 
-    async def _upload(self, scope: Scope, receive: Receive, send: Send, headers: dict[str, str]) -> None:
+    async def _upload(self, scope: Scope, receive: Receive, send: Send, headers: Sequence[tuple[str, str]]) -> None:
         """Let through an upload that fits beside the others."""
+        if not MULTIPART.fullmatch(_only(headers, "content-type")):
+            return await _answer(scope, send, 400, BAD_REQUEST)
         most = self._limits.total_bytes
-        length = headers.get("content-length", "")
+        length = _only(headers, "content-length")
         announced = int(length) if length.isdecimal() and len(length) < 16 else None
         if announced is not None and announced > most:
             return await _answer(scope, send, 413, "These files are too large.")
@@ -225,7 +235,9 @@ def is_known(method: str, path: str) -> bool:
 
 
 def is_plain(path: str, query: str) -> bool:
-    """Whether what follows "?" is only what the page sends to a route of gradio."""
+    """Whether what follows "?" is only what the page sends to a route of gradio. To a call, gradio adds what the page's address has; see `_join`."""
+    if path == JOIN:
+        return True
     if path not in QUERIES:
         return not path.startswith("/gradio_api/") or not query
     pairs = parse_qsl(query, keep_blank_values=True) if query.count("&") < 4 else [("", "")]

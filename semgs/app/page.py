@@ -14,8 +14,9 @@ from html import escape
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qs
 
-from semgs.app.door import inside, tell_failure
+from semgs.app.door import STREAM, inside, tell_failure
 from semgs.app.jobs import IDENTIFIER, Job, Jobs
 from semgs.app.limits import Limits
 from semgs.app.requests import DEPTHS, OWN, RoomOptions
@@ -117,7 +118,15 @@ def mount_page(application: Any, jobs: Jobs, local: bool) -> tuple[Any, list[int
     )
     # Only `launch` sets this, and without it gradio takes any file of this machine for an uploaded one.
     page.has_launched = True
-    return mounted, [len(function.inputs) for _, function in sorted(page.fns.items())]
+
+    async def tidied(scope: Any, receive: Any, send: Any) -> None:
+        try:
+            await mounted(scope, receive, send)
+        finally:
+            if scope.get("path") == STREAM:
+                end_heartbeats(parse_qs(scope["query_string"].decode("latin-1")).get("session_hash", [""])[0])
+
+    return tidied, [len(function.inputs) for _, function in sorted(page.fns.items())]
 
 
 def _restrain(gradio: Any, limits: Limits) -> None:
@@ -167,6 +176,19 @@ def _restrain(gradio: Any, limits: Limits) -> None:
         setattr(module, "traceback", Failures)  # noqa: B010 - no part of what it promises
     route_utils.GradioMultiPartParser = FilesOnly  # type: ignore[misc]
     route_utils.GradioUploadFile = Apart  # type: ignore[misc]
+
+
+def end_heartbeats(session: str) -> None:
+    """End the tasks that send a sign of life to a page. gradio leaves them behind when a browser goes away.
+
+    Args:
+        session: gradio's name of the page.
+    """
+    for task in asyncio.all_tasks():
+        frame = getattr(task.get_coro(), "cr_frame", None)
+        own = frame is not None and frame.f_code.co_name == "heartbeat"
+        if own and frame.f_locals.get("session_hash") == session:
+            task.cancel()
 
 
 class Newest(defaultdict[str, Any]):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from html import escape
+from math import inf
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -16,8 +17,11 @@ from semgs.viewer.access import Access
 HEADER_SECONDS = 15.0
 """The line and the headers of a request have to arrive within this time."""
 
-SENDING_SECONDS = 60.0
-"""A browser that takes nothing of an answer for so long is gone."""
+SENDING_SECONDS, SENDING_BYTES = 60.0, 64 * 1024
+"""A browser that takes less of an answer than so much in this time is gone."""
+
+SYSTEM_BYTES = 128 * 1024
+"""What the system may hold of an answer. It says that a browser takes it only when a third of that has gone."""
 
 MOST_CONNECTIONS = 400
 
@@ -106,6 +110,7 @@ def serve(app: Any, host: str, port: int, started: Callable[[int], None]) -> Non
         def connection_made(self, transport: Any) -> None:
             super().connection_made(transport)
             transport.set_write_buffer_limits(high=0)  # pause_writing comes with the first byte that has to wait
+            self._option(socket.SO_SNDBUF, SYSTEM_BYTES)
             self._watch()
 
         def data_received(self, data: bytes) -> None:
@@ -119,18 +124,26 @@ def serve(app: Any, host: str, port: int, started: Callable[[int], None]) -> Non
 
         def pause_writing(self) -> None:
             super().pause_writing()
-            self.stuck = self.loop.call_later(SENDING_SECONDS, self._give_up)
+            self._expect()
 
         def resume_writing(self) -> None:
             super().resume_writing()
             self._moves()
 
-        def _give_up(self) -> None:
-            """Close the connection now. The system would keep what it has for the browser."""
+        def _expect(self, before: float = inf) -> None:
+            """Close the connection if by now too little has gone since there were so many bytes [B] to send; else look again later."""
+            waiting = self.transport.get_write_buffer_size()
+            if waiting <= before - SENDING_BYTES:
+                self.stuck = self.loop.call_later(SENDING_SECONDS, self._expect, waiting)
+            else:  # at once: the system would keep what it has for the browser
+                self._option(socket.SO_LINGER, struct.pack("ii", 1, 0))
+                self.transport.abort()
+
+        def _option(self, name: int, value: int | bytes) -> None:
+            """Set an option of the connection's socket."""
             connection = self.transport.get_extra_info("socket")
             if connection is not None:
-                connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-            self.transport.abort()
+                connection.setsockopt(socket.SOL_SOCKET, name, value)
 
         def _moves(self) -> None:
             """The answer is being taken."""

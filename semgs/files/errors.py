@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from semgs.files.stored import Stored
-from semgs.files.text import printable
+from semgs.files.text import printable, shortened
 
 ERROR_LINE = "semgs: error: "
 """How the line begins that the command line prints on stderr for an error; programs that start it look for this."""
@@ -21,7 +21,7 @@ class InputError(ValueError):
     Args:
         path: the file or folder at fault, or the name of a file inside another.
         expected: what would be usable ("a 4x4 matrix of finite numbers").
-        found: what is there instead ("a NaN in row 2").
+        found: what is there instead ("a NaN in row 2"); the middle of a long value is left out.
         key: the place inside the file ("frames[3].transform_matrix"); None for the file itself.
         advice: what the user can do about it; None if that is obvious.
     """
@@ -37,10 +37,10 @@ class InputError(ValueError):
         self.path = Path(str(path))
         self.key = key
         self.expected = expected
-        self.found = found
+        self.found = shortened(found)
         self.advice = advice
-        place = f"{path}: {key}" if key else f"{path}"
-        message = f"{place}: expected {expected}, found {found}"
+        place = f"{path}: {shortened(key)}" if key else f"{path}"
+        message = f"{place}: expected {expected}, found {self.found}"
         super().__init__(printable(" ".join((f"{message}; {advice}" if advice else message).split())))
 
     def __reduce__(self) -> tuple[type[InputError], tuple[object, ...]]:

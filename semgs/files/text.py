@@ -17,6 +17,12 @@ def printable(text: str) -> str:
     return "".join(one if one.isprintable() or one == "\n" else _escaped(one) for one in text)
 
 
+def shortened(text: str, most: int = 500) -> str:
+    """The text, or its beginning and end, if it is longer than so many characters."""
+    half = (most - 5) // 2
+    return text if len(text) <= most else f"{text[:half]} ... {text[-half:]}"
+
+
 def listed(names: Sequence[str], most: int = 5) -> str:
     """The first names on one line, and how many more there are."""
     rest = len(names) - most

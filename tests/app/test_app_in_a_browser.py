@@ -52,11 +52,13 @@ def scene(tmp_path: Path) -> Path:
 
 
 def test_the_page_opens_and_says_what_is_wrong_with_one_photo(tmp_path: Path):
-    with running_app(tmp_path / "app") as app, page_at(app, (600, 390)) as page:
+    address = f"/?room={20 * 'a'}&theme=dark"
+    with running_app(tmp_path / "app") as app, page_at(replace(app, url=app.url + address), (600, 390)) as page:
+        assert sentence_on(page).startswith("This room is no longer here.")
         drop(page, [picture(tmp_path / "a.jpg").path])
         page.locator("ol.photos li", has_text="a.jpg").locator("img[src^='data:image/jpeg']").wait_for()
         make_room(page)
-        assert sentence_on(page).startswith("One photo is not enough")
+        page.get_by_text("One photo is not enough").wait_for()
         open_options(page)
         chosen = page.get_by_label("Classes from")
         chosen.wait_for()

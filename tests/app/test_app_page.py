@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 import time
 from pathlib import Path
@@ -71,3 +72,21 @@ def test_names_of_photos_are_text_and_a_clip_has_no_numbers() -> None:
     items = "<li><span>&lt;b&gt;1.jpg</span></li><li><span>Küche.HEIC</span></li>"
     assert numbered_photos(uploads) == f'<ol class="photos">{items}</ol>'
     assert numbered_photos([Upload(Path("000.mp4"), "a.mp4")]) == '<ol class="photos"></ol>'
+
+
+def test_when_a_browser_goes_away_the_task_that_signals_life_to_it_ends_and_no_other() -> None:
+    async def left(session: str) -> list[bool]:
+        tasks = []
+        for session_hash in ("a1", "b2"):
+
+            async def heartbeat(session_hash: str = session_hash) -> None:  # named as gradio names it
+                while session_hash:
+                    await asyncio.sleep(15)
+
+            tasks.append(asyncio.create_task(heartbeat()))
+        await asyncio.sleep(0)
+        page.end_heartbeats(session)
+        await asyncio.sleep(0)
+        return [task.cancelled() for task in tasks]
+
+    assert asyncio.run(left("a1")) == [True, False]

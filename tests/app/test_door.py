@@ -25,11 +25,15 @@ LIMITS = Limits(total_bytes=1000, uploads=4, uploads_bytes=1500)
 CALL = {"fn_index": 0, "session_hash": "a1", "data": [[], 2, "words"], "event_data": None, "trigger_id": 6}
 
 
+FORM = "multipart/form-data; boundary=----WebKitFormBoundaryA1b2C3d4E5f6G7h8"
+
+
 class Behind:
     """In gradio's place: reads bodies, and remembers what got through."""
 
     def __init__(self) -> None:
         self.bodies: list[bytes] = []
+        self.queries: list[bytes] = []
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
         body, more = b"", scope["method"] == "POST"
@@ -37,6 +41,7 @@ class Behind:
             message = await receive()
             body, more = body + message["body"], message["more_body"]
         self.bodies.append(body)
+        self.queries.append(scope["query_string"])
         if scope["path"] == "/theme.css":
             raise RuntimeError("a failure\nof gradio")
         headers = [(b"content-type", b"text/html"), (b"referrer-policy", b"unsafe-url")]
@@ -51,10 +56,12 @@ def answer(
     method: str = "POST",
     length: int | None = None,
     limits: Limits = LIMITS,
+    query: str = "",
+    behind: Behind | None = None,
     **more: Any,
 ) -> tuple[int, str, list[bytes], dict[str, str]]:
     """The status and text of an answer, the bodies that got through, and the headers."""
-    behind, sent = Behind(), list[Any]()
+    behind, sent = behind or Behind(), list[Any]()
     waiting = [
         {"type": "http.request", "body": part, "more_body": number + 1 < len(parts)}
         for number, part in enumerate(parts)
@@ -68,9 +75,9 @@ def answer(
     async def send(message: Any) -> None:
         sent.append(message)
 
-    headers = {"host": "127.0.0.1:80", **({} if length is None else {"content-length": str(length)}), **more}
+    headers = {"host": "127.0.0.1:80", "content_type": FORM, **({} if length is None else {"content-length": str(length)}), **more}
     listed = [(name.replace("_", "-").encode(), value.encode()) for name, value in headers.items()]
-    scope = {"type": "http", "method": method, "path": path, "headers": listed, "query_string": b""}
+    scope = {"type": "http", "method": method, "path": path, "headers": listed, "query_string": query.encode()}
     asyncio.run(Door(behind, Access(), uploads, limits, [3])(scope, receive, send))
     told = {name.decode(): value.decode() for name, value in sent[0]["headers"]}
     return sent[0]["status"], sent[-1]["body"].decode(), behind.bodies, told
@@ -83,7 +90,7 @@ async def posted(uploads: Path, path: str, receive: Any, behind: Any = None) -> 
     async def send(message: Any) -> None:
         sent.append(message)
 
-    scope = {"type": "http", "method": "POST", "path": path, "headers": [(b"host", b"localhost")], "query_string": b""}
+    scope = {"type": "http", "method": "POST", "path": path, "headers": [(b"host", b"localhost"), (b"content-type", FORM.encode())], "query_string": b""}
     await Door(behind or Behind(), Access(), uploads, LIMITS, [3])(scope, receive, send)
     return sent
 
@@ -152,6 +159,33 @@ def test_a_call_with_an_uploaded_file_goes_through_without_what_it_does_not_need
     }
     _, _, bodies, _ = answer(uploads, JOIN, [json.dumps(body).encode()])
     assert json.loads(bodies[0]) == {**CALL, "data": [[file(path)], 2, "words"]}
+
+
+@pytest.mark.parametrize(
+    ("query", "kept"),
+    [
+        ("", b""), ("room=a1b2", b"room=a1b2"), ("__theme=dark&room=a1&x=%00", b"room=a1"), ("room=", b""), ("room=../a", b""), (f"room={41 * 'a'}", b""),
+        ("xroom=a1", b""), ("x=room=a1", b""), ("room=a1&room=b2", b"room=a1"),
+    ],
+)  # fmt: skip
+def test_of_the_pages_address_a_call_keeps_the_room(uploads: Path, query: str, kept: bytes):
+    """gradio adds the query of the page's address to each call: a page of a room that is loaded again asks for that room so."""
+    behind = Behind()
+    assert answer(uploads, JOIN, [json.dumps(CALL).encode()], query=query, behind=behind)[0] == 200
+    assert behind.queries == [kept]
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "", "text/plain", "multipart/form-data", "multipart/form-data; boundary=", "multipart/form-data; boundary=a; charset=utf-16", "multipart/mixed; boundary=a",
+        "multipart/form-data; charset=rot13; boundary=a", f"multipart/form-data; boundary={71 * 'a'}", 'multipart/form-data; boundary="a;b"',
+    ],
+)  # fmt: skip
+def test_uploads_are_forms_as_browsers_send_them(uploads: Path, kind: str):
+    """gradio would decode the names of files as any character set that a request names."""
+    assert answer(uploads, UPLOAD, [b"x"], content_type=kind)[::2] == (400, [])
+    assert answer(uploads, UPLOAD, [b"x"], content_type="multipart/form-data; boundary=--a'()+_,./:=?-1")[2] == [b"x"]
 
 
 OUTSIDE = (
@@ -254,7 +288,7 @@ def test_uploads_that_do_not_arrive_keep_no_place(uploads: Path):
             async def send(message: Any) -> None:
                 sent.append(message)
 
-            headers = [(b"host", b"127.0.0.1"), (b"content-length", b"1000")]
+            headers = [(b"host", b"127.0.0.1"), (b"content-type", FORM.encode()), (b"content-length", b"1000")]
             scope = {"type": "http", "method": "POST", "path": UPLOAD, "headers": headers, "query_string": b""}
             await gate(scope, receive, send)
 
@@ -321,7 +355,7 @@ def test_bodies_that_come_too_slowly_are_given_up(uploads: Path, monkeypatch: py
         ("/gradio_api/queue/data", "session_hash=a1", True), ("/", "room=a&__theme=dark", True), ("/assets/a.js", "x=1", True),
         ("/gradio_api/upload_progress", f"upload_id={41 * 'a'}", False), ("/gradio_api/upload_progress", "upload_id=", False),
         ("/gradio_api/upload_progress", "upload_id=a&upload_id=b", False), ("/gradio_api/upload_progress", "session_hash=a", False),
-        ("/gradio_api/upload_progress", "upload_id=%0a", False), ("/gradio_api/queue/data", "session_hash=A", False), (JOIN, "a=1", False),
+        ("/gradio_api/upload_progress", "upload_id=%0a", False), ("/gradio_api/queue/data", "session_hash=A", False),
         ("/gradio_api/queue/data", 9 * "&", False),
     ],
 )  # fmt: skip

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import socket
+import time
 from pathlib import Path
+from queue import Queue
+from threading import Thread
+from typing import Any
 
 import pytest
 
+from semgs.app import serving
 from semgs.app.serving import folder_page, served_path
 from semgs.cli.main import main
 
@@ -49,3 +55,39 @@ def test_a_source_that_is_not_there_is_told_before_the_app_starts(
         f"semgs: error: {missing}: expected an exported network (.onnx, .tflite), a model folder of transformers, or hf:OWNER/NAME, found nothing there\n"
     )
     assert not (tmp_path / "app").exists()
+
+
+LARGE = 4 << 20
+
+
+def taken(chunks: int, seconds: float) -> int:
+    """How many of `LARGE` bytes a browser gets that reads 64 KiB so many times, and waits so long [s] before each."""
+
+    async def app(scope: Any, receive: Any, send: Any) -> None:
+        await send({"type": "http.response.start", "status": 200, "headers": [(b"connection", b"close")]})
+        await send({"type": "http.response.body", "body": bytes(LARGE)})
+
+    ports: Queue[int] = Queue()
+    Thread(target=serving.serve, args=(app, "127.0.0.1", 0, ports.put), daemon=True).start()
+    with socket.socket() as browser:
+        browser.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 65536)
+        browser.connect(("127.0.0.1", ports.get(timeout=30)))
+        browser.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        size = 0
+        try:
+            for _ in range(chunks):
+                time.sleep(seconds)
+                size += len(browser.recv(65536, socket.MSG_WAITALL))
+        except ConnectionError:
+            pass
+        return size
+
+
+def test_a_slow_browser_gets_all_of_an_answer_and_one_that_takes_nothing_is_given_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """64 KiB each 0.05 s take 3.3 s, four times the limit for 64 KiB. After 1.6 s without a read, at most what lies in both systems' buffers is left."""
+    pytest.importorskip("uvicorn", reason="uvicorn is not installed; pip install '.[app]' in SemGS's folder")
+    monkeypatch.setattr(serving, "SENDING_SECONDS", 0.8)
+    assert taken(66, 0.05) > LARGE
+    assert taken(2, 1.6) < LARGE / 4

@@ -75,8 +75,8 @@ class App:
         check_viewer_library()
         with show_stage("Starting"):
             check_page_library()
-        local = is_this_machine(self.host)
-        access = access_to(local, self.allow_host)
+        access = access_to(is_this_machine(self.host), self.allow_host)
+        local = is_this_machine(self.host) and not self.allow_host
         folder = (self.folder or cache_folder() / "app").absolute()
         folder.mkdir(parents=True, exist_ok=True)
         with lock_folder(folder, "a folder that no other semgs app uses", "one in use"):
