@@ -406,6 +406,17 @@ def test_rooms_expire_and_others_survive_a_restart(start: Callable[..., Jobs]):
     assert not job.folder.exists()
 
 
+def test_a_job_that_made_no_room_is_forgotten_after_ten_minutes(start: Callable[..., Jobs]):
+    jobs = start()
+    job = jobs.submit((), asked("mute"), True)
+    wait(lambda: job.state == "working")
+    jobs.cancel(job)
+    for minutes, known in ((9.9, True), (10.1, False)):
+        job.ended = time.time() - 60 * minutes
+        jobs.expire()
+        assert (jobs.find(job.identifier) is job) is known
+
+
 def test_a_line_of_a_worker_is_kept_up_to_a_limit(tmp_path: Path):
     script = "import sys; sys.stderr.write('semgs: error: ' + 9_000_000 * 'x' + '\\nsecond\\n')"
     job = Job("a" * 20, tmp_path, Request("example", [], str(tmp_path), {}), "")

@@ -55,11 +55,13 @@ def headed(header: bytes) -> bytes:
         b"{'descr': '<f4', 'fortran_order': False, 'shape': " + b"(" * 300,
         b"{'descr': '<f4', 'fortran_order': False, 1: (3, 5)}",
         b"-" * 5000 + b"1",
+        b"{'descr': '|u1', 'fortran_order': False, 'shape': (True, 60)}\n",
+        b"{'descr': '|u1', 'fortran_order': False, 'shape': (0, %d)}\n" % 10**25,
     ],
 )
 def test_headers_that_numpy_stumbles_over_are_refused(tmp_path: Path, header: bytes):
     (tmp_path / "a.npy").write_bytes(headed(header))
-    with pytest.raises(InputError, match=r"a\.npy: expected an array of numbers, found "):
+    with pytest.raises(InputError, match=r"a\.npy: expected an array of numbers,"):
         read_array(tmp_path / "a.npy")
 
 

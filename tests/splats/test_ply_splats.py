@@ -107,6 +107,13 @@ def test_other_elements_are_named_and_not_read(tmp_path: Path):
     assert_same(splat.gaussians, known_gaussian())
 
 
+def test_a_header_has_few_elements(tmp_path: Path):
+    row = columns_3dgs([known_row()])
+    others = {f"e{number}": {"x": ("float", [0.0])} for number in range(100)}
+    with pytest.raises(InputError, match="expected at most 100 elements with different names, found e99 as well"):
+        load_splat(save(tmp_path / "a.ply", ply({"vertex": row, **others})))
+
+
 def rows_of(**changed: float) -> bytes:
     return ply({"vertex": columns_3dgs([known_row(), known_row(**changed)])})
 

@@ -95,6 +95,12 @@ def test_cameras_with_the_same_label_are_refused_because_their_photos_cannot_be_
         open_scene(tmp_path)
 
 
+def test_a_folder_that_is_called_as_the_file_of_the_cameras_is_none(tmp_path: Path):
+    write_metashape(tmp_path).joinpath("cameras.xml").rename(tmp_path / "room.xml")
+    (tmp_path / "cameras.xml").mkdir()
+    assert len(open_scene(tmp_path).frames) == len(POSES)
+
+
 @pytest.mark.parametrize("ending", [".png", ".jpg"])
 def test_masks_with_the_names_of_photos_are_not_taken_for_them(tmp_path: Path, ending: str):
     """Photos in photos/ and masks of the same names in masks/, which comes first: nothing says which is which, unless photos are in images/."""

@@ -565,6 +565,19 @@ def test_numbers_of_messages_that_are_text_are_refused(tmp_path: Path):
         open_scene(path)
 
 
+@pytest.mark.parametrize("field", ["encoding", "width", "data", "header"])
+def test_a_bag_that_names_a_field_of_an_image_otherwise_is_refused(tmp_path: Path, field: str):
+    """A bag says itself what the fields of its messages are."""
+    path = robot(FEW).write(tmp_path / "bag")
+    (file,) = path.glob("*.mcap")
+    data = file.read_bytes()
+    new = re.sub(rf"( {field})(?=\s)".encode(), f" {field[:-1]}x".encode(), data)
+    assert new != data
+    file.write_bytes(new)
+    with pytest.raises(InputError, match="bag: expected "):
+        open_scene(path).read([0])
+
+
 def test_damage_is_told_with_the_bag(tmp_path: Path):
     path = robot(FEW).write(tmp_path / "bag")
     scene = open_scene(path)

@@ -224,6 +224,12 @@ def test_the_exporter_in_cpp_names_its_files_in_another_way(written, tmp_path):
     check_equal(open_scene(folder), written)
 
 
+def test_a_size_of_very_many_digits_is_none(written, tmp_path):
+    folder = write_extracted(tmp_path, written)
+    (folder / "_info.txt").write_text(f"m_colorWidth = {5000 * '1'}\nm_colorHeight = 121\n")
+    check_equal(open_scene(folder), written)
+
+
 def test_frames_without_labels_or_depth_or_pose_are_counted(written, tmp_path):
     folder = write_extracted(tmp_path, written)
     (folder / "label-filt" / "1.png").unlink()
@@ -433,6 +439,7 @@ def test_a_zip_that_lacks_members_is_counted_and_a_damaged_one_refused(copied, w
             r"line 21, id: expected a whole number 1\.\.65535, found '5x'",
         ),
         (tsv().replace(b"\t39\t", b"\t41\t"), r"line 21, nyu40id: expected a whole number 0\.\.40, found '41'"),
+        (tsv().replace(b"56\ttrash can", 5000 * b"5" + b"\ttrash can"), r"line 21, id: expected .*, found '5{59}"),
         (b"\xff\xfe\x00", r"a table in UTF-8"),
     ],
 )
