@@ -75,7 +75,12 @@ def answer(
     async def send(message: Any) -> None:
         sent.append(message)
 
-    headers = {"host": "127.0.0.1:80", "content_type": FORM, **({} if length is None else {"content-length": str(length)}), **more}
+    headers = {
+        "host": "127.0.0.1:80",
+        "content_type": FORM,
+        **({} if length is None else {"content-length": str(length)}),
+        **more,
+    }
     listed = [(name.replace("_", "-").encode(), value.encode()) for name, value in headers.items()]
     scope = {"type": "http", "method": method, "path": path, "headers": listed, "query_string": query.encode()}
     asyncio.run(Door(behind, Access(), uploads, limits, [3])(scope, receive, send))
@@ -90,7 +95,13 @@ async def posted(uploads: Path, path: str, receive: Any, behind: Any = None) -> 
     async def send(message: Any) -> None:
         sent.append(message)
 
-    scope = {"type": "http", "method": "POST", "path": path, "headers": [(b"host", b"localhost"), (b"content-type", FORM.encode())], "query_string": b""}
+    scope = {
+        "type": "http",
+        "method": "POST",
+        "path": path,
+        "headers": [(b"host", b"localhost"), (b"content-type", FORM.encode())],
+        "query_string": b"",
+    }
     await Door(behind or Behind(), Access(), uploads, LIMITS, [3])(scope, receive, send)
     return sent
 

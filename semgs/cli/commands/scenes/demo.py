@@ -9,7 +9,7 @@ from typing import Annotated
 import tyro
 
 from semgs.cli.commands.scenes.reconstruct import Reconstruct
-from semgs.cli.options.types import Device, Views
+from semgs.cli.options.types import Device, Passes, Views, optional
 from semgs.files.strict_json import parse_json
 
 
@@ -24,6 +24,8 @@ class Demo:
     """Output folder: new, empty, or from an earlier demo, which is replaced."""
     views: Views = 2
     """Number of input views."""
+    refine: Annotated[Passes, optional()] = -1
+    """Refine the Gaussians on the input photos: PASSES steps for each, by default 15. 0 is the paper's single forward pass."""
     device: Device = "auto"
     """Where to compute; auto uses a CUDA GPU if there is one."""
     html: bool = False
@@ -42,7 +44,13 @@ class Demo:
         scene = demo_scene()
         overwrite = self.overwrite or _scene_in(self.out) == scene.name
         Reconstruct(
-            scene=scene, out=self.out, views=self.views, device=self.device, html=self.html, overwrite=overwrite
+            scene=scene,
+            out=self.out,
+            views=self.views,
+            refine=self.refine,
+            device=self.device,
+            html=self.html,
+            overwrite=overwrite,
         ).run()
 
 
