@@ -20,7 +20,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from semgs.data.origin.licences import terms_text
+from semgs.data.origin.terms import terms_text
 from semgs.files.errors import InputError
 from semgs.model.build import build
 from semgs.model.weights.load import DATA_TERMS, SCENES, data_terms, trained_scenes

@@ -411,6 +411,14 @@ def test_neither_the_package_nor_its_files_nor_its_help_import_torch():
     assert told.stdout.splitlines()[-1] == "[]"
 
 
+def test_the_network_is_loaded_without_a_reader_of_scenes():
+    line = "import sys, semgs; semgs.load; print(sorted(name for name in sys.modules if name.startswith('semgs.data.layouts')))"
+    told = subprocess.run(
+        [sys.executable, "-c", line], capture_output=True, text=True, check=True, cwd=ROOT, timeout=120
+    )
+    assert told.stdout.splitlines()[-1] == "[]"
+
+
 @pytest.mark.long
 def test_a_reconstruction_waits_for_no_library_that_takes_seconds_to_import(tmp_path):
     """torch's compiler, which `torch.library.custom_op` would import, and torchmetrics: three and four seconds."""

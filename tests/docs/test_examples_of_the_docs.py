@@ -90,7 +90,7 @@ def disk(built: Path, request: pytest.FixtureRequest, monkeypatch: pytest.Monkey
     return built
 
 
-@pytest.mark.filterwarnings("ignore::semgs.data.origin.licences.TermsWarning")  # of the checkpoint that a page names
+@pytest.mark.filterwarnings("ignore::semgs.data.origin.terms.TermsWarning")  # of the checkpoint that a page names
 @pytest.mark.parametrize("example", RUN)
 def test_it_runs(example: Example, disk: Path):
     example.evaluate()

@@ -14,7 +14,8 @@ from scenes_on_disk import SIZE, write_labelled
 from training_data import run_data
 
 from semgs.data.origin.labeller import Labeller
-from semgs.data.origin.licences import ROOMS, Terms, labeller_of, terms_of, terms_of_photos
+from semgs.data.origin.licences import labeller_of, terms_of, terms_of_photos
+from semgs.data.origin.terms import ROOMS, Terms
 from semgs.data.preparation.archive import Preparation, prepare_scene
 from semgs.data.preparation.prepared_set import PreparedSet, Reading, find_sources
 from semgs.data.scenes import open_scene

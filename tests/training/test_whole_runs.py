@@ -18,7 +18,7 @@ from rich.console import Console
 from scenes_on_disk import write_labelled, write_table
 from training_data import run_data, run_portions, run_validation
 
-from semgs.data.origin.licences import ROOMS
+from semgs.data.origin.terms import ROOMS
 from semgs.data.tables.class_files import read_class_file
 from semgs.data.tables.classes import SCANNET20
 from semgs.data.views import Batch

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from semgs.data.origin.licences import Terms, terms_text
+from semgs.data.origin.terms import Terms, terms_text
 from semgs.evaluation.tables.card import figures
 from semgs.evaluation.tables.evaluation_report import SavedReport, read_report
 from semgs.files.errors import InputError

@@ -1,10 +1,7 @@
-"""Terms of use: the licences and agreements of scenes, as far as their files say. Weights store those of their training data."""
+"""The terms of use of a scene, as far as its files say."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +12,7 @@ from semgs.data.layouts.scannetpp import scannetpp_scan as scannetpp
 from semgs.data.layouts.zoo.data_sets import DATA_SETS, LAYOUT
 from semgs.data.origin.labeller import Labeller
 from semgs.data.origin.prepared_record import read_record
+from semgs.data.origin.terms import FURNISHED, REPLICA, ROOMS, SCANNET, SCANNETPP, Terms
 from semgs.data.scene import Scene
 from semgs.data.tables.class_files import read_class_file
 from semgs.files.strict_json import parse_json
@@ -23,42 +21,6 @@ ROOM = "room.json"
 """The file in the folder of a generated room: which room it is, and how many pixels each class has."""
 ATTRIBUTION = "ATTRIBUTION.md"
 """The file next to rooms with third-party assets that credits their authors."""
-
-
-class TermsWarning(UserWarning):
-    """Weights were trained on data with terms of use, which the warning quotes."""
-
-
-@dataclass(frozen=True)
-class Terms:
-    """The terms of use of some data.
-
-    Attributes:
-        text: the data and its terms, in a few words.
-        own: whether users of weights trained on the data should be warned.
-    """
-
-    text: str
-    own: bool = False
-
-
-ROOMS = Terms("CC0-1.0 rooms drawn by semgs")
-FURNISHED = Terms("CC0-1.0 rooms drawn by semgs with third-party models and textures, see NOTICE")
-SCANNET = Terms(
-    "ScanNet: ScanNet Terms of Use, for non-commercial research and education, "
-    "https://kaldir.vc.in.tum.de/scannet/ScanNet_TOS.pdf",
-    own=True,
-)
-SCANNETPP = Terms(
-    "ScanNet++: ScanNet++ Terms of Use, for non-commercial research and education, "
-    "https://kaldir.vc.in.tum.de/scannetpp/static/scannetpp-terms-of-use.pdf",
-    own=True,
-)
-REPLICA = Terms(
-    "Replica: Replica Dataset Research Terms, for non-commercial research and education, "
-    "https://github.com/facebookresearch/Replica-Dataset/blob/main/LICENSE",
-    own=True,
-)
 
 
 def terms_of(scene: Scene) -> Terms:
@@ -105,22 +67,6 @@ def terms_of_photos(scene: Scene) -> Terms:
     if (folder / ROOM).is_file():
         return FURNISHED if (folder.parent / ATTRIBUTION).is_file() or _has_assets(folder / ROOM) else ROOMS
     return Terms(f"scenes of layout {layout}: terms not known to semgs")
-
-
-def terms_text(terms: Iterable[Terms]) -> str:
-    """Terms as text for a header: each once, in order."""
-    return json.dumps([asdict(one) for one in dict.fromkeys(terms)])
-
-
-def terms_from(text: str) -> tuple[Terms, ...]:
-    """Terms from the text that `terms_text` wrote.
-
-    Raises:
-        ValueError, TypeError, KeyError: it is something else.
-    """
-    if not isinstance(text, str):
-        raise TypeError(f"terms are {text!r:.40}; expected text")
-    return tuple(Terms(str(one["text"]), bool(one["own"])) for one in parse_json(text))
 
 
 def _record(scene: Scene) -> dict[str, Any] | None:

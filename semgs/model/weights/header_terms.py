@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from semgs.data.origin.licences import Terms, terms_from
+from semgs.data.origin.terms import Terms, terms_from
 from semgs.files.errors import InputError
 
 DATA_TERMS = "data_terms"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 
-from semgs.data.origin.licences import Terms, TermsWarning
+from semgs.data.origin.terms import Terms, TermsWarning
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError, input_error
 from semgs.files.paths import found_at, typed_path

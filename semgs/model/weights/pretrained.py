@@ -21,7 +21,7 @@ import torch
 from torch import nn
 from torch.nn.modules.module import register_module_parameter_registration_hook
 
-from semgs.data.origin.licences import TermsWarning
+from semgs.data.origin.terms import TermsWarning
 from semgs.files.atomic import write_text
 from semgs.files.errors import InputError
 from semgs.files.paths import typed_path

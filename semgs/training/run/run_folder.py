@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
-from semgs.data.origin.licences import terms_text
+from semgs.data.origin.terms import terms_text
 from semgs.files.atomic import is_part_of, write_json
 from semgs.files.errors import InputError, input_error, readable
 from semgs.files.folders import lock_folder

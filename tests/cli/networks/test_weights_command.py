@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from semgs.cli.main import main
-from semgs.data.origin.licences import TermsWarning
+from semgs.data.origin.terms import TermsWarning
 from semgs.model.weights.header_scores import KEY, Figure, Score, scores_text
 from semgs.model.weights.index import SHOWN, read_index
 from semgs.model.weights.load import load, shipped

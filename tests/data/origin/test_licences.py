@@ -10,20 +10,18 @@ from pathlib import Path
 
 import pytest
 
-from semgs.data.origin.licences import (
-    ATTRIBUTION,
+from semgs.data.origin.licences import ATTRIBUTION, ROOM, terms_of
+from semgs.data.origin.prepared_record import RECORD
+from semgs.data.origin.terms import (  # fmt: skip
     FURNISHED,
     REPLICA,
-    ROOM,
     ROOMS,
     SCANNET,
     SCANNETPP,
     Terms,
     terms_from,
-    terms_of,
     terms_text,
-)  # fmt: skip
-from semgs.data.origin.prepared_record import RECORD
+)
 from semgs.data.preparation.archive import Preparation, prepare_scene
 from semgs.data.scenes import open_scene
 from semgs.rooms.sets.demo_room import demo_scene

@@ -17,7 +17,7 @@ from scannet_writer import Scan, scan, write_raw
 from scannetpp_writer import write_scan
 
 from semgs.cli.main import main
-from semgs.data.origin.licences import TermsWarning
+from semgs.data.origin.terms import TermsWarning
 from semgs.model.weights.load import trained_scenes
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -125,7 +125,7 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.long
 @pytest.mark.timeout(3000)
-@pytest.mark.filterwarnings("ignore::semgs.data.origin.licences.TermsWarning")
+@pytest.mark.filterwarnings("ignore::semgs.data.origin.terms.TermsWarning")
 def test_the_scripts_of_all_tables_and_the_three_figures_run_on_miniatures(world: Path) -> None:
     size = "--size 48x64"
     told = {

@@ -10,7 +10,7 @@ import pytest
 import torch
 from networks import network
 
-from semgs.data.origin.licences import FURNISHED, ROOMS, terms_text
+from semgs.data.origin.terms import FURNISHED, ROOMS, terms_text
 from semgs.files.errors import InputError
 from semgs.model.semgs import SemGS
 from semgs.model.weights.load import DATA_TERMS, SCENES, data_terms, trained_scenes

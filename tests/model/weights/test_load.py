@@ -7,7 +7,7 @@ from posed import posed_views
 from safetensors.torch import load_file, save_file
 
 from semgs import load
-from semgs.data.origin.licences import FURNISHED, ROOMS, SCANNET, TermsWarning, terms_text
+from semgs.data.origin.terms import FURNISHED, ROOMS, SCANNET, TermsWarning, terms_text
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
 from semgs.model import networks

@@ -16,7 +16,7 @@ from safetensors import safe_open
 
 import semgs
 from semgs import SemGS, load
-from semgs.data.origin.licences import TermsWarning
+from semgs.data.origin.terms import TermsWarning
 from semgs.data.views import Views
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256

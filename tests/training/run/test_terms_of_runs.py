@@ -10,7 +10,7 @@ import pytest
 from scenes_on_disk import SIZE, write_labelled
 from training_data import run_data
 
-from semgs.data.origin.licences import REPLICA, ROOMS, SCANNET, Terms, terms_text
+from semgs.data.origin.terms import REPLICA, ROOMS, SCANNET, Terms, terms_text
 from semgs.data.preparation.archive import Preparation, prepare_scene
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError

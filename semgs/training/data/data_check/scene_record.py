@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.origin.licences import FURNISHED, Terms, terms_from, terms_of, terms_of_photos, terms_text
-from semgs.data.origin.licences import ROOMS as ROOMS_TERMS
+from semgs.data.origin.licences import terms_of, terms_of_photos
+from semgs.data.origin.terms import FURNISHED, Terms, terms_from, terms_text
+from semgs.data.origin.terms import ROOMS as ROOMS_TERMS
 from semgs.data.scene import Scene
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
