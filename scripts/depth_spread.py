@@ -9,13 +9,32 @@ depth, the shares would be 68 % and 95 %.
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable, Iterator, Sequence
 
 import torch
-from locate_depth_errors import pairs
-from shared import markdown
 
+from semgs.data.scenes import open_scene, scene_paths
+from semgs.data.views import Views
 from semgs.files.errors import InputError
 from semgs.model.weights.load import load
+
+SIZE = (240, 320)
+
+
+def pairs(folder: str) -> Iterator[Views]:
+    """The two middle frames of every scene."""
+    for path in scene_paths(folder):
+        scene = open_scene(path)
+        middle = len(scene) // 2
+        views = scene.read([middle - 1, middle], SIZE)
+        if views.depths is None:
+            raise InputError(path, "a scene with true depth", "one without")
+        yield views
+
+
+def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    return "\n".join(f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows))
 
 
 @torch.no_grad()
@@ -25,7 +44,7 @@ def table(weights: str, folders: list[str]) -> str:
     rows = []
     for folder in folders:
         off, spreads = [], []
-        for views in pairs([folder]):
+        for views in pairs(folder):
             encoding, known = model(views), views.depths > 0
             off.append((encoding.depths[known] / views.depths[known]).log().abs() / encoding.depth_spread[known])
             spreads.append(encoding.depth_spread[known])

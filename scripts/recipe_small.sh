@@ -1,6 +1,5 @@
 #!/usr/bin/env bash
-# How the included weights were trained, in homes of the first edition (docs/rooms.md) and last of the second, in about thirty-one core-hours and seven minutes of a GPU, without the rooms (docs/lab/experiments.md); SHARE=5 takes 5 % of the steps. `semgs recipe` runs the
-# same three stages with settings of one size each; this script keeps the exact runs.
+# How the included weights were trained, in homes of the first edition (docs/rooms.md) and last of the second, in about thirty-one core-hours and seven minutes of a GPU, without the rooms (docs/lab/experiments.md); SHARE=5 takes 5 % of the steps.
 #
 #   scripts/recipe_small.sh FOLDER ASSETS BACKBONE [TEACHER [PHOTOS]]
 #

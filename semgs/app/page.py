@@ -275,7 +275,6 @@ def _build(jobs: Jobs, local: bool) -> Any:
             return Upload(Path(path), Path(path).name)
 
         def view(job: Job | None, page: str, sentence: str = "") -> list[Any]:
-            refused = bool(sentence)
             if job is not None and job.state in ("failed", "cancelled") and (room := jobs.find(job.earlier)):
                 job, sentence = room, job.sentence or "Cancelled. This is the room as it was before."
             working = job is not None and not job.over
@@ -283,14 +282,13 @@ def _build(jobs: Jobs, local: bool) -> Any:
             repeatable = job is not None and may_repeat(job, page, local)
             again_from = job.uploads if job is not None and repeatable else ()  # others see no names of photos
             title = "Change options" if done else "Options"
+            # Beside a room, what went wrong lies in the options; before there is one, they stay as they are.
+            fold: dict[str, Any] = {"open": bool(sentence)} if done or not sentence else {}
             return [
                 job.identifier if job is not None and (working or done) else "",
                 gr.update(visible=not working and not done),
                 status_text(job, jobs.limits, jobs.ahead(job) if job else 0, sentence),
-                # Options that are wrong stay as they are: any update would fold them.
-                gr.skip()
-                if refused
-                else gr.update(visible=repeatable if done else not working, label=title, open=False),
+                gr.update(visible=repeatable if done else not working, label=title, **fold),
                 gr.update(visible=repeatable, value=numbered_photos(again_from)),
                 gr.update(visible=repeatable),
                 gr.update(visible=working),

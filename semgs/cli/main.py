@@ -66,7 +66,6 @@ COMMANDS = {
     "batch": Command("scenes.batch:Batch", "Run a command for many scenes, several at a time."),
     "rooms": Command("scenes.rooms:Rooms", "Generate synthetic rooms with labels, depth and poses."),
     "train": Command("networks.train:Train", "Train, or resume training."),
-    "recipe": Command("networks.recipe:Recipe", "Train as the included weights were: classes, depth, colour."),
     "evaluate": Command(
         "networks.evaluate:Evaluate", "Score weights, or saved predictions, on a fixed list of frames."
     ),

@@ -19,8 +19,7 @@ BASE_SHARES = (0.625, 0.125)
 """Their steps, as shares of those of a row."""
 
 EQUAL_GRADIENT = 7000.0
-"""Times the paper's smoothness weight, at which the mean over pixels has about the gradient of the cross-entropy in the semantic branch
-(scripts/smoothness_gradient.py)."""
+"""Times the paper's smoothness weight, at which the mean over pixels has about the gradient of the cross-entropy in the semantic branch."""
 
 
 @dataclass(frozen=True)

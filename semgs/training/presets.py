@@ -11,8 +11,7 @@ from semgs.training.training_settings import TrainingSettings
 
 
 def small() -> TrainingSettings:
-    """The network for a CPU as it ships, in rooms: small images, and depth as an extra teacher. semgs recipe small trains it in the stages
-    of the included weights."""
+    """The network for a CPU as it ships, in rooms: small images, and depth as an extra teacher."""
     return TrainingSettings(
         preset="small",
         model="small",

@@ -47,7 +47,7 @@ SKIPPED = {
     "python simple_trainer.py": "gsplat's example needs CUDA, and is on no index",
     "ns-train": "nerfstudio needs CUDA",
     "npm install -g": "needs the network; `make long` installs the same program below tests/node",
-    "scripts/recipe_small.sh": "eleven hours; its stages are those of semgs recipe, which runs",
+    "scripts/recipe_small.sh": "eleven hours; test_recipe_small runs it with stand-ins",
 }
 """Lines that no test runs, by how they begin, and why."""
 
@@ -62,14 +62,12 @@ SMALLER = {
     "label": "--size 48x64",
     "prepare": "--size 48x64 --workers 0",
     "reconstruct": "--size 48x64",
-    "recipe": "--share 0.0001 --size 32x48 --workers 0 --validation val24",
     "render": "--size 32x48 --frames 2",
     "rooms": "--scenes 1 --frames 2 --size 32x48 --workers 0",
     "segmenters fit": "--size 48x64",
     "train": "--steps 1 --size 32x48 --batch 1 --workers 0 --devices 1 --nodes 1 --accumulate 1",
     "weights calibrate": "--size 48x64",
     "examples/train_on_a_folder.py": "1 32 48",
-    "scripts/sensor_depth.py": "--rooms 1",
     "tests/support/doctor_table.py": "--cases 2",
     "tools.release": "--data data/rooms --out failures.jpg",
 }
@@ -88,7 +86,7 @@ SMALLER_IN_PYTHON = {
 """The same for blocks of Python."""
 
 SLOW = (
-    "ablate", "app", "batch", "bench", "export-network", "figure", "label", "poses", "recipe", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
+    "ablate", "app", "batch", "bench", "export-network", "figure", "label", "poses", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
     "kitchen_colmap", "splat-transform", "mosaic.tflite", "scripts/", "tests/", "tools.", "--protocol neighbours", "eval/other", "eval/segformer",
     "examples/train", "examples/score", "examples/robot", "examples/depth_maps_in", "segmenters fit", "--correspondence", "--weights runs/small", "--html", "--refine",
     "label-splat", "--rerun", "--single", "--features",

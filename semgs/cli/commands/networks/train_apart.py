@@ -1,4 +1,4 @@
-"""Trains a run folder in a program of its own. `semgs ablate` and `semgs recipe` need it to train several times with --devices.
+"""Trains a run folder in a program of its own. `semgs ablate` needs it to train several times with --devices.
 
     python -m semgs.cli.commands.networks.train_apart RUN '{"model": "small", ...}' '{"device": "cuda", "devices": 4}'
 
