@@ -9,11 +9,10 @@ import asyncio
 import json
 import re
 import stat
-import sys
 import time
+from collections import Counter
 from collections.abc import Awaitable, Callable, MutableMapping, Sequence
 from contextlib import suppress
-from math import inf
 from pathlib import Path
 from typing import Any, TypeGuard
 from urllib.parse import parse_qsl
@@ -21,8 +20,8 @@ from urllib.parse import parse_qsl
 from semgs.app.limits import MIB, Limits
 from semgs.app.uploads import GONE, UnusableUploadError, content_of, delete_oldest
 from semgs.files.strict_json import parse_json
-from semgs.files.text import printable
 from semgs.viewer.access import PAGE_POLICY, WRONG_ORIGIN, Access
+from semgs.viewer.failures import tell_failure
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -30,6 +29,7 @@ Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 
 JOIN, STREAM, UPLOAD = "/gradio_api/queue/join", "/gradio_api/queue/data", "/gradio_api/upload"
+PROGRESS = "/gradio_api/upload_progress"
 
 NAME = r"[A-Za-z0-9_.+-]+"
 
@@ -43,7 +43,7 @@ ROUTES = (
     ("GET HEAD", r"/favicon\.ico"),
     ("GET HEAD", r"/rooms/[a-z0-9]{20}/.+"),
     ("GET", re.escape(STREAM)),
-    ("GET", r"/gradio_api/upload_progress"),
+    ("GET", re.escape(PROGRESS)),
     ("POST", re.escape(JOIN)),
     ("POST", re.escape(UPLOAD)),
 )
@@ -58,17 +58,14 @@ MOST_FILES, MOST_LETTERS = 100, 1000
 MEASURED_BYTES = 4 * MIB
 """After so much of an upload, it is checked whether the folder is full."""
 
+MOST_STREAMS, STREAMS_OF_ONE = 300, 2
+"""So many answers that last as long as what they tell of are open at once, and so many of one page or upload: the server keeps connections for other answers."""
+
 BODY_SECONDS, BODY_BYTES = 30.0, 4096
 """A browser that sends nothing of a body for so long is gone; from then on, it has to send so much in a second on average."""
 
 PREFIX = re.compile(r"(/[A-Za-z0-9_.~@-]+)*")
 """Where a proxy may put the page."""
-
-QUIET_SECONDS = 60.0
-"""At most one failure at a place of the code is printed in this time."""
-
-_told: dict[str, float] = {}
-"""When a failure was last told, by its place in the code."""
 
 ROOM = re.compile(r"(?:^|&)(room=[a-z0-9]{1,40})(?:&|$)")
 """Of the page's address, what a function may need to know."""
@@ -77,7 +74,7 @@ SESSION = re.compile(r"[a-z0-9]{1,40}")
 
 QUERIES = {
     STREAM: ("session_hash",),
-    "/gradio_api/upload_progress": ("upload_id",),
+    PROGRESS: ("upload_id",),
     UPLOAD: ("upload_id",),
 }
 """What the addresses of gradio's routes may have after "?", each a short word once: gradio keeps it."""
@@ -86,6 +83,7 @@ MULTIPART = re.compile(r"multipart/form-data; ?boundary=[A-Za-z0-9'()+_,./:=?-]{
 """The type of an upload as browsers send it; other parameters, such as a character set, are for programs."""
 
 BAD_REQUEST = "This is not a request of the page."
+BUSY = "Too many pages are open on this server. Try again in some minutes."
 FULL = "Too many files wait on this server. Try again in some minutes."
 
 
@@ -105,6 +103,7 @@ class Door:
     ) -> None:
         self._app, self._access, self._limits, self._inputs = app, access, limits, inputs
         self._uploads = uploads
+        self._streams = Counter[str]()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request."""
@@ -127,6 +126,8 @@ class Door:
             return await self._join(scope, receive, send)
         if path == UPLOAD:
             return await self._upload(scope, receive, send, headers)
+        if path in (STREAM, PROGRESS):
+            return await self._stream(f"{path} {parse_qsl(query)}", scope, receive, send)
         return await self._pass(scope, receive, send)
 
     async def _pass(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -147,6 +148,17 @@ class Door:
             tell_failure(error)
             if not started:
                 await _answer(scope, send, 500, "This request could not be answered.")
+
+    async def _stream(self, name: str, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let through a request whose answer lasts, unless there are too many."""
+        if self._streams[name] >= STREAMS_OF_ONE or self._streams.total() >= MOST_STREAMS:
+            return await _answer(scope, send, 503, BUSY)
+        self._streams[name] += 1
+        try:
+            await self._pass(scope, receive, send)
+        finally:
+            self._streams[name] -= 1
+            self._streams += Counter()  # without those of which none is open
 
     async def _join(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Let through a call of one of the page's functions, rewritten so that it holds nothing but what such a call needs."""
@@ -286,26 +298,6 @@ def inside(path: Path, folder: Path) -> bool:
     except (OSError, ValueError, RuntimeError):
         return False
     return within and stat.S_ISREG(status.st_mode)
-
-
-def tell_failure(error: BaseException) -> None:
-    """Tell whoever runs the app of a request that failed, on one line with the place in the code; of the same place once a minute."""
-    if type(error).__name__ == "ClientDisconnect":  # of Starlette: a browser went away
-        return
-    trace = error.__traceback__
-    while trace is not None and trace.tb_next is not None:
-        trace = trace.tb_next
-    place = "" if trace is None else f" at {Path(trace.tb_frame.f_code.co_filename).name}:{trace.tb_lineno}"
-    text = " ".join(str(error).split())[:200]
-    line = f"semgs: a request failed: {type(error).__name__}{place}: {text}"
-    now = time.monotonic()
-    if now - _told.get(place, -inf) < QUIET_SECONDS:
-        return
-    _told[place] = now
-    try:
-        print(printable(line), file=sys.stderr, flush=True)
-    except (OSError, ValueError):  # there is no terminal any more
-        return
 
 
 class _StopReadingError(Exception):

@@ -509,7 +509,7 @@ def _note_stage(job: Job, line: str) -> bool:
     try:
         told = json.loads(line)
         title, done, of = str(told["stage"]), int(told.get("done", 0)), int(told.get("of", 0))
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return False
     if job.stages and job.stages[-1].title == title and of:
         job.stages[-1].done, job.stages[-1].of = done, of

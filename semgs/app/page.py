@@ -16,12 +16,13 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs
 
-from semgs.app.door import STREAM, inside, tell_failure
+from semgs.app.door import STREAM, inside
 from semgs.app.jobs import IDENTIFIER, Job, Jobs
 from semgs.app.limits import Limits
 from semgs.app.requests import DEPTHS, OWN, RoomOptions
 from semgs.app.uploads import GONE, PICTURES, UnusableUploadError, Upload
 from semgs.files.extras import needs_extra
+from semgs.viewer.failures import tell_failure
 
 POLL_SECONDS = 0.4
 
@@ -152,6 +153,8 @@ def _restrain(gradio: Any, limits: Limits) -> None:
             try:
                 return await super().parse()
             except BaseException:  # also if the browser goes away, which gradio leaves out
+                if self.upload_progress is not None and self.upload_id is not None:
+                    self.upload_progress.stop_tracking(self.upload_id)
                 for file in self._files_to_close_on_error:
                     file.close()
                     Path(file.name).unlink(missing_ok=True)
@@ -186,8 +189,7 @@ def end_heartbeats(session: str) -> None:
     """
     for task in asyncio.all_tasks():
         frame = getattr(task.get_coro(), "cr_frame", None)
-        own = frame is not None and frame.f_code.co_name == "heartbeat"
-        if own and frame.f_locals.get("session_hash") == session:
+        if frame is not None and frame.f_code.co_name == "heartbeat" and frame.f_locals.get("session_hash") == session:
             task.cancel()
 
 

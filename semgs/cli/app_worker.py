@@ -121,6 +121,14 @@ def work(line: str) -> int:
     return 0
 
 
+def speak_alone() -> None:
+    """Keep stderr to Python: libraries for pictures print what is in a user's files there, which the queue would take for messages."""
+    own = os.dup(2)
+    with Path(os.devnull).open("w") as nothing:
+        os.dup2(nothing.fileno(), 2)
+    sys.stderr = os.fdopen(own, "w", buffering=1, encoding="utf-8", errors="backslashreplace")
+
+
 def serve() -> int:
     """Wait for one request and do it. Returns the exit code."""
     prepare_threads()
@@ -133,4 +141,5 @@ def serve() -> int:
 
 
 if __name__ == "__main__":
+    speak_alone()
     sys.exit(run_guarded(serve))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import re
 import socket
 import threading
@@ -83,6 +84,7 @@ def serving(host: str = LOOPBACK, port: int = ANY_PORT, access: Access | None = 
         # A page from elsewhere that connects to this server could ask for a public address, also without the button.
         server.request_share_url = _refuse  # type: ignore[method-assign]
         take_known_messages(server)
+        logging.getLogger("websockets.server").setLevel(logging.CRITICAL)  # a trace for each message that is damaged
         server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         yield server
     finally:

@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
+
+from semgs.viewer.failures import tell_failure
 
 MOST_BYTES = 64 * 1024
 """Longest message of a browser. Those of the page have less than a kilobyte."""
 
 CONTROL = "GuiUpdateMessage"
+VECTORS = {"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3, "ray_origin": 3, "ray_direction": 3}
+"""Fields that are lists of so many numbers."""
+
+POSITIVE = {"fov": math.pi, "near": 1e30, "far": 1e30, "image_height": 1e5, "image_width": 1e5}
+"""Fields that are numbers above 0 and below these."""
+
+LARGEST, MOST_POINTS = 1e30, 64
+"""Of all numbers, and of the numbers of a place on the screen."""
+
 TAKEN = (CONTROL, "ViewerCameraMessage", "ScenePointerMessage", "SceneNodeClickMessage")
 """Types of messages that the page needs: a control was used, the camera moved, and clicks."""
 
@@ -36,10 +47,11 @@ def is_known(message: Any, controls: Mapping[str, Any]) -> bool:
     if type(message).__name__ not in TAKEN:
         return False
     if type(message).__name__ != CONTROL:
-        return all(_is_plain(value) for value in _values(vars(message)))
+        return all(_has_shape(name, value) for name, value in vars(message).items())
     control = controls.get(message.uuid) if isinstance(message.uuid, str) else None
     updates = message.updates
-    return control is not None and set(updates) == {"value"} and _fits(updates["value"], control)
+    known = control is not None and isinstance(updates, dict) and set(updates) == {"value"}
+    return known and _fits(updates["value"], control)
 
 
 def _check_first(receiver: Any, controls: Mapping[str, Any]) -> None:
@@ -47,8 +59,11 @@ def _check_first(receiver: Any, controls: Mapping[str, Any]) -> None:
     take = receiver._handle_incoming_message
 
     async def checked(client: int, message: Any) -> None:
-        if is_known(message, controls):
-            await take(client, message)
+        try:
+            if is_known(message, controls):
+                await take(client, message)
+        except Exception as error:
+            tell_failure(error)
 
     receiver._handle_incoming_message = checked
 
@@ -64,21 +79,24 @@ def _fits(value: Any, control: Any) -> bool:
     return bool(control.min <= value <= control.max)
 
 
-def _values(value: Any) -> Iterator[Any]:
-    """What is in nested lists and dictionaries."""
-    if isinstance(value, Mapping):
-        value = tuple(value.values())
-    if not isinstance(value, list | tuple):
-        yield value
-        return
-    for one in value:
-        yield from _values(one)
+def _has_shape(name: str, value: Any) -> bool:
+    """Whether a field of a message has a value as the page sends it."""
+    if name in VECTORS:
+        length = VECTORS[name]
+        return (value is None and name.startswith("ray")) or (_is_list(value, length) and all(map(_is_number, value)))
+    if name == "screen_pos":
+        flat = [one for pair in value for one in pair] if _is_list(value) and all(map(_is_list, value)) else value
+        return _is_list(flat) and len(flat) <= MOST_POINTS and all(map(_is_number, flat))
+    if name in POSITIVE:
+        return _is_number(value) and 0 < value < POSITIVE[name]
+    return value is None or _is_number(value) or (isinstance(value, str) and len(value) < 200)
 
 
-def _is_plain(value: Any) -> bool:
-    """Whether a value is nothing, a short text or a finite number."""
-    return (
-        value is None
-        or (isinstance(value, str) and len(value) < 200)
-        or (isinstance(value, int | float) and math.isfinite(value))
-    )
+def _is_list(value: Any, length: int | None = None) -> bool:
+    """Whether a value is a list, of a length if one is given."""
+    return isinstance(value, list | tuple) and length in (None, len(value))
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a value is a finite number, and not true or false."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < LARGEST

@@ -13,9 +13,10 @@ from typing import Any
 import pytest
 
 from semgs.app import door
-from semgs.app.door import FULL, JOIN, UPLOAD, Door, checked_call, inside, is_known, is_plain
+from semgs.app.door import BUSY, FULL, JOIN, PROGRESS, STREAM, UPLOAD, Door, checked_call, inside, is_known, is_plain
 from semgs.app.limits import Limits
 from semgs.app.uploads import GONE, UnusableUploadError
+from semgs.viewer import failures
 from semgs.viewer.access import Access
 
 SECRET = "the secret of this machine"
@@ -502,7 +503,7 @@ def test_no_proxy_makes_another_path_of_one_that_is_known(uploads: Path, prefix:
 def test_a_failure_is_one_line_in_the_terminal_and_a_sentence_in_the_browser(
     uploads: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(door, "_told", {})
+    monkeypatch.setattr(failures, "_told", {})
     status, text, _, _ = answer(uploads, "/theme.css", method="GET")
     assert (status, text) == (500, "This request could not be answered.")
     error = capsys.readouterr().err
@@ -511,7 +512,7 @@ def test_a_failure_is_one_line_in_the_terminal_and_a_sentence_in_the_browser(
     assert error.count("\n") == 1
     answer(uploads, "/theme.css", method="GET")
     assert capsys.readouterr().err == "", "the same again fills no terminal"
-    monkeypatch.setattr(door, "QUIET_SECONDS", 0.0)
+    monkeypatch.setattr(failures, "QUIET_SECONDS", 0.0)
     answer(uploads, "/theme.css", method="GET")
     assert capsys.readouterr().err == error
 
@@ -525,3 +526,44 @@ def test_no_websocket_is_let_in(uploads: Path):
     scope = {"type": "websocket", "path": "/", "headers": [(b"host", b"localhost")], "query_string": b""}
     asyncio.run(Door(Behind(), Access(), uploads, LIMITS, [3])(scope, None, send))  # type: ignore[arg-type]
     assert sent == [{"type": "websocket.close", "code": 1008}]
+
+
+def test_few_answers_that_last_are_open_at_once_and_few_of_one_page(
+    uploads: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """gradio never ends those of an upload that was broken off, nor all but one of a page."""
+    monkeypatch.setattr(door, "MOST_STREAMS", 4)
+
+    async def asked(wanted: Sequence[tuple[str, str]]) -> list[int]:
+        let_go = asyncio.Event()
+
+        async def lasting(scope: Any, receive: Any, send: Any) -> None:
+            await let_go.wait()
+            await send({"type": "http.response.start", "status": 200, "headers": []})
+            await send({"type": "http.response.body", "body": b""})
+
+        gate, sent = Door(lasting, Access(), uploads, LIMITS), list[Any]()
+
+        async def one(path: str, query: str) -> int:
+            answers: list[Any] = []
+
+            async def send(message: Any) -> None:
+                answers.append(message)
+
+            headers = [(b"host", b"localhost")]
+            scope = {"type": "http", "method": "GET", "path": path, "headers": headers, "query_string": query.encode()}
+            await gate(scope, None, send)  # type: ignore[arg-type]
+            sent.append(answers[-1]["body"])
+            return int(answers[0]["status"])
+
+        tasks = [asyncio.create_task(one(*each)) for each in wanted]
+        await asyncio.sleep(0.01)
+        let_go.set()
+        statuses = await asyncio.gather(*tasks)
+        assert sent.count(BUSY.encode()) == statuses.count(503)
+        assert [await one(*each) for each in wanted] == len(wanted) * [200], "those that have ended do not count"
+        return statuses
+
+    same, others = (STREAM, "session_hash=a"), [(PROGRESS, f"upload_id={name}") for name in "bcd"]
+    assert asyncio.run(asked([same, same, same, (STREAM, "session_hash=a&")])) == [200, 200, 503, 503]
+    assert asyncio.run(asked([same, same, *others])) == [200, 200, 200, 200, 503]

@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from semgs.app.jobs import BUG, KILLED, NO_WORKER, TOO_LARGE, TOO_MUCH, UPLOAD_SECONDS, Job, Jobs, _listen
+from semgs.app.jobs import BUG, KILLED, NO_WORKER, TOO_LARGE, TOO_MUCH, UPLOAD_SECONDS, Job, Jobs, _listen, _note_stage
 from semgs.app.limits import Limits
 from semgs.app.requests import Request, RoomOptions
 from semgs.app.uploads import UnusableUploadError, Upload, content_of
@@ -415,6 +415,23 @@ def test_a_job_that_made_no_room_is_forgotten_after_ten_minutes(start: Callable[
         job.ended = time.time() - 60 * minutes
         jobs.expire()
         assert (jobs.find(job.identifier) is job) is known
+
+
+@pytest.mark.parametrize(
+    "line", ['{"stage": "x", "of": 1e999}', "{" + 5000 * '"a": {', '{"stage": "x", "done": []}', "{}"]
+)
+def test_a_line_that_is_no_stage_is_none(line: str) -> None:
+    job = Job("x", Path(), Request("example", [], "", {}), "a zip")
+    assert not _note_stage(job, line)
+    assert job.stages == []
+
+
+def test_in_a_worker_libraries_that_print_past_python_are_not_heard() -> None:
+    """libpng prints the name of a colour profile: it would pass for a stage."""
+    lines = "import os, sys; from semgs.cli.app_worker import speak_alone; speak_alone()"
+    program = f"{lines}; os.write(2, b'libpng'); os.system('echo child >&2'); print('ours', file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=120)
+    assert done.stderr == "ours\n"
 
 
 def test_a_line_of_a_worker_is_kept_up_to_a_limit(tmp_path: Path):

@@ -45,6 +45,8 @@ def test_nothing_but_the_value_of_a_control_of_the_panel_changes():
     assert not known("box", update_cb=[])
     assert not known("box")
     assert not known("other", value=True)
+    for updates in (None, ["value"], "value", 1):
+        assert not is_known(messages.GuiUpdateMessage("box", updates), CONTROLS), updates
     assert not known(["box"], value=True)
 
 
@@ -63,6 +65,21 @@ def test_cameras_have_finite_numbers():
     assert not is_known(camera(fov=math.inf), CONTROLS)
     assert not is_known(camera(fov="a" * 200), CONTROLS)
     assert not is_known(camera(fov=b"a"), CONTROLS)
+    for field, wrong in (
+        ("fov", 0), ("fov", 3.2), ("fov", None), ("fov", True), ("wxyz", (1.0, 0.0, 0.0)), ("wxyz", [1, [2, 3]]), ("position", None), ("position", {"a": 1}),
+        ("image_height", 0), ("image_width", 1e9), ("look_at", (0.0, 0.0, 1e40)), ("look_at", (True, 0.0, 1.0)), ("up_direction", 3 * ("a",)), ("near", -1.0),
+    ):  # fmt: skip
+        assert not is_known(camera(**{field: wrong}), CONTROLS), (field, wrong)
+
+
+def test_clicks_have_a_ray_and_a_place_on_the_screen():
+    ray, up = (0.0, 0.5, -1.0), (0.0, 0.0, 1.0)
+    assert is_known(messages.ScenePointerMessage("click", ray, up, ((0.5, 0.5),), None), CONTROLS)
+    assert is_known(messages.ScenePointerMessage("rect-select", None, None, ((0, 0), (1, 1)), None), CONTROLS)
+    assert is_known(messages.SceneNodeClickMessage("/a", None, ray, up, (0.5, 0.5), None), CONTROLS)
+    assert not is_known(messages.ScenePointerMessage("click", ray, [1, [2], 3], ((0.5, 0.5),), None), CONTROLS)
+    assert not is_known(messages.ScenePointerMessage("click", ray, up, 100 * ((0.5, 0.5),), None), CONTROLS)
+    assert not is_known(messages.ScenePointerMessage(["click"], ray, up, ((0.5, 0.5),), None), CONTROLS)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,9 @@ TOLERANCE = 0.02
 """Largest time difference of associated entries [s]: TUM RGB-D's default."""
 
 
+NEAREST = 25
+"""So many entries before one, and so many after it, are looked at: a stream that has more within the tolerance is no stream of images or poses."""
+
 MILLISECONDS, MICROSECONDS, NANOSECONDS = 1e11, 1e14, 1e17
 """Times of the clock that are larger than these are in that unit: in seconds, the first is in the year 5138."""
 
@@ -32,8 +35,9 @@ def associate(first: np.ndarray, second: np.ndarray, tolerance: float = TOLERANC
         Positions in the second by positions in the first, in the order of the first. Entries without a partner are left out.
     """
     order = np.argsort(second, kind="stable")
-    begins = np.searchsorted(second[order], first - tolerance, side="left")
-    ends = np.searchsorted(second[order], first + tolerance, side="right")
+    middles = np.searchsorted(second[order], first)
+    begins = np.maximum(np.searchsorted(second[order], first - tolerance, side="left"), middles - NEAREST)
+    ends = np.minimum(np.searchsorted(second[order], first + tolerance, side="right"), middles + NEAREST)
     pairs = sorted(
         (abs(first[i] - second[j]), i, int(j))
         for i in range(len(first))
