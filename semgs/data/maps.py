@@ -179,7 +179,7 @@ class DepthThroughLens:
 @final
 @dataclass(frozen=True)
 class ClassMap:
-    """Labels in an 8-bit PNG.
+    """Labels in a PNG.
 
     Attributes:
         path: the file.
