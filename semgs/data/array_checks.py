@@ -30,8 +30,8 @@ MOST_TRIED = 5
 FITS_PX = 2.0
 """Matches that miss the epipolar line by less than this fit [px of the reduced images]."""
 
-FEW, MOST = 0.2, 0.6
-"""Poses are wrong if at most the first share of the matches fits in front of the cameras as given, and at least the second read in another way."""
+MOST, FEW = 0.6, 0.5
+"""Poses are wrong if at least the first share of the matches fits in front of the cameras read in another way, and as given at most the second part of it."""
 
 OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 """OpenGL's camera axes in OpenCV's."""
@@ -89,13 +89,13 @@ def warn_of_poses(images: Float[Tensor, "v 3 h w"], cameras: Cameras) -> None:
     pixel = 1 / (scale * float(matrices[:, 0, 0].min()))
     inverse = np.linalg.inv(poses)
     readings = {
-        "are world to camera: pass their inverse, camera to world": inverse,
+        "are world to camera: pass their inverse": inverse,
         "look like OpenGL's or Blender's, y up and z backward: multiply world_from_camera by diag(1, -1, -1, 1) from the right": poses @ OPENGL,
         "are world to camera, with OpenGL's axes: pass inv(poses) @ diag(1, -1, -1, 1)": inverse @ OPENGL,
     }  # fmt: skip
     shares = {said: _fitting(rays[0], rays[1], reading, pixel) for said, reading in readings.items()}
     likeliest = max(shares, key=lambda said: shares[said])
-    if _fitting(rays[0], rays[1], poses, pixel) <= FEW and shares[likeliest] >= MOST:
+    if _fitting(rays[0], rays[1], poses, pixel) <= FEW * shares[likeliest] and shares[likeliest] >= MOST:
         warnings.warn(
             f"the poses {likeliest}. Matches between images {second - 1} and {second} fit them only then", stacklevel=3
         )

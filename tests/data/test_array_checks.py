@@ -104,6 +104,15 @@ def test_a_first_image_without_matches_hides_no_inverted_poses(pair: Views):
         Views.from_arrays(images, poses[[0, 0, 1]], pair.cameras.intrinsics[:1].repeat(3, 1, 1), (0.5, 10.0))
 
 
+def test_inverted_poses_that_few_matches_fit_by_accident_are_warned_of():
+    """Small images forgive: a quarter of the matches fits poses of a sideways walk that are inverted, nearly all fit the right ones."""
+    small = open_scene(demo_scene()).read([0, 2], (90, 120))
+    with pytest.warns(UserWarning, match="are world to camera"):
+        Views.from_arrays(
+            small.images, torch.linalg.inv(small.cameras.world_from_camera), small.cameras.intrinsics, (0.5, 10.0)
+        )
+
+
 @pytest.mark.parametrize("poses", ["still", "alike"])
 def test_poses_that_cannot_be_compared_are_accepted(pair: Views, poses: str):
     matrices = pair.cameras.world_from_camera.clone()
