@@ -30,7 +30,7 @@ MOST_TRIED = 5
 FITS_PX = 2.0
 """Matches that miss the epipolar line by less than this fit [px of the reduced images]."""
 
-MOST, FEW = 0.6, 0.5
+MOST, FEW = 0.6, 0.6
 """Poses are wrong if at least the first share of the matches fits in front of the cameras read in another way, and as given at most the second part of it."""
 
 OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
