@@ -25,7 +25,7 @@ from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails, Unit
 from semgs.data.scene_lists import SceneList, scenes_by_name
 from semgs.files.errors import InputError, readable
-from semgs.files.paths import existing_folder, typed_path, without_dots
+from semgs.files.paths import existing_folder, trained_splat, typed_path, without_dots
 from semgs.files.text import listed
 
 
@@ -299,6 +299,8 @@ def _hint(path: Path) -> str:
         return _NO_VIDEOS if path.suffix.lower() in VIDEOS else "name the scene's folder"
     if (path / OUTPUT).is_file():
         return "this is a result of semgs reconstruct; semgs view, render, query and export open it"
+    if (splat := trained_splat(path)) is not None:
+        return f"this is what a 3DGS training wrote; semgs view, render, export and label-splat open its splat {splat}"
     inside = _scene_below(path)
     if inside is not None:
         return f"there is one in {inside}"

@@ -35,7 +35,9 @@ def packed_png(path: Path, numbers: np.ndarray, bits: int) -> Path:
     rows = b"".join(b"\0" + row.tobytes() for row in np.packbits(digits, axis=1))
     header = struct.pack(">2I5B", *numbers.shape[::-1], bits, 0, 0, 0, 0)
     chunks = [(b"IHDR", header), (b"IDAT", zlib.compress(rows)), (b"IEND", b"")]
-    body = [struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks]
+    body = [
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
+    ]
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(body))
     return path
 
