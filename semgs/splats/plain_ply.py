@@ -18,7 +18,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-
 from jaxtyping import Float
 
 from semgs.data.ply_tables import PlyTables
@@ -137,7 +136,7 @@ def look_like_lengths(scales: Float[np.ndarray, "g 3"], means: Float[np.ndarray,
 def look_like_shares(opacities: Float[np.ndarray, " g"]) -> bool:
     """Whether opacities of a PLY look like 0 to 1, not like logits: these would all be within 0.5 to 0.73."""
     known = opacities[~np.isnan(opacities)]
-    return bool(len(known) >= FEWEST and 0 <= known.min() and 0 < known.max() <= 1)
+    return bool(len(known) >= FEWEST and known.min() >= 0 and 0 < known.max() <= 1)
 
 
 def _with_constants(columns: Columns) -> Columns:
