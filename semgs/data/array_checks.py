@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import cv2
 import numpy as np
+import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
@@ -67,6 +68,16 @@ def check_intrinsics(cameras: Cameras) -> None:
             raise ValueError(f"{said}; expected it near the middle of {sides}. {other}")
         if not EDGE[0] < across < EDGE[1]:
             warnings.warn(f"{said}, in {sides}. {other}, or ignore this if the images are crops", stacklevel=3)
+
+
+def warn_of_copies(images: Float[Tensor, "v 3 h w"], cameras: Cameras) -> None:
+    """Warn if a view is there twice: the same image with the same pose adds nothing."""
+    poses = cameras.world_from_camera
+    for second in range(1, len(images)):
+        for first in range(second):
+            if torch.equal(poses[first], poses[second]) and torch.equal(images[first], images[second]):
+                warnings.warn(f"views {first} and {second} have the same image and pose; leave one out", stacklevel=3)
+                return
 
 
 def warn_of_poses(images: Float[Tensor, "v 3 h w"], cameras: Cameras) -> None:

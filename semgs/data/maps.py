@@ -30,6 +30,9 @@ ASPECT_TOLERANCE = 0.02
 SATURATED = 65535
 """The largest count of a 16-bit depth map. It means unknown, like 0: nothing was measured, or something too far away."""
 
+FARTHEST = 65504.0
+"""Floating-point depth from here on means unknown, too: the largest half float, and what renderers write for the background (Blender: 1e10)."""
+
 MILLIMETRE = 0.001
 """Metres per count of most depth maps [m]."""
 
@@ -124,9 +127,7 @@ class DepthMap:
         """
         counts = self._counts()
         depths = counts.astype(np.float32) * np.float32(self.unit)
-        depths[~np.isfinite(depths) | (depths < 0)] = 0
-        if counts.dtype == np.uint16:
-            depths[counts == SATURATED] = 0
+        depths[~known_depths(counts)] = 0
         if self.confidence is not None:
             depths[self._confidences(self.confidence, depths.shape) == 0] = 0
         return depths
@@ -245,7 +246,8 @@ class MaskMap:
         Raises:
             InputError: as `MapSource.read`, or it has another aspect than the image.
         """
-        return ~pixels.taken(fit_to_image(self.path, read_visible(self.path), pixels.lens.size))
+        visible = read_visible(self.path).astype(np.uint8)
+        return pixels.taken(fit_to_image(self.path, visible, pixels.lens.size)) == 0
 
 
 @final
@@ -267,6 +269,12 @@ class InMemory:
             ValueError: it has another size than the image.
         """
         return pixels.taken(self.values)
+
+
+def known_depths(counts: Num[np.ndarray, "*axes"]) -> Bool[np.ndarray, "*axes"]:
+    """Where depth as stored is known: finite, positive, and not what stands for something too far away."""
+    farthest = FARTHEST if counts.dtype.kind == "f" else np.iinfo(counts.dtype).max
+    return np.isfinite(counts) & (counts > 0) & (counts < farthest)
 
 
 def fit_to_image(

@@ -157,6 +157,8 @@ class Scene:
                     return matches[0]
             reason = ", its image is missing" if wanted in {Path(name).name for name in self.absent} else ""
             raise ValueError(f"{self.path} has no usable frame {frame!r}{reason}; the first is {self.frames[0].name}")
+        if isinstance(frame, bool | np.bool_):
+            raise TypeError("frames are true and false; expected positions or names, such as np.flatnonzero(mask)")
         if not isinstance(frame, int | np.integer):
             raise TypeError(f"a frame is {type(frame).__name__}; expected its position or name")
         position = operator.index(frame)
@@ -181,7 +183,7 @@ class Scene:
             stated: take the range of rooms for metric scenes without comparing it with what the images show, as protocols do.
 
         Raises:
-            ValueError: no frame has that position or name, or the list is empty.
+            ValueError: no frame has that position or name, or the list is empty or has one twice.
             InputError: the scale has to be found from images, and one cannot be read.
         """
         if self.stated_range is not None:
@@ -190,7 +192,7 @@ class Scene:
             return DepthRange(*INDOOR_DEPTH_RANGE, self.unit, "the range of rooms, as the cameras are unknown")
         return depth_range(self.frames, self._positions(frames), self.unit, self.points, features, stated=stated)
 
-    def _positions(self, frames: Sequence[int | str] | None) -> Sequence[int]:
+    def _positions(self, frames: Iterable[int | str] | None) -> Sequence[int]:
         """The positions of frames; None for all."""
         if isinstance(frames, str | int):
             raise TypeError(
@@ -201,11 +203,14 @@ class Scene:
         positions = range(len(self)) if frames is None else [self.index(frame) for frame in frames]
         if not positions:
             raise ValueError(f"the list of frames is empty; {self.path} has {len(self)}")
+        if len(set(positions)) < len(positions):
+            twice = next(one for one in positions if list(positions).count(one) > 1)
+            raise ValueError(f"frame {twice} ({self.frames[twice].name}) is there twice; expected each frame once")
         return positions
 
     def read(
         self,
-        frames: Sequence[int | str],
+        frames: Iterable[int | str],
         size: Sequence[int] | Literal["native"] | None = None,
         depth_range: DepthRange | tuple[float, float] | None = None,
         *,
@@ -221,11 +226,12 @@ class Scene:
             fit: what is done with images of another aspect than `size`.
 
         Raises:
-            ValueError: no frame has that position or name, the list is empty, sizes differ and `size` is "native", or `size` is invalid.
+            ValueError: no frame has that position or name, the list is empty or has one twice, sizes differ and `size` is "native", or `size` is invalid.
             InputError: an image, depth or label file cannot be used.
         """
-        chosen = [self.frames[index] for index in self._positions(frames)]
-        bounds = depth_range or self.depth_range(frames)
+        positions = self._positions(frames)
+        chosen = [self.frames[index] for index in positions]
+        bounds = depth_range or self.depth_range(positions)
         wanted = _wanted(chosen, size)
         near_far = bounds if isinstance(bounds, tuple) else (bounds.near, bounds.far)
         views = [frame.view(near_far, self.classes, size=wanted, fit=fit) for frame in chosen]

@@ -24,7 +24,7 @@ from jaxtyping import Float, Float32
 from torch import Tensor
 
 from semgs.data.frames import Frame, undistortion
-from semgs.data.maps import MILLIMETRE, SATURATED, fit_to_image
+from semgs.data.maps import MILLIMETRE, fit_to_image, known_depths
 from semgs.data.resampling import Fit, kept_window, nearest
 from semgs.data.scene import Scene
 from semgs.depth_maps.depth_source import Meaning
@@ -115,8 +115,7 @@ class MapFolder:
     def _values(self, path: Path) -> Float32[np.ndarray, "rows columns"]:
         """The numbers in a file, in metres if they are metric; NaN where unknown."""
         if path.suffix == ".png":
-            counts = read_uint16(path)
-            values = np.where((counts > 0) & (counts < SATURATED), counts, np.nan)
+            values = read_uint16(path)
         else:
             expected = "one array of numbers [height width]"
             values = _read_exr(path) if path.suffix == ".exr" else only_array(path, expected)
@@ -129,8 +128,11 @@ class MapFolder:
             unit = MILLIMETRE if path.suffix == ".png" else 1.0
         factor = unit if self.meaning == "metric" else 1.0
         numbers = values.astype(np.float32) * np.float32(factor)
-        unknown = ~np.isfinite(numbers) | ((numbers <= 0) if self.meaning != "inverse" else False)
-        return np.where(unknown, np.float32(np.nan), numbers)
+        if self.meaning != "inverse" or values.dtype == np.uint16:
+            known = known_depths(values)
+        else:
+            known = np.isfinite(numbers)
+        return np.where(known, numbers, np.float32(np.nan))
 
 
 def open_map_folder(folder: Path, scene: Scene, meaning: Meaning | None) -> MapFolder:

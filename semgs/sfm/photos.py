@@ -23,7 +23,7 @@ from semgs.files.images.pictures import MOST_PIXELS, jpeg_bytes, read_header, re
 from semgs.files.text import listed, natural_order
 
 UNREAD = (
-    ".webp", ".avif", ".gif", ".bmp", ".tif", ".tiff", ".heif", ".jxl", ".jp2", ".exr", ".hdr",
+    ".webp", ".avif", ".gif", ".bmp", ".tif", ".tiff", ".heif", ".hif", ".jxl", ".ppm", ".tga", ".psd", ".jp2", ".exr", ".hdr",
     ".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".rw2", ".raf", ".insp",
 )  # fmt: skip
 """Endings of pictures that are not read."""
@@ -317,14 +317,18 @@ def sharpness_of(grey: np.ndarray) -> float:
 
 
 def upright_copy(file: Path, pixels: np.ndarray, files: Sequence[Path]) -> tuple[str, bytes]:
-    """Name and content of the copy of a photo: the file's if it is upright and what its ending says, as COLMAP needs; else a JPEG of its upright pixels.
+    """Name and content of the copy of a photo: the file's if it is upright and what its ending says, as COLMAP needs, or a JPEG of another
+    ending, such as .jfif, which becomes .jpg; else a JPEG of its upright pixels.
 
     Raises:
         InputError: the file cannot be read.
     """
     data = read_bytes(file, "an image")
-    if data.startswith(BEGINNINGS.get(file.suffix.lower(), ())) and read_header(file).orientation == 1:
-        return file.name, data
+    if data.startswith((*BEGINNINGS.values(),)) and read_header(file).orientation == 1:
+        if data.startswith(BEGINNINGS.get(file.suffix.lower(), ())):
+            return file.name, data
+        if data.startswith(BEGINNINGS[".jpg"]):
+            return jpeg_name(file, files), data
     return jpeg_name(file, files), jpeg_bytes(pixels, QUALITY)
 
 

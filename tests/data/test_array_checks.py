@@ -167,3 +167,14 @@ def test_a_network_says_what_it_was_given_instead_of_views():
     for other in ("photos", IMAGES[0], [views(K)], open_scene(demo_scene())):
         with pytest.raises(TypeError, match=rf"the network takes semgs\.Views, .* and got {type(other).__name__}"):
             unwrap(type(network).forward)(network, other)
+
+
+@pytest.mark.parametrize("copied", [(0, 1), (0, 2), (1, 2)])
+def test_a_view_that_is_there_twice_is_warned_of(copied: tuple[int, int]):
+    order = [0, 1, 2]
+    order[copied[1]] = copied[0]
+    images = np.random.default_rng(1).integers(0, 256, (3, 120, 160, 3), dtype=np.uint8)
+    poses = np.stack([np.eye(4)] * 3)
+    poses[:, 0, 3] = (0, 0.3, 0.6)
+    with pytest.warns(UserWarning, match=f"views {copied[0]} and {copied[1]} have the same image and pose"):
+        Views.from_arrays(images[order], poses[order], K, (0.5, 10.0))

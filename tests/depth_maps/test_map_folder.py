@@ -140,3 +140,13 @@ def test_what_is_no_map_is_refused_in_one_line(scene: Scene, folder: Path, name:
 def test_without_a_meaning_the_error_says_how_to_give_it(scene: Scene, folder: Path):
     with pytest.raises(InputError, match="give --depth-meaning metric, scaled or inverse, or write"):
         open_map_folder(folder, scene, None)
+
+
+@pytest.mark.parametrize("meaning", ["metric", "scaled"])
+def test_the_background_of_renderers_is_unknown(scene: Scene, folder: Path, meaning: str):
+    values = RAMP.copy()
+    values[0, :2] = 1e10, 65504
+    np.save(folder / "000.npy", values)
+    found = open_map_folder(folder, scene, meaning).of(scene.frames[0], SIZE)
+    assert found[0, :2].isnan().all()
+    assert found[0, 2:].isfinite().all()

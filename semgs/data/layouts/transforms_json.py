@@ -152,7 +152,7 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside, depth_u
         classes=classes,
         unread_labels=unread,
         absent=tuple(absent),
-        notes=(*notes.sentences(absent, len(listed)), *about_points, *about_unit),
+        notes=(*notes.sentences(absent, len(listed)), *_note_other_splits(file), *about_points, *about_unit),
         points=points if points is not None and len(points) else None,
         applied_transform=_applied_transform(shared),
         applied_scale=shared.positive("applied_scale"),
@@ -191,6 +191,18 @@ class _Notes:
 def _file(folder: Path) -> Path | None:
     """The transforms file of a folder, None if there is none."""
     return next((folder / name for name in FILE_NAMES if (folder / name).is_file()), None)
+
+
+def _note_other_splits(file: Stored) -> list[str]:
+    """A note about the files of other splits (transforms_val.json) beside that of the training split."""
+    if not isinstance(file, Path) or file.name != FILE_NAMES[1]:
+        return []
+    others = sorted(one.name for one in file.parent.glob("transforms_*.json") if one.name != file.name)
+    if not others:
+        return []
+    return [
+        f"Only the frames of {file.name} are read, not those of {', '.join(others)}; give a file's own path to read it."
+    ]
 
 
 def _names(listed: Sequence[Fields]) -> list[str]:

@@ -571,3 +571,18 @@ def test_nerfstudios_transform_of_the_world_is_kept_beside_the_poses(tmp_path):
     np.testing.assert_array_equal(scene.applied_transform, applied)
     assert scene.applied_scale == 0.4
     np.testing.assert_allclose(scene.cameras[0].centres, EYES[0])
+
+
+@pytest.mark.parametrize(("others", "said"), [(["val"], "transforms_val.json"), (["test", "val"], "transforms_test.json, transforms_val.json"), ([], None)])  # fmt: skip
+def test_other_splits_beside_the_training_split_are_named(tmp_path: Path, others: list[str], said: str | None):
+    folder = write(tmp_path, {**PINHOLE})
+    (folder / "transforms.json").rename(folder / "transforms_train.json")
+    for name in others:
+        shutil.copy(folder / "transforms_train.json", folder / f"transforms_{name}.json")
+    notes = [note for note in open_scene(folder).notes if "are read, not those of" in note]
+    assert notes == (
+        [f"Only the frames of transforms_train.json are read, not those of {said}; give a file's own path to read it."] if said else []
+    )  # fmt: skip
+    assert all(
+        "not those of" not in note for other in others for note in open_scene(folder / f"transforms_{other}.json").notes
+    )

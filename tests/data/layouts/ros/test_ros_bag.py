@@ -625,3 +625,25 @@ def test_images_whose_time_was_not_set_are_left_out_and_counted(tmp_path: Path):
     assert len(scene) == 2
     assert "2 of 4 images have the time 0 in their header, or that of another, and are left out." in scene.notes
     np.testing.assert_allclose([frame.world_from_camera for frame in scene.frames], room.poses[2:], atol=1e-6)
+
+
+@pytest.mark.parametrize("broken", ["zero quaternion", "NaN quaternion", "NaN position"])
+def test_poses_that_are_none_are_counted(tmp_path: Path, broken: str):
+    """Two of the six between odom and base_link: the image between them gets a pose from the others, and a note says so."""
+    bag = robot(FEW)
+    steps = [
+        one[3].transforms[0]
+        for one in bag.messages
+        if one[1] == "/tf" and one[3].transforms[0].child_frame_id == "base_link"
+    ]
+    for step in steps[2:4]:
+        turn, place = step.transform.rotation, step.transform.translation
+        turn.x, turn.y, turn.z, turn.w = {"zero quaternion": (0.0,) * 4, "NaN quaternion": (np.nan,) * 4}.get(
+            broken, (0.0, 0.0, 0.0, 1.0)
+        )
+        place.x = np.nan if broken == "NaN position" else place.x
+    scene = open_scene(bag.write(tmp_path / "bag"))
+    assert (
+        "2 of 6 poses of base_link in /tf are left out, as they are not finite or have a quaternion of zero: images at their times have interpolated poses."
+        in scene.notes
+    )
