@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO
 from urllib.parse import quote
 
+from semgs.files.cut_bags import recordings_of
 from semgs.files.extras import needs_extra
 
 MOST_CHUNK = 1 << 28
@@ -50,7 +51,7 @@ def bag_reader(path: Path) -> Any:
         from rosbags.typesys import Stores, get_typestore
     _bound_rosbags()
     _check_metadata(path / METADATA)
-    return AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
+    return AnyReader(recordings_of(path, METADATA), default_typestore=get_typestore(Stores.LATEST))
 
 
 def check_definitions(reader: Any) -> None:
