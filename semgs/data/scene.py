@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -14,6 +14,7 @@ import numpy as np
 from semgs.data.bounds.depth_range import DepthRange, depth_range
 from semgs.data.bounds.parallax import FrameFeatures
 from semgs.data.frames import Frame
+from semgs.data.maps import Pixels
 from semgs.data.origin.labeller import Labeller
 from semgs.data.resampling import Fit, default_size
 from semgs.data.spread import spread
@@ -137,6 +138,18 @@ class Scene:
     def local(self, views: Views) -> Views:
         """Views with the poses of the files, moved to the world around `origin`."""
         return views.changed(cameras=views.cameras.relative_to(self.origin)) if self.origin.any() else views
+
+    def with_readable_labels(self, positions: Sequence[int]) -> Scene:
+        """This scene without labels, and a note why, if those of some frames cannot be read from their files; else this scene."""
+        for position in positions if self.classes is not None else ():
+            frame = self.frames[position]
+            try:
+                if frame.labels is not None and frame.labels.stored:
+                    frame.labels.read(Pixels(frame.lens, frame.camera))
+            except InputError as error:
+                note = f"The labels are left out: {error}."
+                return replace(self, classes=None, unread_labels=error, notes=(*self.notes, note))
+        return self
 
     def index(self, frame: int | str) -> int:
         """The position of a frame, given its position or name (as listed, the file name, or the stem).

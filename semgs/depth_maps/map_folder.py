@@ -39,6 +39,8 @@ from semgs.segmenters.class_map_files import MadeBy, file_of, only_array, stems_
 RECORD = "depth.json"
 ENDINGS = (".npy", ".npz", ".exr", ".png")
 CHANNELS = ("Z", "Y", "R")
+DEPTH_OF_LAYERS = (".Z", ".Depth.V")
+"""How the channel of depth is called in files of several layers, as Blender writes them."""
 
 MOST_NUMBERS = 4 * MOST_PIXELS
 """OpenEXR files with more numbers in all their channels are not read."""
@@ -128,11 +130,8 @@ class MapFolder:
             unit = MILLIMETRE if path.suffix == ".png" else 1.0
         factor = unit if self.meaning == "metric" else 1.0
         numbers = values.astype(np.float32) * np.float32(factor)
-        if self.meaning != "inverse" or values.dtype == np.uint16:
-            known = known_depths(values)
-        else:
-            known = np.isfinite(numbers)
-        return np.where(known, numbers, np.float32(np.nan))
+        is_depth = self.meaning != "inverse" or values.dtype == np.uint16
+        return np.where(known_depths(values) if is_depth else np.isfinite(numbers), numbers, np.float32(np.nan))
 
 
 def open_map_folder(folder: Path, scene: Scene, meaning: Meaning | None) -> MapFolder:
@@ -186,9 +185,13 @@ def _read_exr(path: Path) -> Float32[np.ndarray, "rows columns"]:
             raise InputError(path, f"an image of at most {MOST_NUMBERS:,} numbers", f"{numbers:,}")
         channels = OpenEXR.File(str(path), separate_channels=True).channels()
         names = [name for name in CHANNELS if name in channels] or (list(channels) if len(channels) == 1 else [])
-        if not names:
-            raise InputError(path, f"a channel {', '.join(CHANNELS)}", ", ".join(sorted(channels)) or "none")
+        names = names or sorted(name for name in channels if name.endswith(DEPTH_OF_LAYERS))
+        if not names or (len(names) > 1 and names[0] not in CHANNELS):
+            expected = f"a channel {', '.join(CHANNELS)}, or one that ends in {' or '.join(DEPTH_OF_LAYERS)}"
+            raise InputError(path, expected, ", ".join(sorted(channels)) or "none")
         return np.asarray(channels[names[0]].pixels, np.float32)
+    except InputError:
+        raise
     except (RuntimeError, ValueError, TypeError) as error:
         raise InputError(path, "an OpenEXR image", (str(error).splitlines() or ["a damaged one"])[0]) from error
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 import bz2
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache, wraps
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO
 from urllib.parse import quote
 
-from semgs.files.cut_bags import recordings_of
 from semgs.files.extras import needs_extra
 
 MOST_CHUNK = 1 << 28
@@ -39,8 +38,8 @@ VISION = {
 """Definitions of vision_msgs 4 (https://github.com/ros-perception/vision_msgs, branch ros2), which rosbags does not have."""
 
 
-def bag_reader(path: Path) -> Any:
-    """rosbags' reader of a bag, not yet opened. Messages without types have those of the newest ROS 2.
+def bag_reader(path: Path, recordings: Sequence[Path] = ()) -> Any:
+    """rosbags' reader of a bag, or of its recordings, not yet opened. Messages without types have those of the newest ROS 2.
 
     Raises:
         ImportError: rosbags is not installed.
@@ -51,7 +50,7 @@ def bag_reader(path: Path) -> Any:
         from rosbags.typesys import Stores, get_typestore
     _bound_rosbags()
     _check_metadata(path / METADATA)
-    return AnyReader(recordings_of(path, METADATA), default_typestore=get_typestore(Stores.LATEST))
+    return AnyReader(recordings or [path], default_typestore=get_typestore(Stores.LATEST))
 
 
 def check_definitions(reader: Any) -> None:

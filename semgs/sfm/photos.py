@@ -44,7 +44,7 @@ WIDEST = 2.0
 """Pictures with a larger ratio of their sides are panoramas; with this one, if their left and right ends go together."""
 
 SAME_RATIO = 0.01
-"""Ratios that differ by this share are the same."""
+"""Ratios, and sizes of photos of one camera, that differ by this share are the same."""
 
 DCF = re.compile(r"\d{3}[A-Z0-9_]{5}")
 """Folders that cameras and phones spread photos over: 100APPLE, 101CANON."""
@@ -285,13 +285,13 @@ def _unusable(error: InputError) -> str | None:
 
 
 def with_focal(photos: PhotoSet, focal_px: float) -> Sequence[UprightPhoto]:
-    """The photos with a focal length that the user gave.
+    """The photos with a focal length that the user gave. Sizes may differ by `SAME_RATIO`, as programs that make photos smaller round them.
 
     Raises:
         ValueError: they differ in size, so it is unclear for which photo it is.
     """
     sizes = sorted({tuple(sorted(photo.size)) for photo in photos.photos})
-    if len(sizes) > 1:
+    if any(max(sides) > (1 + SAME_RATIO) * min(sides) for sides in zip(*sizes, strict=True)):
         raise ValueError(
             f"--focal is for photos of one size; {photos.path} has {', '.join('x'.join(map(str, one)) for one in sizes)}"
         )

@@ -19,6 +19,7 @@ from semgs.data.resampling import reframed
 from semgs.data.scene_details import USED_BY, SceneDetails
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError
+from semgs.files.images.pictures import write_png
 from semgs.rooms.sets.demo_room import demo_scene
 
 SIZES = [(90, 130), (90, 130), (60, 100), (90, 130)]
@@ -272,3 +273,22 @@ def test_frames_may_be_any_iterable(frames):
     """A generator can be gone through once only."""
     scene = open_scene(demo_scene())
     assert torch.equal(scene.read(frames).images, scene.read([1, 2]).images)
+
+
+@pytest.mark.parametrize("broken", ["sixteen bits", "colours", "outside the table", "damaged"])
+def test_labels_that_cannot_be_read_are_left_out_with_a_note_if_they_are_not_needed(tmp_path: Path, broken: str):
+    folder = shutil.copytree(demo_scene(), tmp_path / "scene")
+    for label in sorted((folder / "labels").glob("*.png"))[-1:]:
+        kind = {
+            "sixteen bits": np.full((240, 320), 1200, np.uint16),
+            "outside the table": np.full((240, 320), 77, np.uint8),
+        }
+        write_png(label, kind.get(broken, np.random.default_rng(0).integers(0, 256, (240, 320, 3), dtype=np.uint8)))
+        if broken == "damaged":
+            label.write_bytes(label.read_bytes()[:200])
+    scene = open_scene(folder, needs_labels=False)
+    assert scene.classes is None
+    assert scene.notes[-1].startswith(f"The labels are left out: {label}")
+    assert scene.read([0, len(scene) - 1]).labels is None
+    with pytest.raises(InputError, match=label.name):
+        open_scene(folder).read([0, len(scene) - 1])

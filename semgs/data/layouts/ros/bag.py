@@ -15,9 +15,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from semgs.data.layouts.ros.cut_bags import CutRecording, recordings_of
 from semgs.data.layouts.ros.image_messages import as_file, ending_of
 from semgs.files.bags import METADATA, bag_reader, check_definitions
-from semgs.files.cut_bags import CutRecording
 from semgs.files.errors import InputError, readable
 from semgs.files.text import listed
 
@@ -93,7 +93,7 @@ class Bag:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            self._reader = bag_reader(path)
+            self._reader = bag_reader(path, recordings_of(path))
             self._reader.open()
             weakref.finalize(self, _close, self._reader)
             check_definitions(self._reader)

@@ -12,6 +12,8 @@ import struct
 from pathlib import Path
 from typing import BinaryIO
 
+from semgs.files.bags import METADATA
+
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER = b"\x02" + struct.pack("<QQQI", 20, 0, 0, 0) + MAGIC
 """A footer without a summary, so that readers look through all records."""
@@ -91,16 +93,15 @@ def _records_of_chunk(file: BinaryIO, at: int) -> bytes:
     return inner.getvalue()[: _end_of_records(inner, 0)]
 
 
-def recordings_of(path: Path, metadata: str) -> list[Path]:
+def recordings_of(path: Path) -> list[Path]:
     """What to open of a bag: it, or, if one of its recordings ends early or the list of its topics does not say what they are, its recordings.
 
     Args:
         path: of the bag, a file or a folder.
-        metadata: the name of the list of its topics.
     """
     files = sorted(file for ending in ("mcap", "db3") for file in path.glob(f"*.{ending}")) if path.is_dir() else [path]
     made = [CutRecording(file) if _ends_early(file) else file for file in files]
-    said = (path / metadata).read_bytes() if (path / metadata).is_file() else b""
+    said = (path / METADATA).read_bytes() if (path / METADATA).is_file() else b""
     salvaged = any(isinstance(one, CutRecording) for one in made) or _UNSTATED.search(said) is not None
     return made if files and (salvaged or not path.is_dir()) else [path]
 
