@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from semgs.cli.options.types import ACTIVATED, Activated
 from semgs.cli.usage_errors import UsageError
 from semgs.files.errors import InputError
 from semgs.splats.endings import is_splat
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from semgs.scene.upright import Up
 
 
-def open_given(scene: Path, cameras: Path | None, up: Up) -> OpenedScene:
+def open_given(scene: Path, cameras: Path | None, up: Up, activated: Activated = "auto") -> OpenedScene:
     """Open it, without the readers of photos if it is ours: they take a second to import. Prints what is probably wrong with a splat.
 
     Raises:
@@ -24,12 +25,14 @@ def open_given(scene: Path, cameras: Path | None, up: Up) -> OpenedScene:
     if is_splat(scene):
         from semgs.splats.scene_opening import open_splat
 
-        opened = open_splat(scene, cameras, up)
+        opened = open_splat(scene, cameras, up, ACTIVATED[activated])
         if opened.note:
             print(f"note: {opened.note}")
         return opened
     if cameras is not None:
         raise UsageError(f"--cameras is for splats of other programs; {scene} has cameras of its own")
+    if activated != "auto":
+        raise UsageError(f"--activated is for splats of other programs; {scene} is not one")
     from semgs.files.paths import typed_path
     from semgs.scene.opened import OpenedScene
     from semgs.scene.scene_file import load_scene

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import warnings
+from functools import lru_cache
 
 import cv2
 import numpy as np
+import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
@@ -21,15 +23,18 @@ ALIKE = 0.1
 
 FEATURES = 600
 FEWEST = 25
-"""Fewer matches say nothing about axes."""
+"""Fewer matches say nothing about poses."""
+
+MOST_TRIED = 5
+"""So many images are looked at for two neighbours with matches."""
 
 FITS_PX = 2.0
 """Matches that miss the epipolar line by less than this fit [px of the reduced images]."""
 
-FEW, MOST = 0.2, 0.6
-"""Axes are wrong if at most the first share of the matches fits in front of the cameras as given, and at least the second with turned axes."""
+MOST, FEW = 0.6, 0.6
+"""Poses are wrong if at least the first share of the matches fits in front of the cameras read in another way, and as given at most the second part of it."""
 
-OPENGL = np.diag([1.0, -1.0, -1.0])
+OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 """OpenGL's camera axes in OpenCV's."""
 
 
@@ -65,33 +70,52 @@ def check_intrinsics(cameras: Cameras) -> None:
             warnings.warn(f"{said}, in {sides}. {other}, or ignore this if the images are crops", stacklevel=3)
 
 
-def warn_of_opengl(images: Float[Tensor, "v 3 h w"], cameras: Cameras) -> None:
-    """Warn if the first two images show that the poses have OpenGL's axes (y up, z backward) instead of OpenCV's."""
-    if len(images) < 2:
+def warn_of_copies(images: Float[Tensor, "v 3 h w"], cameras: Cameras) -> None:
+    """Warn if a view is there twice: the same image with the same pose adds nothing."""
+    poses = cameras.world_from_camera
+    for second in range(1, len(images)):
+        for first in range(second):
+            if torch.equal(poses[first], poses[second]) and torch.equal(images[first], images[second]):
+                warnings.warn(f"views {first} and {second} have the same image and pose; leave one out", stacklevel=3)
+                return
+
+
+def warn_of_poses(images: Float[Tensor, "v 3 h w"], cameras: Cameras) -> None:
+    """Warn if two neighbouring images show that the poses are world to camera, or have OpenGL's axes (y up, z backward) instead of OpenCV's."""
+    scale, pairs = min(1.0, LONGEST_SIDE / max(cameras.size)), range(1, min(len(images), MOST_TRIED))
+    features = lru_cache(lambda index: sift(_grey(images[index], scale), FEATURES))
+    for second in pairs:
+        (first_places, descriptors), (second_places, others) = features(second - 1), features(second)
+        i, j = mutual_matches(descriptors, others)
+        if len(i) >= FEWEST:
+            break
+    else:
         return
-    greys, scale = [], min(1.0, LONGEST_SIDE / max(cameras.size))
-    for image in images[:2]:
-        grey = (255 * image.detach().cpu().mean(0)).round().byte().numpy()
-        greys.append(np.asarray(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)))
-    (first, descriptors), (second, others) = (sift(grey, FEATURES) for grey in greys)
-    i, j = mutual_matches(descriptors, others)
-    if len(i) < FEWEST:
-        return
-    matrices, poses = cameras.intrinsics[:2].numpy(), cameras.world_from_camera[:2].numpy()
+    pair = slice(second - 1, second + 1)
+    matrices, poses = cameras.intrinsics[pair].numpy(), cameras.world_from_camera[pair].numpy()
     rays = [
         np.column_stack((places / scale, np.ones(len(places)))) @ np.linalg.inv(matrix).T
-        for places, matrix in zip((first[i], second[j]), matrices, strict=True)
+        for places, matrix in zip((first_places[i], second_places[j]), matrices, strict=True)
     ]
     pixel = 1 / (scale * float(matrices[:, 0, 0].min()))
-    if (
-        _fitting(rays[0], rays[1], poses, pixel) <= FEW
-        and _fitting(rays[0] @ OPENGL, rays[1] @ OPENGL, poses, pixel) >= MOST
-    ):
+    inverse = np.linalg.inv(poses)
+    readings = {
+        "are world to camera: pass their inverse": inverse,
+        "look like OpenGL's or Blender's, y up and z backward: multiply world_from_camera by diag(1, -1, -1, 1) from the right": poses @ OPENGL,
+        "are world to camera, with OpenGL's axes: pass inv(poses) @ diag(1, -1, -1, 1)": inverse @ OPENGL,
+    }  # fmt: skip
+    shares = {said: _fitting(rays[0], rays[1], reading, pixel) for said, reading in readings.items()}
+    likeliest = max(shares, key=lambda said: shares[said])
+    if _fitting(rays[0], rays[1], poses, pixel) <= FEW * shares[likeliest] and shares[likeliest] >= MOST:
         warnings.warn(
-            "the poses look like OpenGL's or Blender's, y up and z backward: matches between the first two images fit them only then. "
-            "Multiply world_from_camera by diag(1, -1, -1, 1) from the right",
-            stacklevel=3,
+            f"the poses {likeliest}. Matches between images {second - 1} and {second} fit them only then", stacklevel=3
         )
+
+
+def _grey(image: Float[Tensor, "3 h w"], scale: float) -> np.ndarray:
+    """An image in grey, uint8, reduced by a scale."""
+    grey = (255 * image.detach().cpu().mean(0)).round().byte().numpy()
+    return np.asarray(cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
 
 
 def _fitting(first: np.ndarray, second: np.ndarray, poses: Float64[np.ndarray, "2 4 4"], pixel: float) -> float:

@@ -19,9 +19,8 @@ from semgs.data.cameras.lens import AbstractLens, carry_over
 from semgs.data.resampling import kept_window, nearest
 from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.files.arrays import read_array
-from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError
-from semgs.files.images.pictures import decode_map, read_uint8, read_uint16
+from semgs.files.images.pictures import read_numbers, read_uint8, read_uint16, read_visible
 from semgs.files.stored import Stored
 from semgs.geometry.cameras import Cameras
 
@@ -31,10 +30,11 @@ ASPECT_TOLERANCE = 0.02
 SATURATED = 65535
 """The largest count of a 16-bit depth map. It means unknown, like 0: nothing was measured, or something too far away."""
 
+FARTHEST = 65504.0
+"""Floating-point depth from here on means unknown, too: the largest half float, and what renderers write for the background (Blender: 1e10)."""
+
 MILLIMETRE = 0.001
 """Metres per count of most depth maps [m]."""
-VISIBLE = 128
-"""Masks are 255 where the image is visible and 0 where it is hidden; compressed masks have values in between."""
 
 
 @final
@@ -127,9 +127,7 @@ class DepthMap:
         """
         counts = self._counts()
         depths = counts.astype(np.float32) * np.float32(self.unit)
-        depths[~np.isfinite(depths) | (depths < 0)] = 0
-        if counts.dtype == np.uint16:
-            depths[counts == SATURATED] = 0
+        depths[~known_depths(counts)] = 0
         if self.confidence is not None:
             depths[self._confidences(self.confidence, depths.shape) == 0] = 0
         return depths
@@ -182,7 +180,7 @@ class DepthThroughLens:
 @final
 @dataclass(frozen=True)
 class ClassMap:
-    """Labels in an 8-bit PNG.
+    """Labels in a PNG.
 
     Attributes:
         path: the file.
@@ -227,13 +225,13 @@ class IdMap:
         Raises:
             InputError: as `MapSource.read`, or it has another aspect than the image.
         """
-        return pixels.taken(fit_to_image(self.path, self.labels[read_ids(self.path)], pixels.lens.size))
+        return pixels.taken(fit_to_image(self.path, self.labels[read_numbers(self.path)], pixels.lens.size))
 
 
 @final
 @dataclass(frozen=True)
 class MaskMap:
-    """A mask in an 8-bit PNG: dark pixels are hidden.
+    """A mask in a PNG: dark pixels are hidden, as `read_visible`.
 
     Attributes:
         path: the file.
@@ -248,7 +246,8 @@ class MaskMap:
         Raises:
             InputError: as `MapSource.read`, or it has another aspect than the image.
         """
-        return pixels.taken(fit_to_image(self.path, read_uint8(self.path), pixels.lens.size)) < VISIBLE
+        visible = read_visible(self.path).astype(np.uint8)
+        return pixels.taken(fit_to_image(self.path, visible, pixels.lens.size)) == 0
 
 
 @final
@@ -272,6 +271,12 @@ class InMemory:
         return pixels.taken(self.values)
 
 
+def known_depths(counts: Num[np.ndarray, "*axes"]) -> Bool[np.ndarray, "*axes"]:
+    """Where depth as stored is known: finite, positive, and not what stands for something too far away."""
+    farthest = FARTHEST if counts.dtype.kind == "f" else np.iinfo(counts.dtype).max
+    return np.isfinite(counts) & (counts > 0) & (counts < farthest)
+
+
 def fit_to_image(
     path: Stored, values: Shaped[np.ndarray, "rows columns"], size: tuple[int, int]
 ) -> Shaped[np.ndarray, "h w"]:
@@ -293,15 +298,6 @@ def fit_to_image(
     return nearest(torch.from_numpy(values), size).numpy()
 
 
-def read_ids(path: Stored) -> np.ndarray:
-    """The ids in a label map, uint8 or uint16 [h w].
-
-    Raises:
-        InputError: it cannot be read, or is not a PNG with one channel.
-    """
-    return decode_map(read_bytes(path, "a label map"), path)
-
-
 def read_labels(
     path: Stored, classes: ClassTable, key: str | None = None, meaning: Sequence[int | None] | None = None
 ) -> UInt8[np.ndarray, "h w"]:
@@ -316,21 +312,20 @@ def read_labels(
     Raises:
         InputError: it is missing or damaged, or has a label outside the table.
     """
-    labels = read_uint8(path)
-    if meaning is not None:
-        unknown = np.array([label is None for label in meaning])[labels]
-        if unknown.any():
-            number = int(labels[unknown][0])
-            raise InputError(
-                path, f"the numbers of table {classes.name}", f"{number} at {unknown.sum()} pixels", key=key
-            )
-        return np.array([label or 0 for label in meaning], dtype=np.uint8)[labels]
-    outside = labels[(labels >= len(classes)) & (labels != IGNORE)]
-    if outside.size:
+    known = [*range(len(classes)), *[None] * (IGNORE - len(classes)), IGNORE] if meaning is None else meaning
+    positions = {(0, 0, 0): IGNORE} | {
+        colour: known.index(label) for label, colour in enumerate(classes.colours) if label in known
+    }
+    numbers = read_numbers(path, positions)
+    labels = np.full(1 << 16, -1, np.int16)
+    labels[: len(known)] = [-1 if label is None else label for label in known]
+    found = labels[numbers]
+    if (found < 0).any():
+        expected = f"labels 0..{len(classes) - 1} of table {classes.name}, or {IGNORE} for none"
         raise InputError(
             path,
-            f"labels 0..{len(classes) - 1} of table {classes.name}, or {IGNORE} for none",
-            f"{int(outside[0])} at {outside.size} pixels",
+            expected if meaning is None else f"the numbers of table {classes.name}",
+            f"{int(numbers[found < 0][0])} at {(found < 0).sum()} pixels",
             key=key,
         )
-    return labels
+    return found.astype(np.uint8)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -14,6 +14,7 @@ import numpy as np
 from semgs.data.bounds.depth_range import DepthRange, depth_range
 from semgs.data.bounds.parallax import FrameFeatures
 from semgs.data.frames import Frame
+from semgs.data.maps import Pixels
 from semgs.data.origin.labeller import Labeller
 from semgs.data.resampling import Fit, default_size
 from semgs.data.spread import spread
@@ -138,6 +139,18 @@ class Scene:
         """Views with the poses of the files, moved to the world around `origin`."""
         return views.changed(cameras=views.cameras.relative_to(self.origin)) if self.origin.any() else views
 
+    def with_readable_labels(self, positions: Sequence[int]) -> Scene:
+        """This scene without labels, and a note why, if those of some frames cannot be read from their files; else this scene."""
+        for position in positions if self.classes is not None else ():
+            frame = self.frames[position]
+            try:
+                if frame.labels is not None and frame.labels.stored:
+                    frame.labels.read(Pixels(frame.lens, frame.camera))
+            except InputError as error:
+                note = f"The labels are left out: {error}."
+                return replace(self, classes=None, unread_labels=error, notes=(*self.notes, note))
+        return self
+
     def index(self, frame: int | str) -> int:
         """The position of a frame, given its position or name (as listed, the file name, or the stem).
 
@@ -157,6 +170,8 @@ class Scene:
                     return matches[0]
             reason = ", its image is missing" if wanted in {Path(name).name for name in self.absent} else ""
             raise ValueError(f"{self.path} has no usable frame {frame!r}{reason}; the first is {self.frames[0].name}")
+        if isinstance(frame, bool | np.bool_):
+            raise TypeError("frames are true and false; expected positions or names, such as np.flatnonzero(mask)")
         if not isinstance(frame, int | np.integer):
             raise TypeError(f"a frame is {type(frame).__name__}; expected its position or name")
         position = operator.index(frame)
@@ -181,7 +196,7 @@ class Scene:
             stated: take the range of rooms for metric scenes without comparing it with what the images show, as protocols do.
 
         Raises:
-            ValueError: no frame has that position or name, or the list is empty.
+            ValueError: no frame has that position or name, or the list is empty or has one twice.
             InputError: the scale has to be found from images, and one cannot be read.
         """
         if self.stated_range is not None:
@@ -190,7 +205,7 @@ class Scene:
             return DepthRange(*INDOOR_DEPTH_RANGE, self.unit, "the range of rooms, as the cameras are unknown")
         return depth_range(self.frames, self._positions(frames), self.unit, self.points, features, stated=stated)
 
-    def _positions(self, frames: Sequence[int | str] | None) -> Sequence[int]:
+    def _positions(self, frames: Iterable[int | str] | None) -> Sequence[int]:
         """The positions of frames; None for all."""
         if isinstance(frames, str | int):
             raise TypeError(
@@ -201,11 +216,14 @@ class Scene:
         positions = range(len(self)) if frames is None else [self.index(frame) for frame in frames]
         if not positions:
             raise ValueError(f"the list of frames is empty; {self.path} has {len(self)}")
+        if len(set(positions)) < len(positions):
+            twice = next(one for one in positions if list(positions).count(one) > 1)
+            raise ValueError(f"frame {twice} ({self.frames[twice].name}) is there twice; expected each frame once")
         return positions
 
     def read(
         self,
-        frames: Sequence[int | str],
+        frames: Iterable[int | str],
         size: Sequence[int] | Literal["native"] | None = None,
         depth_range: DepthRange | tuple[float, float] | None = None,
         *,
@@ -221,11 +239,12 @@ class Scene:
             fit: what is done with images of another aspect than `size`.
 
         Raises:
-            ValueError: no frame has that position or name, the list is empty, sizes differ and `size` is "native", or `size` is invalid.
+            ValueError: no frame has that position or name, the list is empty or has one twice, sizes differ and `size` is "native", or `size` is invalid.
             InputError: an image, depth or label file cannot be used.
         """
-        chosen = [self.frames[index] for index in self._positions(frames)]
-        bounds = depth_range or self.depth_range(frames)
+        positions = self._positions(frames)
+        chosen = [self.frames[index] for index in positions]
+        bounds = depth_range or self.depth_range(positions)
         wanted = _wanted(chosen, size)
         near_far = bounds if isinstance(bounds, tuple) else (bounds.near, bounds.far)
         views = [frame.view(near_far, self.classes, size=wanted, fit=fit) for frame in chosen]

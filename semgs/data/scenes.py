@@ -24,8 +24,9 @@ from semgs.data.paper_variants import check_applicable, check_readings
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails, Unit
 from semgs.data.scene_lists import SceneList, scenes_by_name
+from semgs.data.spread import spread
 from semgs.files.errors import InputError, readable
-from semgs.files.paths import existing_folder, typed_path, without_dots
+from semgs.files.paths import existing_folder, trained_splat, typed_path, without_dots
 from semgs.files.text import listed
 
 
@@ -88,6 +89,9 @@ ZOO = Layout(lambda path: False, zoo.open_zoo, details_used=zoo.DETAILS)
 
 SINGLE_FILES = (".zip", record3d.ENDING, *ros.ENDINGS)
 """Endings of files in a folder that may be scenes."""
+
+LABELS_TRIED = 8
+"""Label maps that are tried, if labels may be left out."""
 
 DEEPEST, MOST_PLACES = 4, 200
 """So many levels of folders, and so many folders of each, are looked into for advice."""
@@ -266,7 +270,7 @@ def _open_known(
             advice="they are for semgs train --supervision pictures and semgs evaluate --single",
         )  # fmt: skip
     if scene.unread_labels is None:
-        return scene
+        return scene if needs_labels else scene.with_readable_labels(spread(range(len(scene)), LABELS_TRIED))
     if needs_labels:
         raise scene.unread_labels
     return replace(scene, notes=(*scene.notes, f"The labels are left out: {scene.unread_labels}."))
@@ -299,6 +303,8 @@ def _hint(path: Path) -> str:
         return _NO_VIDEOS if path.suffix.lower() in VIDEOS else "name the scene's folder"
     if (path / OUTPUT).is_file():
         return "this is a result of semgs reconstruct; semgs view, render, query and export open it"
+    if (splat := trained_splat(path)) is not None:
+        return f"this is what a 3DGS training wrote; semgs view, render, export and label-splat open its splat {splat}"
     inside = _scene_below(path)
     if inside is not None:
         return f"there is one in {inside}"

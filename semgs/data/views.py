@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Bool, Float, Float64, UInt8
 from torch import Tensor
 
-from semgs.data.array_checks import check_intrinsics, warn_of_opengl
+from semgs.data.array_checks import check_intrinsics, warn_of_copies, warn_of_poses
 from semgs.data.tables.classes import IGNORE, SCANNET20, ClassTable
 from semgs.files.images.notebook import class_row, depth_row, html, photo_row
 from semgs.geometry.cameras import Arrays, Cameras, as_float64, writable
@@ -102,7 +102,7 @@ class Views:
             depth_range: (near, far), or [v 2] [m]; None is 0.5 to 10 m, with a warning.
 
         Poses further than `FAR_OUT` from the origin cause a warning, because Gaussians there are coarse in float32. So do poses that look
-        like OpenGL's, and intrinsics that look like those of images of another size.
+        like world to camera or OpenGL's, a view that is there twice, and intrinsics that look like those of images of another size.
 
         Raises:
             ValueError: as the constructor; for images that are neither uint8 HWC nor float CHW; for intrinsics that no lens has, are divided by the
@@ -139,7 +139,8 @@ class Views:
             )
         check_intrinsics(cameras)
         views = cls(pixels, cameras, bounds)
-        warn_of_opengl(views.images, cameras)
+        warn_of_copies(views.images, cameras)
+        warn_of_poses(views.images, cameras)
         return views
 
     def __repr__(self) -> str:

@@ -24,7 +24,7 @@ from jaxtyping import Float, Float32
 from torch import Tensor
 
 from semgs.data.frames import Frame, undistortion
-from semgs.data.maps import MILLIMETRE, SATURATED, fit_to_image
+from semgs.data.maps import MILLIMETRE, fit_to_image, known_depths
 from semgs.data.resampling import Fit, kept_window, nearest
 from semgs.data.scene import Scene
 from semgs.depth_maps.depth_source import Meaning
@@ -39,6 +39,8 @@ from semgs.segmenters.class_map_files import MadeBy, file_of, only_array, stems_
 RECORD = "depth.json"
 ENDINGS = (".npy", ".npz", ".exr", ".png")
 CHANNELS = ("Z", "Y", "R")
+DEPTH_OF_LAYERS = (".Z", ".Depth.V")
+"""How the channel of depth is called in files of several layers, as Blender writes them."""
 
 MOST_NUMBERS = 4 * MOST_PIXELS
 """OpenEXR files with more numbers in all their channels are not read."""
@@ -115,8 +117,7 @@ class MapFolder:
     def _values(self, path: Path) -> Float32[np.ndarray, "rows columns"]:
         """The numbers in a file, in metres if they are metric; NaN where unknown."""
         if path.suffix == ".png":
-            counts = read_uint16(path)
-            values = np.where((counts > 0) & (counts < SATURATED), counts, np.nan)
+            values = read_uint16(path)
         else:
             expected = "one array of numbers [height width]"
             values = _read_exr(path) if path.suffix == ".exr" else only_array(path, expected)
@@ -129,8 +130,8 @@ class MapFolder:
             unit = MILLIMETRE if path.suffix == ".png" else 1.0
         factor = unit if self.meaning == "metric" else 1.0
         numbers = values.astype(np.float32) * np.float32(factor)
-        unknown = ~np.isfinite(numbers) | ((numbers <= 0) if self.meaning != "inverse" else False)
-        return np.where(unknown, np.float32(np.nan), numbers)
+        is_depth = self.meaning != "inverse" or values.dtype == np.uint16
+        return np.where(known_depths(values) if is_depth else np.isfinite(numbers), numbers, np.float32(np.nan))
 
 
 def open_map_folder(folder: Path, scene: Scene, meaning: Meaning | None) -> MapFolder:
@@ -184,9 +185,13 @@ def _read_exr(path: Path) -> Float32[np.ndarray, "rows columns"]:
             raise InputError(path, f"an image of at most {MOST_NUMBERS:,} numbers", f"{numbers:,}")
         channels = OpenEXR.File(str(path), separate_channels=True).channels()
         names = [name for name in CHANNELS if name in channels] or (list(channels) if len(channels) == 1 else [])
-        if not names:
-            raise InputError(path, f"a channel {', '.join(CHANNELS)}", ", ".join(sorted(channels)) or "none")
+        names = names or sorted(name for name in channels if name.endswith(DEPTH_OF_LAYERS))
+        if not names or (len(names) > 1 and names[0] not in CHANNELS):
+            expected = f"a channel {', '.join(CHANNELS)}, or one that ends in {' or '.join(DEPTH_OF_LAYERS)}"
+            raise InputError(path, expected, ", ".join(sorted(channels)) or "none")
         return np.asarray(channels[names[0]].pixels, np.float32)
+    except InputError:
+        raise
     except (RuntimeError, ValueError, TypeError) as error:
         raise InputError(path, "an OpenEXR image", (str(error).splitlines() or ["a damaged one"])[0]) from error
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bz2
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache, wraps
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -38,8 +38,8 @@ VISION = {
 """Definitions of vision_msgs 4 (https://github.com/ros-perception/vision_msgs, branch ros2), which rosbags does not have."""
 
 
-def bag_reader(path: Path) -> Any:
-    """rosbags' reader of a bag, not yet opened. Messages without types have those of the newest ROS 2.
+def bag_reader(path: Path, recordings: Sequence[Path] = ()) -> Any:
+    """rosbags' reader of a bag, or of its recordings, not yet opened. Messages without types have those of the newest ROS 2.
 
     Raises:
         ImportError: rosbags is not installed.
@@ -50,7 +50,7 @@ def bag_reader(path: Path) -> Any:
         from rosbags.typesys import Stores, get_typestore
     _bound_rosbags()
     _check_metadata(path / METADATA)
-    return AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
+    return AnyReader(recordings or [path], default_typestore=get_typestore(Stores.LATEST))
 
 
 def check_definitions(reader: Any) -> None:

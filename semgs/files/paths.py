@@ -9,6 +9,9 @@ from typing import Literal
 
 from semgs.files.errors import InputError, readable
 
+TRAINED = "point_cloud/iteration_*/point_cloud.ply"
+"""Where 3DGS, and what was made of it, put the splats of a training."""
+
 
 def typed_path(path: str | Path) -> Path:
     """A path with a leading ~ or ~NAME expanded, as a shell does.
@@ -94,3 +97,11 @@ def check_utf8(path: str | Path, library: str) -> None:
         str(path).encode()
     except UnicodeEncodeError as error:
         raise InputError(path, f"a path in UTF-8, as {library} needs it", "other bytes", advice="rename it") from error
+
+
+def trained_splat(folder: Path) -> Path | None:
+    """The splat of the last iteration in the output folder of a training of 3DGS, None if it is no such folder."""
+    steps = {path: path.parent.name.removeprefix("iteration_") for path in folder.glob(TRAINED)}
+    return max(
+        (path for path, step in steps.items() if step.isdigit()), key=lambda path: int(steps[path]), default=None
+    )

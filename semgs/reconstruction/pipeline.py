@@ -212,6 +212,8 @@ def reconstruct(
         if classes is None:
             raise ValueError("the model predicts colour only; expected one with classes for a least confidence")
         check_may_be_unknown(len(classes))
+    if not isinstance(frames, Walk):
+        scene = scene.with_readable_labels((*frames.context, *frames.targets))
     first = scene.frames[0 if isinstance(frames, Walk) else frames.context[0]]
     height, width = default_size(first.lens.size) if size is None else size
     encoder = ViewEncoder(scene, network, (height, width), depth, labelling, stages)

@@ -130,7 +130,7 @@ def label_splat(
         target,
         source.classes,
         direction,
-        geometry=notes_on_splat(int(votes.unseen.sum()), len(gaussians), quality),
+        geometry=[*given.notes, *notes_on_splat(int(votes.unseen.sum()), len(gaussians), quality)],
         labelling=labelling,
     )
     return Reconstruction(

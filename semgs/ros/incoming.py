@@ -17,7 +17,7 @@ from semgs.data.frames import undistortion
 from semgs.data.layouts.ros.bag import frame_id_of, stamp_of
 from semgs.data.layouts.ros.camera import lens_of
 from semgs.data.layouts.ros.image_messages import as_file, is_depth, pixels_of
-from semgs.data.maps import MILLIMETRE, SATURATED
+from semgs.data.maps import MILLIMETRE, known_depths
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.files.images.pictures import MOST_PIXELS, decode_png, decode_rgb
 from semgs.geometry.rotations import matrix_from_quaternion
@@ -157,8 +157,7 @@ def _registered_depth(depth: Any, image: Any, info: Any, rectified: bool) -> Flo
         )
     counts = _depth_pixels(depth)
     metres = counts * np.float32(MILLIMETRE) if counts.dtype.kind == "u" else counts
-    known = np.isfinite(metres) & (metres > 0) & (counts != SATURATED)
-    metres = np.where(known, metres, 0).astype(np.float32)
+    metres = np.where(known_depths(counts), metres, 0).astype(np.float32)
     lens = lens_of(Path("CameraInfo"), frame_id_of(info), info, metres.shape, rectified=rectified)
     maps = undistortion(lens)
     return metres if maps is None else lens.undistorted(metres, maps, nearest=True)

@@ -23,7 +23,7 @@ from semgs.files.images.pictures import MOST_PIXELS, jpeg_bytes, read_header, re
 from semgs.files.text import listed, natural_order
 
 UNREAD = (
-    ".webp", ".avif", ".gif", ".bmp", ".tif", ".tiff", ".heif", ".jxl", ".jp2", ".exr", ".hdr",
+    ".webp", ".avif", ".gif", ".bmp", ".tif", ".tiff", ".heif", ".hif", ".jxl", ".ppm", ".tga", ".psd", ".jp2", ".exr", ".hdr",
     ".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".rw2", ".raf", ".insp",
 )  # fmt: skip
 """Endings of pictures that are not read."""
@@ -44,7 +44,7 @@ WIDEST = 2.0
 """Pictures with a larger ratio of their sides are panoramas; with this one, if their left and right ends go together."""
 
 SAME_RATIO = 0.01
-"""Ratios that differ by this share are the same."""
+"""Ratios, and sizes of photos of one camera, that differ by this share are the same."""
 
 DCF = re.compile(r"\d{3}[A-Z0-9_]{5}")
 """Folders that cameras and phones spread photos over: 100APPLE, 101CANON."""
@@ -285,13 +285,13 @@ def _unusable(error: InputError) -> str | None:
 
 
 def with_focal(photos: PhotoSet, focal_px: float) -> Sequence[UprightPhoto]:
-    """The photos with a focal length that the user gave.
+    """The photos with a focal length that the user gave. Sizes may differ by `SAME_RATIO`, as programs that make photos smaller round them.
 
     Raises:
         ValueError: they differ in size, so it is unclear for which photo it is.
     """
     sizes = sorted({tuple(sorted(photo.size)) for photo in photos.photos})
-    if len(sizes) > 1:
+    if any(max(sides) > (1 + SAME_RATIO) * min(sides) for sides in zip(*sizes, strict=True)):
         raise ValueError(
             f"--focal is for photos of one size; {photos.path} has {', '.join('x'.join(map(str, one)) for one in sizes)}"
         )
@@ -317,14 +317,18 @@ def sharpness_of(grey: np.ndarray) -> float:
 
 
 def upright_copy(file: Path, pixels: np.ndarray, files: Sequence[Path]) -> tuple[str, bytes]:
-    """Name and content of the copy of a photo: the file's if it is upright and what its ending says, as COLMAP needs; else a JPEG of its upright pixels.
+    """Name and content of the copy of a photo: the file's if it is upright and what its ending says, as COLMAP needs, or a JPEG of another
+    ending, such as .jfif, which becomes .jpg; else a JPEG of its upright pixels.
 
     Raises:
         InputError: the file cannot be read.
     """
     data = read_bytes(file, "an image")
-    if data.startswith(BEGINNINGS.get(file.suffix.lower(), ())) and read_header(file).orientation == 1:
-        return file.name, data
+    if data.startswith((*BEGINNINGS.values(),)) and read_header(file).orientation == 1:
+        if data.startswith(BEGINNINGS.get(file.suffix.lower(), ())):
+            return file.name, data
+        if data.startswith(BEGINNINGS[".jpg"]):
+            return jpeg_name(file, files), data
     return jpeg_name(file, files), jpeg_bytes(pixels, QUALITY)
 
 

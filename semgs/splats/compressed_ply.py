@@ -22,7 +22,7 @@ from semgs.data.ply_tables import PlyTables
 from semgs.files.errors import InputError
 from semgs.geometry.harmonics import DEGREE_0
 from semgs.splats.plain_ply import VERTEX, Columns, by_coefficient, rest_names, together
-from semgs.splats.splat import Splat, check_all, check_count, make_gaussians, with_largest
+from semgs.splats.splat import Splat, check_all, check_count, make_gaussians, note_left_out, with_largest
 
 CHUNK, HARMONICS = "chunk", "sh"
 CHUNK_SIZE = 256
@@ -73,7 +73,7 @@ def read_compressed_ply(path: Path, ply: PlyTables) -> Splat:
     with np.errstate(over="ignore"):
         scales = np.exp(_between(bounds, ("scale_x", "scale_y", "scale_z"), chunks, _three(scale)))
     constant = ((shown - 0.5) / DEGREE_0)[:, None].astype(np.float32)
-    gaussians = make_gaussians(
+    usable = make_gaussians(
         path,
         means=_between(bounds, ("x", "y", "z"), chunks, _three(position)),
         opacities=reds[:, 3],
@@ -82,12 +82,12 @@ def read_compressed_ply(path: Path, ply: PlyTables) -> Splat:
         harmonics=np.concatenate((constant, _harmonics(path, ply, count)), axis=1),
     )
     return Splat(
-        gaussians,
+        usable.gaussians,
         "compressed PLY",
         "-y",
-        extra={name: np.array(values) for name, values in columns.items() if name not in PACKED},
+        extra={name: values[usable.kept] for name, values in columns.items() if name not in PACKED},
         comments=ply.comments,
-    )
+    ).noted(*note_left_out(count - len(usable.gaussians), count))
 
 
 def _shares(packed: np.ndarray, fields: tuple[tuple[int, int], ...]) -> np.ndarray:

@@ -5,14 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 
 from semgs.files.errors import InputError
+from semgs.files.paths import trained_splat
 
 ENDINGS = (".ply", ".spz", ".glb", ".gltf")
 """Of the names, in lower case."""
 
 
+OTHERS = {".sog": "SOG", ".ksplat": "KSPLAT", ".splat": ".splat", ".spx": "SPX", ".lcc": "LCC"}
+"""Kinds of splats that are not read, by their endings."""
+
+
 def is_splat(path: Path) -> bool:
-    """Whether a path has the ending of a splat and is not a folder."""
-    return path.suffix.lower() in ENDINGS and not path.is_dir()
+    """Whether a path has the ending of a splat and is not a folder, or is the folder of a training, which has splats."""
+    return trained_splat(path) is not None if path.is_dir() else path.suffix.lower() in (*ENDINGS, *OTHERS)
 
 
 def lacks_classes(path: Path, option: str) -> InputError:

@@ -23,7 +23,7 @@ from semgs.geometry.harmonics import MAX_DEGREE
 from semgs.geometry.rigid import move_gaussians
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.splats.gltf_container import Container, open_container
-from semgs.splats.splat import Splat, check_count, make_gaussians, without_footprints
+from semgs.splats.splat import Splat, Usable, check_count, make_gaussians, note_left_out, without_footprints
 
 EXTENSION = "KHR_gaussian_splatting"
 KERNEL, COLOURS = "ellipse", "srgb_rec709_display"
@@ -77,14 +77,18 @@ def read_gltf(path: Path, data: bytes) -> Splat:
     check_count(path, count)
     file.check_size(count)
     read = [_gaussians(file, part) for part in parts]
+    kept = np.concatenate([one.kept for one in read])
     names = set.intersection(*({name for name in part.attributes if name.startswith("_")} for part in parts))
-    together, extra = _together(read), {}
+    together, extra = _together([one.gaussians for one in read]), {}
     for name in sorted(names - ({FOOTPRINT} if together.footprints is not None else set())):
         columns = [file.array(part.attributes[name], part.place) for part in parts]
-        if all(len(one) == len(gaussians) for one, gaussians in zip(columns, read, strict=True)):
-            extra[name] = np.concatenate(columns).squeeze(-1) if columns[0].shape[1] == 1 else np.concatenate(columns)
+        if all(len(one) == len(usable.kept) for one, usable in zip(columns, read, strict=True)):
+            values = np.concatenate(columns)[kept]
+            extra[name] = values.squeeze(-1) if columns[0].shape[1] == 1 else values
     generator = file.content["asset"].get("generator")
-    return Splat(together, "glTF", "y", extra=extra, comments=(generator,) if isinstance(generator, str) else ())
+    said = (generator,) if isinstance(generator, str) else ()
+    left_out = note_left_out(len(kept) - len(together), len(kept))
+    return Splat(together, "glTF", "y", extra=extra, comments=said).noted(*left_out)
 
 
 def _parts(file: Container) -> Iterator[Part]:
@@ -126,7 +130,7 @@ def _part(file: Container, primitive: dict[str, Any], place: str, matrix: np.nda
     return Part(attributes, place, matrix)
 
 
-def _gaussians(file: Container, part: Part) -> Gaussians:
+def _gaussians(file: Container, part: Part) -> Usable:
     """The Gaussians of a primitive, in the coordinates of the scene."""
     columns = {name: _column(file, part, name, width) for name, width in WIDTHS.items()}
     degree = _degree(file, part)
@@ -139,7 +143,7 @@ def _gaussians(file: Container, part: Part) -> Gaussians:
     footprints = None
     if FOOTPRINT in part.attributes:
         scales, footprints = without_footprints(scales, _column(file, part, FOOTPRINT, 1)[:, 0].astype(np.float64))
-    gaussians = make_gaussians(
+    usable = make_gaussians(
         file.path,
         means=means,
         opacities=opacities[:, 0],
@@ -148,7 +152,7 @@ def _gaussians(file: Container, part: Part) -> Gaussians:
         harmonics=harmonics,
         footprints=footprints,
     )
-    return _moved(file.path, gaussians, part)
+    return _moved(file.path, usable, part)
 
 
 def _column(file: Container, part: Part, name: str, width: int) -> np.ndarray:
@@ -170,11 +174,11 @@ def _degree(file: Container, part: Part) -> int:
     return degree
 
 
-def _moved(path: Path, gaussians: Gaussians, part: Part) -> Gaussians:
+def _moved(path: Path, usable: Usable, part: Part) -> Usable:
     """Gaussians in the coordinates of the scene."""
-    axes = part.matrix[:3, :3]
+    axes, gaussians = part.matrix[:3, :3], usable.gaussians
     if np.array_equal(part.matrix, np.eye(4)):
-        return gaussians
+        return usable
     with np.errstate(all="ignore"):
         scale = np.cbrt(np.linalg.det(axes))
         similar = scale > 0 and np.abs(axes / scale @ (axes / scale).T - np.eye(3)).max() <= SIMILAR
@@ -183,7 +187,7 @@ def _moved(path: Path, gaussians: Gaussians, part: Part) -> Gaussians:
     rigid = torch.eye(4, dtype=torch.float64)
     rigid[:3, :3], rigid[:3, 3] = torch.from_numpy(axes / scale), torch.from_numpy(part.matrix[:3, 3])
     moved = move_gaussians(rigid, gaussians, scale=float(scale))
-    return make_gaussians(
+    checked = make_gaussians(
         path,
         means=float(scale) * gaussians.means.double().numpy() @ rigid[:3, :3].numpy().T + rigid[:3, 3].numpy(),
         opacities=moved.opacities.numpy(),
@@ -192,6 +196,9 @@ def _moved(path: Path, gaussians: Gaussians, part: Part) -> Gaussians:
         harmonics=moved.colour.features.numpy(),
         footprints=None if moved.footprints is None else moved.footprints.numpy(),
     )
+    kept = usable.kept.copy()
+    kept[kept] = checked.kept
+    return Usable(checked.gaussians, kept)
 
 
 def _together(parts: list[Gaussians]) -> Gaussians:

@@ -4,6 +4,9 @@ The element `vertex` has, in any order and of any type of numbers: x y z, f_dc_0
 scale_0..2 (natural logarithm), rot_0..3 (w, x, y, z), and 0, 9, 24 or 45 properties f_rest: all higher harmonics of red, then green, then blue.
 Source: https://github.com/graphdeco-inria/gaussian-splatting (scene/gaussian_model.py, save_ply). nx ny nz are left out if they are zero, as 3DGS writes them.
 
+nerfstudio's ns-export gaussian-splat --ply-color-mode rgb writes red, green and blue as bytes in place of f_dc. Some exporters write scales and opacities as they are used,
+not as logarithms and logits; see `look_like_lengths` and `look_like_shares`.
+
 Mip-Splatting, and what follows it (Gaussian Opacity Fields, RaDe-GS), write Gaussians without their 3D smoothing filter, and its standard deviation as filter_3D. It is
 applied here, as they do before they render: with squares s of the standard deviations and f of the filter, these become s + f, and opacities are multiplied by
 sqrt(prod(s) / prod(s + f)), so that the Gaussian keeps its integral. Source: https://github.com/autonomousvision/mip-splatting (scene/gaussian_model.py, save_fused_ply).
@@ -15,10 +18,20 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from semgs.data.ply_tables import PlyTables
 from semgs.files.errors import InputError
-from semgs.splats.splat import DEGREES, Splat, check_all, check_count, make_gaussians, without_footprints
+from semgs.geometry.harmonics import DEGREE_0
+from semgs.splats.splat import (
+    DEGREES,
+    Splat,
+    check_all,
+    check_count,
+    make_gaussians,
+    note_left_out,
+    without_footprints,
+)
 
 POSITION = ("x", "y", "z")
 CONSTANT = ("f_dc_0", "f_dc_1", "f_dc_2")
@@ -32,13 +45,23 @@ FOOTPRINT = "SemGS: scales contain the blur of a pixel; its variance is nx"
 
 VERTEX = "vertex"
 
+BYTES = ("red", "green", "blue")
+FEWEST, SAMPLED = 50, 1000
+"""Fewer Gaussians than the first do not show how their numbers are meant; neighbours of so many as the second are looked at."""
+LARGE = 1.5
+"""Gaussians are seldom so many times as large as the distance to their nearest neighbour."""
+
+LENGTHS = ("Scales look like lengths, not like logarithms, and are read as such; --activated no reads logarithms.",)
+SHARES = ("Opacities look like 0 to 1, not like logits, and are read as such; --activated no reads logits.",)
+"""What is said if a PLY is read in another way than its format says."""
+
 Columns = Mapping[str, np.ndarray]
 
 FILTERED = (f"its smoothing filter ({FILTER}, Mip-Splatting) is applied",)
 """What is said of a file that has one."""
 
 
-def read_plain_ply(path: Path, ply: PlyTables) -> Splat:
+def read_plain_ply(path: Path, ply: PlyTables, activated: bool | None = None) -> Splat:
     """The splat of a 3DGS PLY.
 
     Infinite logits, which other programs write for opacities of 0 and 1, are read as these.
@@ -46,31 +69,32 @@ def read_plain_ply(path: Path, ply: PlyTables) -> Splat:
     Args:
         path: the file, for errors.
         ply: its tables.
+        activated: whether scales are lengths and opacities are 0 to 1, not logarithms and logits; None for what they look like.
 
     Raises:
         InputError: it is a mesh, a point cloud or another kind of PLY, or its numbers are no Gaussians.
     """
-    columns = ply.tables.get(VERTEX, {})
+    columns = _with_constants(ply.tables.get(VERTEX, {}))
     missing = [name for name in NEEDED if name not in columns]
     if missing:
-        raise InputError(
-            path, "a PLY of 3D Gaussians", _kind(ply, missing), advice="meshes and point clouds have no Gaussians"
-        )
+        raise InputError(path, "a PLY of 3D Gaussians", _kind(ply, missing), advice=_remedy(missing))
     check_count(path, ply.counts[VERTEX], "element vertex")
     rest = rest_names(path, columns)
-    logits, logs = together(columns, ("opacity",))[:, 0], together(columns, SCALES)
-    check_all(path, "opacity", logits, ~np.isnan(logits), "a number")
-    check_all(path, "scale", logs, ~np.isnan(logs), "a number")
+    means = together(columns, POSITION)
+    opacities, scales = together(columns, ("opacity",))[:, 0], together(columns, SCALES)
+    lengths = look_like_lengths(scales, means) if activated is None else activated
+    shares = look_like_shares(opacities) if activated is None else activated
     with np.errstate(over="ignore"):
-        scales, opacities = np.exp(logs), 1 / (1 + np.exp(-logits))
+        scales = scales if lengths else np.exp(scales)
+        opacities = opacities if shares else 1 / (1 + np.exp(-opacities))
     if FILTER in columns:
         scales, opacities = _filtered(path, scales, opacities, together(columns, (FILTER,)))
     footprints = None
     if FOOTPRINT in ply.comments and NORMAL[0] in columns:
         scales, footprints = without_footprints(scales, together(columns, NORMAL[:1])[:, 0])
-    gaussians = make_gaussians(
+    usable = make_gaussians(
         path,
-        means=together(columns, POSITION),
+        means=means,
         opacities=opacities,
         scales=scales,
         quaternions=together(columns, ROTATION),
@@ -80,16 +104,47 @@ def read_plain_ply(path: Path, ply: PlyTables) -> Splat:
     no_normals = footprints is not None or not any(columns[name].any() for name in NORMAL if name in columns)
     known = {*NEEDED, FILTER, *rest, *(NORMAL if no_normals else ())}
     return Splat(
-        gaussians,
+        usable.gaussians,
         "PLY",
         "-y",
-        extra={name: np.array(values) for name, values in columns.items() if name not in known},
+        extra={name: values[usable.kept] for name, values in columns.items() if name not in known},
         comments=(
             *(one for one in ply.comments if one != FOOTPRINT),
             *(FILTERED if FILTER in columns else ()),
             *_not_read(ply, (VERTEX,)),
         ),
+    ).noted(
+        *note_left_out(len(means) - len(usable.gaussians), len(means)),
+        *(LENGTHS if activated is None and lengths else ()),
+        *(SHARES if activated is None and shares else ()),
     )
+
+
+def look_like_lengths(scales: Float[np.ndarray, "g 3"], means: Float[np.ndarray, "g 3"]) -> bool:
+    """Whether scales of a PLY look like standard deviations, not like their logarithms: none is negative, so that all Gaussians would be one unit large or
+    more, and they would be much larger than the distances between neighbours."""
+    known = np.isfinite(scales).all(-1) & np.isfinite(means).all(-1)
+    if np.count_nonzero(known) < FEWEST or not (scales[known] >= 0).all() or not scales[known].any():
+        return False
+    from scipy.spatial import cKDTree
+
+    distances, _ = cKDTree(means[known]).query(means[known][:: 1 + np.count_nonzero(known) // SAMPLED], k=2)
+    with np.errstate(over="ignore"):
+        return bool(np.exp(np.median(scales[known].max(-1))) > LARGE * np.median(distances[:, 1]))
+
+
+def look_like_shares(opacities: Float[np.ndarray, " g"]) -> bool:
+    """Whether opacities of a PLY look like 0 to 1, not like logits: these would all be within 0.5 to 0.73."""
+    known = opacities[~np.isnan(opacities)]
+    return bool(len(known) >= FEWEST and known.min() >= 0 and 0 < known.max() <= 1)
+
+
+def _with_constants(columns: Columns) -> Columns:
+    """Columns with the constant harmonics of the colours that nerfstudio writes as bytes, if it does."""
+    if not all(name in columns and columns[name].dtype == np.uint8 for name in BYTES) or CONSTANT[0] in columns:
+        return columns
+    constants = {name: (columns[byte] / 255 - 0.5) / DEGREE_0 for name, byte in zip(CONSTANT, BYTES, strict=True)}
+    return {name: values for name, values in columns.items() if name not in BYTES} | constants
 
 
 def _filtered(
@@ -148,6 +203,15 @@ def _kind(ply: PlyTables, missing: list[str]) -> str:
     if not any(name in columns for name in (*CONSTANT, "opacity", *SCALES, *ROTATION)):
         return "a point cloud" if all(name in columns for name in POSITION) else "another kind of PLY"
     return f"none of the properties {', '.join(missing[:4])}"
+
+
+def _remedy(missing: list[str]) -> str:
+    """What to do about a PLY that lacks some properties."""
+    if missing == [SCALES[2]]:
+        return "2D Gaussians (2DGS) are flat and lack it: add it, such as -10 for each, or train with 3DGS"
+    if missing == [*CONSTANT]:
+        return "export colours as harmonics: ns-export gaussian-splat --ply-color-mode sh_coeffs"
+    return "meshes and point clouds have no Gaussians"
 
 
 def _not_read(ply: PlyTables, known: tuple[str, ...]) -> list[str]:

@@ -40,7 +40,9 @@ NEAR_FAR = (0.1, 100.0)
 """Placeholder for the bounds of views that are read for their cameras; those of the scene come from the splat's depth."""
 
 
-def open_splat(path: str | Path, cameras: str | Path | None = None, up: Up = "auto") -> OpenedScene:
+def open_splat(
+    path: str | Path, cameras: str | Path | None = None, up: Up = "auto", activated: bool | None = None
+) -> OpenedScene:
     """Open a splat of another program.
 
     Args:
@@ -48,16 +50,19 @@ def open_splat(path: str | Path, cameras: str | Path | None = None, up: Up = "au
         cameras: a scene of any layout that `open_scene` reads, in the coordinates of the splat, or in those that nerfstudio's
             dataparser_transforms.json leads to. None puts cameras around the splat, or inside if it is a room.
         up: the direction that is up in its coordinates. Without cameras, "auto" finds it near to what is usual in the format; that is uncertain.
+        activated: as for `load_splat`.
 
     Raises:
         InputError: it cannot be used, or the cameras do not see it.
         ImportError: it is SPZ of version 4, and zstandard is not installed.
     """
     file = typed_path(path)
-    splat = load_splat(file)
+    splat = load_splat(file, activated)
     if cameras is None:
-        return _without_cameras(file, splat, up)
-    return _with_cameras(file, splat, typed_path(cameras), up)
+        opened = _without_cameras(file, splat, up)
+    else:
+        opened = _with_cameras(file, splat, typed_path(cameras), up)
+    return replace(opened, note=" ".join((*splat.notes, opened.note)).strip())
 
 
 def _without_cameras(file: Path, splat: Splat, up: Up) -> OpenedScene:

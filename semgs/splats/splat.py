@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int64
+from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
 from semgs.files.errors import InputError
@@ -28,6 +28,9 @@ SAMPLED = 100_000
 ROUNDING = 1e-4
 """The square of a scale may be by this share smaller than the footprint that it contains, because both are written as float32."""
 
+MOST_BROKEN = 0.02
+"""If more of the Gaussians have a number that is not valid, the file is damaged; fewer are left by trainings, and are left out."""
+
 SHORTEST = 1e-12
 """A shorter quaternion has no direction that can be trusted."""
 
@@ -43,6 +46,7 @@ class Splat:
         up: the direction that is usually up in files of this format. No field of the file says it.
         extra: columns that are not part of the format, by name, each with a row for each Gaussian.
         comments: what the file says about itself, and what was not read.
+        notes: the comments that the user should know, one sentence each: what was left out, or read in another way than the format says.
     """
 
     gaussians: Gaussians
@@ -50,6 +54,7 @@ class Splat:
     up: Literal["y", "-y"]
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
     comments: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return describe(
@@ -60,9 +65,33 @@ class Splat:
             comments="; ".join(self.comments) or None,
         )
 
+    def noted(self, *notes: str) -> Splat:
+        """This splat with notes, which are comments, too."""
+        return replace(self, notes=notes, comments=(*self.comments, *notes))
+
     def __len__(self) -> int:
         """The number of Gaussians."""
         return len(self.gaussians)
+
+
+@dataclass(frozen=True)
+class Usable:
+    """The Gaussians of a file whose numbers are valid.
+
+    Attributes:
+        gaussians: these.
+        kept: whether each one of the file is among them.
+    """
+
+    gaussians: Gaussians
+    kept: Bool[np.ndarray, " g"]
+
+
+def note_left_out(count: int, of: int) -> tuple[str, ...]:
+    """What to say if Gaussians of a file are left out."""
+    if not count:
+        return ()
+    return (f"{count:,} of {of:,} Gaussians are left out: they have a number that is not finite or not valid.",)
 
 
 def check_count(path: Path, count: int, place: str | None = None) -> None:
@@ -84,8 +113,9 @@ def make_gaussians(
     quaternions: Float[np.ndarray, "g 4"],
     harmonics: Float[np.ndarray, "g k 3"],
     footprints: Float[np.ndarray, " g"] | None = None,
-) -> Gaussians:
-    """Gaussians from activated numbers.
+) -> Usable:
+    """Gaussians from activated numbers, without those that have a number which is not finite as a float32, an opacity that is not 0..1, a negative scale or a
+    quaternion of zero.
 
     Args:
         path: the file, for errors.
@@ -97,31 +127,43 @@ def make_gaussians(
         footprints: as those of `Gaussians`; the scales do not contain them.
 
     Raises:
-        InputError: a number is not finite as a float32, an opacity is not 0..1, a scale is negative or a quaternion is zero; or positions are so far from
-            the origin that float32 would move them by more than the Gaussians are large.
+        InputError: more than `MOST_BROKEN` of them would be left out; or positions are so far from the origin that float32 would move them by more than
+            the Gaussians are large.
     """
     largest = np.finfo(np.float32).max
+    turns, kept = quaternions.astype(np.float64), np.ones(len(means), bool)
+    with np.errstate(all="ignore"):
+        lengths = np.linalg.norm(turns, axis=-1)
+    broken = []
     for name, values, least, most, expected in (
         ("position", means, -largest, largest, "finite numbers"),
         ("opacity", opacities, 0.0, 1.0, "0 to 1"),
         ("scale", scales, 0.0, largest, "finite numbers, 0 or more"),
         ("harmonics", harmonics, -largest, largest, "finite numbers"),
+        ("rotation", lengths, SHORTEST, np.finfo(np.float64).max, "a quaternion that is not zero"),
     ):
-        low, high = values.min(initial=0), values.max(initial=0)
+        low, high = values.min(initial=most), values.max(initial=least)
         if not (low >= least and high <= most):  # NaN too
-            check_all(path, name, values, (values >= least) & (values <= most), expected)
+            good = ((values >= least) & (values <= most)).reshape(len(values), -1).all(-1)
+            broken.append((name, turns if values is lengths else values, good, expected))
+            kept &= good
+    if np.count_nonzero(~kept) > MOST_BROKEN * len(kept):
+        for name, values, good, expected in broken:
+            check_all(path, name, values, good, expected)
+    if broken:
+        means, opacities, scales, harmonics, turns, lengths = (
+            values[kept] for values in (means, opacities, scales, harmonics, turns, lengths)
+        )
+        footprints = None if footprints is None else footprints[kept]
     _check_steps(path, means, scales)
-    turns = quaternions.astype(np.float64)
-    with np.errstate(all="ignore"):
-        lengths = np.linalg.norm(turns, axis=-1)
-    check_all(path, "rotation", turns, np.isfinite(lengths) & (lengths > SHORTEST), "a quaternion that is not zero")
     turns /= lengths[:, None]
-    return Gaussians(
+    gaussians = Gaussians(
         means=_tensor(means),
         opacities=_tensor(opacities),
         colour=Appearance(_tensor(turns), _tensor(scales), _tensor(harmonics[:, : _used(harmonics)])),
         footprints=None if footprints is None else _tensor(footprints),
     )
+    return Usable(gaussians, kept)
 
 
 def without_footprints(

@@ -31,7 +31,7 @@ import numpy as np
 
 from semgs.files.errors import InputError
 from semgs.files.extras import needs_extra
-from semgs.splats.splat import Splat, check_count, make_gaussians, with_largest
+from semgs.splats.splat import Splat, check_count, make_gaussians, note_left_out, with_largest
 
 MAGIC, GZIP = b"NGSP", b"\x1f\x8b"
 HEADER, STREAMS_HEADER = struct.Struct("<4sIIBBBB"), struct.Struct("<4sIIBBBBI12x")
@@ -123,7 +123,7 @@ def read_spz(path: Path, data: bytes) -> Splat:
     rest *= HARMONICS_FLIP[: rest.shape[1], None]
     quaternions = _first_three(rotations) if packed.version == 2 else _smallest_three(rotations)
     quaternions[:, 1:] *= FLIP
-    gaussians = make_gaussians(
+    usable = make_gaussians(
         path,
         means=fixed / 2.0**packed.fractional_bits * FLIP,
         opacities=alphas / 255,
@@ -134,7 +134,8 @@ def read_spz(path: Path, data: bytes) -> Splat:
     comments = [f"SPZ version {packed.version}"]
     if packed.flags & ANTIALIASED:
         comments.append("trained with antialiasing (Mip-Splatting), which our renderer does not have")
-    return Splat(gaussians, "SPZ", "-y", comments=tuple(comments))
+    left_out = note_left_out(count - len(usable.gaussians), count)
+    return Splat(usable.gaussians, "SPZ", "-y", comments=tuple(comments)).noted(*left_out)
 
 
 def _start(path: Path, header: bytes, versions: tuple[int, ...]) -> Packed:

@@ -106,3 +106,10 @@ def test_maps_are_stretched_unless_a_crop_is_asked_for():
     assert stretched.shape == (4, 3)
     assert stretched[0, 0] <= 1
     assert stretched[0, 2] >= 4
+
+
+@pytest.mark.parametrize(("dtype", "background"), [(np.float32, 1e10), (np.float16, 65504), (np.float64, np.inf), (np.int32, 2**31 - 1)])  # fmt: skip
+def test_the_background_of_renderers_is_no_measurement(tmp_path: Path, dtype: type, background: float):
+    """Blender writes 1e10, half floats end at 65504, and integers at their largest number."""
+    np.save(tmp_path / "a.npy", np.array([[2, background], [0, 5]], dtype))
+    np.testing.assert_array_equal(DepthMap(tmp_path / "a.npy", 1.0).metres(), np.array([[2, 0], [0, 5]], np.float32))

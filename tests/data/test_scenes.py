@@ -19,6 +19,8 @@ from semgs.data.resampling import reframed
 from semgs.data.scene_details import USED_BY, SceneDetails
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError
+from semgs.files.images.pictures import write_png
+from semgs.rooms.sets.demo_room import demo_scene
 
 SIZES = [(90, 130), (90, 130), (60, 100), (90, 130)]
 NAMES = ["left/0001.png", "left/0002.png", "right/0002.png", "right/0003.png"]
@@ -247,3 +249,46 @@ def test_what_uses_a_detail_is_named_where_it_is_refused(folder):
         InputError, match=r"images: expected a COLMAP model, found layout transforms\.json; leave it out"
     ):
         open_scene(folder, images=folder)
+
+
+def test_a_mask_of_frames_is_not_taken_for_positions():
+    scene = open_scene(demo_scene())
+    for mask in ([False, True, True, False], np.array([False, True]), [np.bool_(True)]):
+        with pytest.raises(
+            TypeError, match=r"frames are true and false; expected positions or names, such as np.flatnonzero"
+        ):
+            scene.read(mask)
+
+
+@pytest.mark.parametrize("frames", [[1, 1], [0, 2, 0], [2, "view_2"]])
+def test_a_frame_that_is_there_twice_is_refused(frames: list[int | str]):
+    scene = open_scene(demo_scene())
+    frames = [scene.frames[2].name if isinstance(one, str) else one for one in frames]
+    with pytest.raises(ValueError, match=r"frame \d \(.*\) is there twice; expected each frame once"):
+        scene.read(frames)
+
+
+@pytest.mark.parametrize("frames", [(index for index in (1, 2)), range(1, 3), np.array([1, 2])])
+def test_frames_may_be_any_iterable(frames):
+    """A generator can be gone through once only."""
+    scene = open_scene(demo_scene())
+    assert torch.equal(scene.read(frames).images, scene.read([1, 2]).images)
+
+
+@pytest.mark.parametrize("broken", ["sixteen bits", "colours", "outside the table", "damaged"])
+def test_labels_that_cannot_be_read_are_left_out_with_a_note_if_they_are_not_needed(tmp_path: Path, broken: str):
+    folder = shutil.copytree(demo_scene(), tmp_path / "scene")
+    for label in sorted((folder / "labels").glob("*.png"))[-1:]:
+        kind = {
+            "sixteen bits": np.full((240, 320), 1200, np.uint16),
+            "outside the table": np.full((240, 320), 77, np.uint8),
+        }
+        write_png(label, kind.get(broken, np.random.default_rng(0).integers(0, 256, (240, 320, 3), dtype=np.uint8)))
+        if broken == "damaged":
+            label.write_bytes(label.read_bytes()[:200])
+    scene = open_scene(folder, needs_labels=False)
+    assert scene.classes is None
+    assert scene.notes[-1].startswith(f"The labels are left out: {label}")
+    assert scene.read([0, len(scene) - 1]).labels is None
+    with pytest.raises(InputError, match=label.name):
+        open_scene(folder).read([0, len(scene) - 1])

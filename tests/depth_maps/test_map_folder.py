@@ -140,3 +140,43 @@ def test_what_is_no_map_is_refused_in_one_line(scene: Scene, folder: Path, name:
 def test_without_a_meaning_the_error_says_how_to_give_it(scene: Scene, folder: Path):
     with pytest.raises(InputError, match="give --depth-meaning metric, scaled or inverse, or write"):
         open_map_folder(folder, scene, None)
+
+
+@pytest.mark.parametrize("meaning", ["metric", "scaled"])
+def test_the_background_of_renderers_is_unknown(scene: Scene, folder: Path, meaning: str):
+    values = RAMP.copy()
+    values[0, :2] = 1e10, 65504
+    np.save(folder / "000.npy", values)
+    found = open_map_folder(folder, scene, meaning).of(scene.frames[0], SIZE)
+    assert found[0, :2].isnan().all()
+    assert found[0, 2:].isfinite().all()
+
+
+LAYERS = ("ViewLayer.Combined.R", "ViewLayer.Combined.G", "ViewLayer.Combined.B")
+
+
+def write_layers(path: Path, *names: str) -> None:
+    """An OpenEXR image whose colours are 0, and each of the other channels the ramp plus its number."""
+    OpenEXR = pytest.importorskip("OpenEXR")
+    channels = {name: np.zeros(SIZE, np.float32) for name in LAYERS} | {name: RAMP + k for k, name in enumerate(names)}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, channels).write(str(path))
+
+
+@pytest.mark.parametrize("name", ["ViewLayer.Depth.Z", "View Layer.Depth.Z", "ViewLayer.Depth.V", "RenderLayer.Z"])
+def test_depth_among_the_layers_of_an_exr_is_found(scene: Scene, folder: Path, name: str):
+    write_layers(folder / "000.exr", name)
+    found = open_map_folder(folder, scene, "metric").of(scene.frames[0], SIZE)
+    np.testing.assert_array_equal(found.numpy(), RAMP)
+
+
+@pytest.mark.parametrize("names", [(), ("A.Depth.Z", "B.Depth.Z")])
+def test_an_exr_without_one_channel_of_depth_lists_its_channels_once(
+    scene: Scene, folder: Path, names: tuple[str, ...]
+):
+    write_layers(folder / "000.exr", *names)
+    with pytest.raises(
+        InputError, match=r"expected a channel Z, Y, R, or one that ends in .Z or .Depth.V, found"
+    ) as told:
+        open_map_folder(folder, scene, "metric").of(scene.frames[0], SIZE)
+    assert str(told.value).count("expected") == 1

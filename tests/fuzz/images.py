@@ -41,7 +41,6 @@ def pictures(folder: Path) -> Path:
 
 def read_pictures(path: Path, out: Path, changed: Sequence[str]) -> None:
     """Read each changed picture by every reader that it may meet."""
-    from semgs.data.maps import read_ids
     from semgs.files import arrays
     from semgs.files.errors import InputError
     from semgs.files.images import pictures as readers
@@ -54,7 +53,7 @@ def read_pictures(path: Path, out: Path, changed: Sequence[str]) -> None:
             continue
         for reader in (
             readers.read_header, readers.read_rgb, lambda one: readers.read_grey(one, (24, 32), 16), readers.read_uint16, readers.read_uint8,
-            read_ids, lambda one: readers.read_rgb(one, (32, 24)),
+            readers.read_numbers, readers.read_visible, lambda one: readers.read_numbers(one, {}), lambda one: readers.read_rgb(one, (32, 24)),
         ):  # fmt: skip
             try:
                 reader(file)

@@ -20,7 +20,7 @@ SPLATS = (
     ),
     Mutant(
         "splats: scales of a PLY are not logarithms", "semgs/splats/plain_ply.py",
-        "scales, opacities = np.exp(logs)", "scales, opacities = np.abs(logs)", OF_PLY,
+        "scales if lengths else np.exp(scales)", "scales if lengths else np.abs(scales)", OF_PLY,
     ),
     Mutant(
         "splats: a degree is left out if one Gaussian has zeros there", "semgs/splats/splat.py",

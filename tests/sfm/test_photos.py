@@ -399,3 +399,39 @@ def test_results_splats_and_clips_given_as_scenes_say_what_opens_them(tmp_path: 
         open_scene(tmp_path / "splat.ply")
     with pytest.raises(InputError, match="semgs poses CLIP OUT estimates them"):
         open_scene(tmp_path / "clip.webm")
+
+
+@pytest.mark.parametrize("ending", [".jfif", ".JFIF", ".jpe"])
+def test_jpegs_of_other_endings_are_photos_and_keep_their_bytes(folder: Path, tmp_path: Path, ending: str):
+    Image.fromarray(pixels(3)).save(folder / f"IMG_3{ending}", "JPEG", quality=95)
+    photos = copied(folder, tmp_path)
+    assert [photo.name for photo in photos.photos] == ["IMG_2.jpg", "IMG_3.jpg", "IMG_10.jpg"]
+    assert (photos.folder / "IMG_3.jpg").read_bytes() == (folder / f"IMG_3{ending}").read_bytes()
+
+
+@pytest.mark.parametrize("ending", [".hif", ".ppm", ".psd"])
+def test_photos_of_other_formats_are_counted(folder: Path, tmp_path: Path, ending: str):
+    (folder / f"IMG_3{ending}").write_bytes(b"not read")
+    assert (
+        copied(folder, tmp_path).notes[0]
+        == f"1 of 3 photos have a format that is not read ({ending}), the first is IMG_3{ending}."
+    )
+
+
+@pytest.mark.parametrize(
+    ("size", "taken"), [((60, 81), False), ((60, 80), True), ((606, 800), True), ((600, 810), False)]
+)
+def test_one_focal_length_is_for_photos_whose_sizes_differ_by_rounding(
+    tmp_path: Path, size: tuple[int, int], taken: bool
+):
+    """80 and 81 px differ by 1.25 %, 600 and 606 px by 1 %."""
+    (tmp_path / "photos").mkdir()
+    first = (60, 80) if size[0] < 100 else (600, 800)
+    for index, (height, width) in enumerate((first, size)):
+        save(tmp_path / "photos" / f"{index}.jpg", pixels(index, height, width))
+    found = copied(tmp_path / "photos", tmp_path)
+    if taken:
+        assert [photo.focal_px for photo in with_focal(found, 70.0)] == [70.0] * 2
+    else:
+        with pytest.raises(ValueError, match="--focal is for photos of one size"):
+            with_focal(found, 70.0)

@@ -25,6 +25,10 @@ PROTOCOLS = ("neighbours", "peers", "pinned FILE")
 
 DEVICES = ("auto", "cpu", "cuda")
 
+Activated = Literal["auto", "yes", "no"]
+ACTIVATED = {"auto": None, "yes": True, "no": False}
+"""What it means to `load_splat`."""
+
 
 def words(
     count: int | tuple[int, ...] | Literal["*"],

@@ -18,7 +18,7 @@ from semgs.data.cameras.lens import Lens
 from semgs.data.confined import named_file
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.fields import Fields, read_fields
-from semgs.data.layouts.parts.pose_files import listed_poses
+from semgs.data.layouts.parts.pose_files import listed_poses, pose_is_lost
 from semgs.data.layouts.parts.sentences import note_damaged_points, note_lacking, note_transparent
 from semgs.data.layouts.parts.sparse_points import points_in_view, read_ply_points
 from semgs.data.maps import ClassMap, DepthMap, MaskMap
@@ -112,6 +112,9 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside, depth_u
     shared = read_fields(file)
     listed = shared.objects("frames")
     names = _names(listed)
+    lost = [name for fields, name in zip(listed, names, strict=True) if pose_is_lost(fields)]
+    if len(lost) < len(listed):
+        listed, names = zip(*[pair for pair in zip(listed, names, strict=True) if pair[1] not in lost], strict=True)
     poses = listed_poses(listed)
     poses[:, :3, 1:3] *= -1
     lenses: dict[Lens, Lens] = {}
@@ -152,7 +155,13 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside, depth_u
         classes=classes,
         unread_labels=unread,
         absent=tuple(absent),
-        notes=(*notes.sentences(absent, len(listed)), *about_points, *about_unit),
+        notes=(
+            *notes.sentences(absent, len(listed)),
+            *note_lacking(lost, len(listed) + len(lost), "frames have no finite pose and are left out"),
+            *_note_other_splits(file),
+            *about_points,
+            *about_unit,
+        ),
         points=points if points is not None and len(points) else None,
         applied_transform=_applied_transform(shared),
         applied_scale=shared.positive("applied_scale"),
@@ -191,6 +200,18 @@ class _Notes:
 def _file(folder: Path) -> Path | None:
     """The transforms file of a folder, None if there is none."""
     return next((folder / name for name in FILE_NAMES if (folder / name).is_file()), None)
+
+
+def _note_other_splits(file: Stored) -> list[str]:
+    """A note about the files of other splits (transforms_val.json) beside that of the training split."""
+    if not isinstance(file, Path) or file.name != FILE_NAMES[1]:
+        return []
+    others = sorted(one.name for one in file.parent.glob("transforms_*.json") if one.name != file.name)
+    if not others:
+        return []
+    return [
+        f"Only the frames of {file.name} are read, not those of {', '.join(others)}; give a file's own path to read it."
+    ]
 
 
 def _names(listed: Sequence[Fields]) -> list[str]:

@@ -13,7 +13,7 @@ import re
 import struct
 import warnings
 import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from PIL import Image, UnidentifiedImageError
 from semgs.files.atomic import write_bytes
 from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError
+from semgs.files.images.colours import Colour
 from semgs.files.images.heic import is_heic, open_heic
 from semgs.files.stored import Stored, stored
 
@@ -48,7 +49,11 @@ _MM = {2: 25.4, 3: 10.0}
 """Millimetres of FocalPlaneResolutionUnit: inches, centimetres."""
 MOST_FOCAL_PX = 1e6
 """A longer focal length is damage: telescopes have less [px]."""
-_EIGHT_BITS, _SIXTEEN_BITS = ("L", "P"), ("I;16", "I;16B", "I;16L")
+_SIXTEEN_BITS = ("I;16", "I;16B", "I;16L")
+_SCALED = {2: 85, 4: 17}
+"""By what Pillow multiplies greys of so many bits."""
+_PALETTE = 3
+"""A PNG's colour type, https://www.w3.org/TR/png-3/#11IHDR"""
 _DAMAGE = (
     OSError,
     SyntaxError,
@@ -276,7 +281,7 @@ def read_uint16(path: str | Stored) -> np.ndarray:
     """
     if stored(path).suffix.lower() == ".pgm":
         return _pgm_counts(path, read_bytes(path, "an image"))
-    return _map(read_bytes(path, "an image"), path, _SIXTEEN_BITS, "a 16-bit PNG of one channel")
+    return _typed(read_numbers(path), path, np.uint16, "a 16-bit PNG of one channel")
 
 
 def _pgm_counts(path: str | Stored, data: bytes) -> np.ndarray:
@@ -291,34 +296,97 @@ def _pgm_counts(path: str | Stored, data: bytes) -> np.ndarray:
 
 
 def read_uint8(path: str | Stored) -> np.ndarray:
-    """Labels or a mask: an 8-bit PNG with one channel, uint8 [h w]. For palette images, the indices.
+    """The numbers of an 8-bit map, uint8 [h w], as `read_numbers`.
 
     Raises:
         InputError: it is missing, truncated, or something else.
     """
-    return _map(read_bytes(path, "an image"), path, _EIGHT_BITS, "an 8-bit PNG of one channel")
+    return _typed(read_numbers(path), path, np.uint8, "an 8-bit PNG of one channel")
 
 
-def decode_map(data: bytes, path: str | Stored) -> np.ndarray:
-    """A PNG with one channel as stored, uint8 or uint16 [h w]. For palette images, the indices.
-
-    Args:
-        data: the bytes of the image.
-        path: the file that they are from, for messages.
+def read_visible(path: str | Stored) -> np.ndarray:
+    """Where a mask shows its image, bool [h w]: pixels in the upper half of what its bits can say, as compressed masks have values in between. If it has
+    two numbers, both in the lower half, such as 0 and 1: all pixels but those of 0.
 
     Raises:
-        InputError: it is truncated, or something else.
+        InputError: as `read_numbers`.
     """
-    return _map(data, path, (*_EIGHT_BITS, *_SIXTEEN_BITS), "a PNG of one channel")
+    data = read_bytes(path, "an image")
+    numbers, full = _numbers(data, path), (1 << _depth(data)) - 1
+    counted = np.bincount(numbers.ravel())
+    few = len(counted) <= full // 2 + 1 and np.count_nonzero(counted) <= 2
+    return np.asarray(numbers > (0 if few else full // 2))
 
 
-def _map(data: bytes, path: str | Stored, modes: Collection[str], expected: str) -> np.ndarray:
-    """A PNG with one channel of one of Pillow's modes, as stored. From memory, as Pillow asks files for as many bytes as chunks claim to have."""
-    with _opened(path, data) as image:
+def read_numbers(path: str | Stored, colours: Mapping[Colour, int] | None = None) -> np.ndarray:
+    """The numbers of a map (labels, ids, depth), uint8 or uint16 [h w]: a PNG of one channel, or of equal ones, with 1 to 16 bits, as they were written.
+
+    Writers and optimisers may store them as a palette. If its colours are grey, these are the numbers. If they are those of classes, the numbers are
+    the classes'. Otherwise the numbers are the indices.
+
+    Args:
+        path: the file.
+        colours: the number of each class by its colour. A palette of other colours is then refused if pixels have all of them, because an optimiser may
+            have renumbered it; None to read indices.
+
+    Raises:
+        InputError: it is missing, truncated, or something else.
+    """
+    return _numbers(read_bytes(path, "an image"), path, colours)
+
+
+def _numbers(data: bytes, path: str | Stored, colours: Mapping[Colour, int] | None = None) -> np.ndarray:
+    """As `read_numbers`, of the bytes of a file."""
+    with _opened(path, data) as image:  # from memory, as Pillow asks files for as many bytes as chunks claim to have
         _decode(path, image)
-        if image.format != "PNG" or image.mode not in modes:
-            raise InputError(path, expected, f"a {image.format} of mode {image.mode}")
-        return np.asarray(image).astype(np.uint16 if image.mode in _SIXTEEN_BITS else np.uint8)
+        pixels, expected = np.asarray(image), "a PNG of one channel"
+        if image.format != "PNG":
+            raise InputError(path, expected, f"a {image.format}")
+        if image.mode == "P":
+            palette = np.array(image.getpalette(), np.uint8).reshape(-1, 3)
+            return _by_palette(path, pixels, palette, colours)
+        if image.mode in _SIXTEEN_BITS:
+            return pixels.astype(np.uint16)
+        if pixels.ndim == 2:
+            return pixels.astype(np.uint8) // _SCALED.get(_depth(data), 1)
+        grey, opaque = pixels[..., 0], image.mode == "RGB" or bool((pixels[..., -1] == 255).all())
+        if _depth(data) != 8 or not opaque or (image.mode != "LA" and (pixels[..., 1:3] != grey[..., None]).any()):
+            raise InputError(path, expected, f"a PNG of mode {image.mode}")
+        return grey
+
+
+def _depth(png: bytes) -> int:
+    """Bits of a channel of a PNG; 8 for those of a palette."""
+    return 8 if png[25] == _PALETTE else png[24]
+
+
+def _typed(numbers: np.ndarray, path: str | Stored, dtype: type, expected: str) -> np.ndarray:
+    """The numbers of a map, which must have this type."""
+    if numbers.dtype != dtype:
+        raise InputError(path, expected, f"a PNG of one channel with {8 * numbers.itemsize} bits")
+    return numbers
+
+
+def _by_palette(
+    path: str | Stored, indices: np.ndarray, palette: np.ndarray, colours: Mapping[Colour, int] | None
+) -> np.ndarray:
+    """The numbers that pixels with a palette [n 3] mean, as `read_numbers` says."""
+    used = np.unique(indices)
+    if used[-1] >= len(palette):
+        raise InputError(path, f"a palette of {used[-1] + 1} colours or more", f"{len(palette)}")
+    shown = [(int(red), int(green), int(blue)) for red, green, blue in palette[used]]
+    if all(red == green == blue for red, green, blue in shown):
+        return palette[:, 0][indices]
+    if colours is not None and all(colour in colours for colour in shown):
+        numbers = np.zeros(256, np.uint8)
+        numbers[used] = [colours[colour] for colour in shown]
+        return numbers[indices]
+    if colours is not None and len(used) == len(palette):
+        raise InputError(
+            path, "class numbers as grey, or a palette of the class table's colours", "a palette of other colours",
+            advice="an image optimiser may have renumbered it; save the numbers as 8-bit grey",
+        )  # fmt: skip
+    return indices
 
 
 def decode_png(data: bytes) -> np.ndarray | None:

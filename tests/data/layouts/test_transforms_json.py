@@ -208,8 +208,6 @@ def assigned(key: str, value: object, frame: int | None = None) -> Callable[[dic
 @pytest.mark.parametrize(
     ("edit", "key", "found_text"),
     [
-        (matrix(1, lambda m: m.__setitem__((0, 2), math.nan)), "frames[1].transform_matrix", "not finite"),
-        (matrix(2, lambda m: m.__setitem__((0, 3), math.inf)), "frames[2].transform_matrix", "not finite"),
         (matrix(1, lambda m: m.__setitem__((slice(0, 3), 1), 0)), "frames[1].transform_matrix", "it is singular"),
         (matrix(0, lambda m: m.__setitem__(slice(0, 3), 2 * m[:3])), "frames[0].transform_matrix", "scales or shears"),
         (matrix(0, lambda m: m.__setitem__((slice(0, 3), 1), -m[:3, 1])), "frames[0].transform_matrix", "mirrors"),
@@ -571,3 +569,37 @@ def test_nerfstudios_transform_of_the_world_is_kept_beside_the_poses(tmp_path):
     np.testing.assert_array_equal(scene.applied_transform, applied)
     assert scene.applied_scale == 0.4
     np.testing.assert_allclose(scene.cameras[0].centres, EYES[0])
+
+
+@pytest.mark.parametrize(("others", "said"), [(["val"], "transforms_val.json"), (["test", "val"], "transforms_test.json, transforms_val.json"), ([], None)])  # fmt: skip
+def test_other_splits_beside_the_training_split_are_named(tmp_path: Path, others: list[str], said: str | None):
+    folder = write(tmp_path, {**PINHOLE})
+    (folder / "transforms.json").rename(folder / "transforms_train.json")
+    for name in others:
+        shutil.copy(folder / "transforms_train.json", folder / f"transforms_{name}.json")
+    notes = [note for note in open_scene(folder).notes if "are read, not those of" in note]
+    assert notes == (
+        [f"Only the frames of transforms_train.json are read, not those of {said}; give a file's own path to read it."] if said else []
+    )  # fmt: skip
+    assert all(
+        "not those of" not in note for other in others for note in open_scene(folder / f"transforms_{other}.json").notes
+    )
+
+
+@pytest.mark.parametrize(
+    ("place", "value"), [((0, 2), math.nan), ((1, 3), math.inf), ((slice(0, 4), slice(0, 4)), math.nan)]
+)
+def test_frames_without_a_finite_pose_are_left_out_and_counted(tmp_path: Path, place: tuple, value: float):
+    folder = write(tmp_path, {**PINHOLE})
+    content = json.loads((folder / "transforms.json").read_text())
+    matrix(1, lambda pose: pose.__setitem__(place, value))(content)
+    (folder / "transforms.json").write_text(json.dumps(content))
+    scene = open_scene(folder)
+    assert [frame.name for frame in scene.frames] == ["images/000.png", "images/002.png"]
+    assert "1 of 3 frames have no finite pose and are left out, the first is images/001.png." in scene.notes
+    np.testing.assert_allclose(scene.frames[1].world_from_camera, opengl(EYES[2]) @ np.diag([1, -1, -1, 1]), atol=1e-9)
+    for frame in (0, 2):
+        matrix(frame, lambda pose: pose.__setitem__(place, value))(content)
+    (folder / "transforms.json").write_text(json.dumps(content))
+    with pytest.raises(InputError, match=r"frames\[0\].transform_matrix: .* not finite"):
+        open_scene(folder)

@@ -359,3 +359,14 @@ def test_samples_and_frames_of_a_scene_far_from_its_origin_are_near_one(tmp_path
     assert torch.equal(drawn[0].context.images, drawn[1].context.images)
     assert after.abs().max() < 100
     torch.testing.assert_close(after - after[0], before - before[0], rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("supervision", ["rendered", "labels"])
+def test_scenes_in_which_no_pixel_has_a_label_are_refused(tmp_path: Path, supervision: str):
+    """255 everywhere; with one labelled scene beside it, classes can be learned."""
+    write_labelled(tmp_path / "scans/a", 0, labels=(255, 255))
+    settings = replace(SETTINGS, data=(str(tmp_path / "scans"),), supervision=supervision)
+    with pytest.raises(InputError, match="label maps in which no pixel has a label; "):
+        run_data(settings, tmp_path)
+    write_labelled(tmp_path / "scans/b", 1, labels=(255, 3))
+    assert run_data(settings, tmp_path).scenes == 2

@@ -10,7 +10,7 @@ import tyro
 
 from semgs.cli.arguments import did_you_mean
 from semgs.cli.opened_scene import check_for_robots, open_given
-from semgs.cli.options.types import Probability, at_least, one_word, optional
+from semgs.cli.options.types import Activated, Probability, at_least, one_word, optional
 from semgs.cli.progress import show_stage
 from semgs.cli.terminal import aligned
 from semgs.cli.usage_errors import UsageError
@@ -82,6 +82,8 @@ class Export:
     """The direction that is up in the scene's coordinates. auto finds it from floors and walls; for a splat without --cameras, near to what is usual in its format."""
     cameras: Annotated[Path | None, optional("SCENE")] = None
     """For a splat: the scene with its cameras, in its coordinates."""
+    activated: Activated = "auto"
+    """A splat as PLY: whether scales are lengths and opacities 0 to 1, not logarithms and logits as the format says; auto is what they look like."""
     colour: tuple[Literal["photo", "classes"], ...] = ("photo",)
     """Colours of --as ply; with both, two files."""
     labels: bool = False
@@ -149,7 +151,7 @@ class Export:
                 check_usd_library()
             if "objects" in self.formats:
                 check_object_libraries()
-            opened = open_given(self.scene, self.cameras, self.up)
+            opened = open_given(self.scene, self.cameras, self.up, self.activated)
             scene = opened.scene
             keep = self._selected(scene)
             for_robots = bool({"objects", "occupancy"} & set(self.formats))

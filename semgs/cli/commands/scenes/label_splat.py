@@ -13,6 +13,8 @@ from semgs.cli.device import chosen_device, chosen_precision
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.options.segmenter_options import SegmenterOptions
 from semgs.cli.options.types import (
+    ACTIVATED,
+    Activated,
     AutoSize,
     Count,
     Device,
@@ -69,6 +71,8 @@ class LabelSplat:
     """The weights that classify photos, as for semgs reconstruct; --segmenter is used instead of them."""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
     """The direction that is up in the scene's coordinates."""
+    activated: Activated = "auto"
+    """PLY: whether scales are lengths and opacities 0 to 1, not logarithms and logits as the format says; auto is what they look like."""
     min_confidence: Probability = 0.0
     """Pixels whose likeliest class is less likely than this are unknown in class maps: light grey, 254 in label files."""
     device: Device = "auto"
@@ -102,7 +106,7 @@ class LabelSplat:
         device = chosen_device(self.device)
         stages = Stages(show_stage, say_compiling, show_progress)
         with stages("read", f"Reading {self.splat.name}"):
-            splat = load_splat(self.splat)
+            splat = load_splat(self.splat, ACTIVATED[self.activated])
             scene = open_with_details(self.cameras, self.reading.as_peers, self.reading.asked, needs_labels=False)
             check_apart(self.out, scene.places)
             gaussians = in_frame_of(self.splat, splat.gaussians, scene)
@@ -114,7 +118,7 @@ class LabelSplat:
                     scene,
                     gaussians,
                     labelling,
-                    GivenSplat(self.splat.name, splat.format, len(voting)),
+                    GivenSplat(self.splat.name, splat.format, len(voting), splat.notes),
                     [self.every * place for place in voting],
                     [self.every * place for place in held],
                     self.size,

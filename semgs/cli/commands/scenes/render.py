@@ -10,7 +10,7 @@ import tyro
 
 from semgs.cli.arguments import did_you_mean
 from semgs.cli.opened_scene import open_given
-from semgs.cli.options.types import Count, Probability, Size, optional
+from semgs.cli.options.types import Activated, Count, Probability, Size, optional
 from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
@@ -85,6 +85,8 @@ class Render:
     """The direction that is up in the scene's coordinates, for the orbit."""
     cameras: Annotated[Path | None, optional("SCENE")] = None
     """For a splat: the scene with its cameras, in its coordinates. Without it, cameras are put around the splat, or inside if it is a room."""
+    activated: Activated = "auto"
+    """A splat as PLY: whether scales are lengths and opacities 0 to 1, not logarithms and logits as the format says; auto is what they look like."""
     min_confidence: Probability = 0.0
     """Pixels whose likeliest class is less likely than this are unknown: grey in the class map."""
     overwrite: bool = False
@@ -122,7 +124,7 @@ class Render:
 
             if video:
                 check_video_library()
-            opened = open_given(self.scene, self.cameras, self.up)
+            opened = open_given(self.scene, self.cameras, self.up, self.activated)
             stills = self._stills(opened.scene)
             cameras, note = self._path_cameras(opened)
             if video:

@@ -17,6 +17,7 @@ import tyro
 from semgs.cli.commands.scenes.reconstruct import Reconstruct
 from semgs.cli.opened_scene import check_for_robots, open_given
 from semgs.cli.options.types import (
+    Activated,
     AllowedHosts,
     Count,
     Probability,
@@ -78,6 +79,8 @@ class View:
     """The direction that is up in the scene's coordinates."""
     cameras: Annotated[Path | None, optional("SCENE")] = None
     """A splat: the scene with its cameras, in its coordinates. Without it, cameras are put around the splat, or inside if it is a room."""
+    activated: Activated = "auto"
+    """A splat as PLY: whether scales are lengths and opacities 0 to 1, not logarithms and logits as the format says; auto is what they look like."""
     port: Annotated[int, one_word("INT", at_least(1))] = 8080
     """Port of the viewer; if it is taken, the next free one."""
     host: str = LOOPBACK
@@ -165,7 +168,7 @@ class View:
         """The scene, and what a page and a viewer of it have in common: keyword arguments of `scene_page` and `open_window`."""
         from semgs.viewer.viewer_cameras import photos_in
 
-        opened = open_given(path, self.cameras, self.up)
+        opened = open_given(path, self.cameras, self.up, self.activated)
         photos = opened.photos if opened.splat else photos_in(path if path.is_dir() else path.parent, opened.scene)
         return opened.scene, {
             "photos": photos or (),

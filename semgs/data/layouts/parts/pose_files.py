@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 import torch
@@ -67,6 +68,14 @@ def checked_poses(
         )
     poses[:, :3, :3] = rotations
     return poses
+
+
+def pose_is_lost(frame: Fields) -> bool:
+    """Whether the `transform_matrix` of a frame of a `transforms.json` has a number that is not finite, as if tracking was lost."""
+    matrix = frame.values.get("transform_matrix")
+    with suppress(TypeError, ValueError, OverflowError):
+        return isinstance(matrix, list) and not np.isfinite(np.array(matrix, dtype=np.float64)).all()
+    return False
 
 
 def listed_poses(frames: Sequence[Fields]) -> np.ndarray:

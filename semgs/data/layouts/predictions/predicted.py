@@ -10,6 +10,7 @@ import numpy as np
 
 from semgs.data.layouts.parts.pose_files import checked_poses
 from semgs.data.layouts.predictions.preprocessing import Plan, Size
+from semgs.data.maps import FARTHEST
 from semgs.files.errors import InputError
 
 Preprocessing = Callable[[Sequence[Size], Size, bool], Iterator[Plan]]
@@ -84,7 +85,7 @@ def check_depth(path: Path, key: str, values: np.ndarray) -> np.ndarray:
     if depth is None or len(depth) < 2 or min(depth.shape) < 1:
         raise InputError(path, "depth maps [n h w] of two or more photos", f"an array of shape {values.shape}", key)
     depth = depth.astype(np.float32)
-    depth[~np.isfinite(depth)] = 0
+    depth[~np.isfinite(depth) | (depth >= FARTHEST)] = 0
     if depth.min() < 0:
         frame = int(np.argmax((depth < 0).any(axis=(1, 2))))
         found = f"{depth[frame].min():.4g}"

@@ -15,12 +15,19 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from semgs.data.layouts.ros.cut_bags import CutRecording, recordings_of
 from semgs.data.layouts.ros.image_messages import as_file, ending_of
 from semgs.files.bags import METADATA, bag_reader, check_definitions
 from semgs.files.errors import InputError, readable
 from semgs.files.text import listed
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+REPAIRS = {
+    ".bag": "if its recorder was stopped early, rosbag reindex repairs it",
+    ".db3": "if its recorder was stopped early, sqlite3 FILE .recover repairs it",
+}
+"""What repairs files of these endings."""
+
 LISTED = 8
 """How many topics an error names."""
 
@@ -76,6 +83,7 @@ class Bag:
     Attributes:
         path: of the bag.
         topics: the type of each topic with messages.
+        cut: the names of its recordings that end early; what is before their end is read.
 
     Raises:
         InputError: it is damaged, or the name or type of a topic is not text.
@@ -85,14 +93,16 @@ class Bag:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            self._reader = bag_reader(path)
+            self._reader = bag_reader(path, recordings_of(path))
             self._reader.open()
             weakref.finalize(self, _close, self._reader)
             check_definitions(self._reader)
         except ImportError:
             raise
         except Exception as error:  # each storage raises its own
-            raise InputError(path, "a ROS bag", f"one that rosbags cannot read: {error}") from error
+            found = f"one that rosbags cannot read: {str(error).replace('; please report issue', '')}"
+            raise InputError(path, "a ROS bag", found, advice=REPAIRS.get(path.suffix)) from error
+        self.cut = [one.name for one in self._reader.paths if isinstance(one, CutRecording)]
         for one in self._reader.connections:
             if not isinstance(one.topic, str):  # such as an unquoted 5 in YAML
                 raise InputError(path, "names of topics", f"{one.topic!r}, which is not text", METADATA)

@@ -86,6 +86,9 @@ def _recording(path: Path, details: SceneDetails) -> Scene:
         )  # fmt: skip
     lens = find_lens(bag, topic, read_header(pictures[0]).size, details)
     notes = [f"Images are from {topic}."]
+    notes += [
+        f"The recording {name} ends early: what is before its end is read; mcap recover repairs it." for name in bag.cut
+    ]
     if repeated or unset:
         why = "the time 0 in their header, or that of another," if unset else "the same time in their header as another"
         notes.append(f"{repeated + unset} of {bag.count(topic)} images have {why} and are left out.")
@@ -96,7 +99,7 @@ def _recording(path: Path, details: SceneDetails) -> Scene:
     route, about_poses = find_route(bag, frame, details)
     poses = poses_along(route, np.array([one.stamp for one in pictures], dtype=np.int64))
     posed = np.isfinite(poses).all(axis=(1, 2))
-    depths, about_depth = _depths(bag, frame, pictures)
+    depths, about_depth = _depths(bag, topic, frame, pictures)
     frames = tuple(
         Frame(one.name, one, lens, pose, depths.get(one))
         for one, pose, known in zip(pictures, poses, posed, strict=True)
@@ -126,10 +129,12 @@ def _recording(path: Path, details: SceneDetails) -> Scene:
     )
 
 
-def _depths(bag: Bag, frame: str, pictures: Sequence[BagFile]) -> tuple[dict[BagFile, DepthMap], list[str]]:
+def _depths(
+    bag: Bag, images: str, frame: str, pictures: Sequence[BagFile]
+) -> tuple[dict[BagFile, DepthMap], list[str]]:
     """The depth map of each image that has one, and notes about depth that is not used."""
     first = {topic: bag.first(topic) for topic in bag.of(IMAGE, COMPRESSED)}
-    frames = {topic: frame_id_of(message) for topic, message in first.items() if is_depth(message)}
+    frames = {name: frame_id_of(message) for name, message in first.items() if is_depth(message) and name != images}
     faults = {topic: depth_fault(first[topic]) for topic in frames}
     registered = [topic for topic in frames if frames[topic] == frame and not faults[topic]]
     if not registered:

@@ -43,7 +43,8 @@ def choose_pictures(bag: Bag, prefix: str | None) -> str:
             raise InputError(bag.path, f"images in a topic that begins with {prefix}", bag.counted(topics), "camera")
         topics = chosen
     kinds = {topic: bag.first(topic) for topic in topics}
-    topics = [topic for topic in topics if not is_depth(kinds[topic])]
+    infrared = [topic for topic in topics if encoding_of(kinds[topic]) == "mono16" and "depth" not in topic]
+    topics = [topic for topic in topics if not is_depth(kinds[topic])] or infrared
     if not topics:
         raise InputError(bag.path, "topics of type Image or CompressedImage", str(bag), "camera")
     coloured = [topic for topic in topics if encoding_of(kinds[topic]) not in GREYS]
@@ -93,7 +94,8 @@ def lens_of(path: Path, topic: str, info: Any, size: tuple[int, int], *, rectifi
     k, d, p = (
         np.asarray(getattr(info, name, None) if hasattr(info, name) else getattr(info, name.upper())) for name in "kdp"
     )
-    matrix = p.reshape(3, 4)[:, :3] if rectified else k.reshape(3, 3)
+    projected = rectified and (p[:1].any() or np.any(d))  # some drivers leave P empty
+    matrix = p.reshape(3, 4)[:, :3] if projected else k.reshape(3, 3)
     if not matrix[0, 0] > 0:
         raise InputError(
             path,

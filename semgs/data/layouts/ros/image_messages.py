@@ -27,6 +27,17 @@ COLOURS = {
 }  # fmt: skip
 """Image encodings: bytes per pixel, and OpenCV's conversion to BGR. OpenCV names Bayer patterns by their second row."""
 
+WIDE = {"rgb16": "rgb8", "bgr16": "bgr8", "rgba16": "rgba8", "bgra16": "bgra8", "16UC3": "8UC3", "16UC4": "8UC4"}
+"""Image encodings of 16 bits, and those of 8 bits that they become."""
+
+PLANES = {
+    "nv12": cv2.COLOR_YUV2BGR_NV12,
+    "nv21": cv2.COLOR_YUV2BGR_NV21,
+    "i420": cv2.COLOR_YUV2BGR_I420,
+    "yv12": cv2.COLOR_YUV2BGR_YV12,
+}
+"""Image encodings whose brightness comes first, and then, at half the size, their colours."""
+
 DEPTHS = {"16UC1": 2, "mono16": 2, "32FC1": 4}
 """Depth encodings: bytes per pixel."""
 
@@ -92,25 +103,38 @@ def pixels_of(message: Any) -> np.ndarray:
         counts = _pixels(message, DEPTHS[message.encoding])
         order = ">" if message.is_bigendian else "<"
         return counts.view(f"{order}u2" if counts.shape[-1] == 2 else f"{order}f4")[..., 0]
-    if message.encoding not in COLOURS:
-        raise ValueError(
-            f"pixels encoded as {message.encoding!r}; expected one of {', '.join((*COLOURS, *DEPTHS))}, or a CompressedImage"
-        )
-    channels, code = COLOURS[message.encoding]
-    pixels = _pixels(message, channels)
+    if message.encoding in PLANES:
+        height, width = int(message.height), int(message.width)
+        planes = _rows(message, 3 * height // 2, width)
+        return np.asarray(cv2.cvtColor(planes, PLANES[message.encoding]))
+    encoding = WIDE.get(message.encoding, message.encoding)
+    if encoding not in COLOURS:
+        known = ", ".join((*COLOURS, *WIDE, *PLANES, *DEPTHS))
+        raise ValueError(f"pixels encoded as {message.encoding!r}; expected one of {known}, or a CompressedImage")
+    channels, code = COLOURS[encoding]
+    if encoding != message.encoding:
+        counts = _pixels(message, 2 * channels).view(">u2" if message.is_bigendian else "<u2")
+        pixels = ((counts.astype(np.uint32) + 128) // 257).astype(np.uint8)
+    else:
+        pixels = _pixels(message, channels)
     return pixels if code is None else np.asarray(cv2.cvtColor(pixels, code))
 
 
 def _pixels(message: Any, size: int) -> np.ndarray:
     """The bytes of an Image [h w size], without row padding."""
+    height, width = int(message.height), int(message.width)
+    return _rows(message, height, width * size).reshape(height, width, size)
+
+
+def _rows(message: Any, rows: int, length: int) -> np.ndarray:
+    """The bytes of an Image [rows length], without row padding."""
     height, width, step = int(message.height), int(message.width), int(message.step)
     data = np.asarray(message.data, dtype=np.uint8)
-    if step < width * size or data.size < height * step or min(height, width) < 1:
+    if step < length or data.size < rows * step or min(height, width) < 1:
         raise ValueError(
-            f"{data.size} bytes of {width}x{height} pixels in rows of {step} bytes; expected {width * size * height}"
+            f"{data.size} bytes of {width}x{height} pixels in rows of {step} bytes; expected {rows * length}"
         )
-    rows = data[: height * step].reshape(height, step)[:, : width * size]
-    return np.ascontiguousarray(rows).reshape(height, width, size)
+    return np.ascontiguousarray(data[: rows * step].reshape(rows, step)[:, :length])
 
 
 def _compressed_depth(data: bytes, form: str) -> bytes:

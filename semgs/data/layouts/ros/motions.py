@@ -27,6 +27,7 @@ class Motion:
         positions: of the child in the parent [n 3] [m]; one if it never moves.
         quaternions: (x, y, z, w) [n 4].
         source: the topic of the poses.
+        broken: how many poses of the topic are left out, as they have a number that is not finite or a quaternion of zero.
     """
 
     parent: str
@@ -35,6 +36,7 @@ class Motion:
     positions: np.ndarray
     quaternions: np.ndarray
     source: str
+    broken: int = 0
 
     @property
     def fixed(self) -> bool:
@@ -91,6 +93,7 @@ def make_motion(
         np.stack([samples[time][0] for time in kept]),
         np.stack([samples[time][1] for time in kept]),
         source,
+        len(samples) - len(times),
     )
 
 

@@ -56,6 +56,12 @@ def find_route(bag: Bag, frame_id: str, details: SceneDetails) -> tuple[list[Mot
     source, route = next(iter(routes.items()))
     chain = " > ".join([*(step.parent for step in reversed(route)), frame_id])
     notes = [f"Poses are from {source}: {chain}, interpolated in time."]
+    notes += [
+        f"{step.broken} of {step.broken + max(1, len(step.times))} poses of {step.child} in {step.source} are left out, as they are not finite or have a "
+        "quaternion of zero: images at their times have interpolated poses."
+        for step in route
+        if step.broken
+    ]
     if source in bag.topics and details.body is None and not _says_of_what(bag.first(source)):
         notes.append(
             f"The poses in {source} do not name their frame; they are assumed to be those of the camera's frame {frame_id} (--body)."

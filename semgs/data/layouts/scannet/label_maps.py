@@ -10,10 +10,11 @@ import numpy as np
 
 from semgs.data.layouts.parts.usable_frames import numbered_files
 from semgs.data.layouts.scannet.scannet_labels import FILE_NAME, find_table, labels_of_ids, read_table
-from semgs.data.maps import IdMap, MapSource, read_ids
+from semgs.data.maps import IdMap, MapSource
 from semgs.data.tables.nyu40 import NAMES
 from semgs.files.archives import members
 from semgs.files.errors import InputError
+from semgs.files.images.pictures import read_numbers
 from semgs.files.stored import Stored
 
 FILTERED, UNFILTERED, UNZIPPED = "label-filt", "label", "*_2d-label-filt"
@@ -44,7 +45,7 @@ def read_scan_labels(folder: Path, as_gsnerf: bool) -> ScanLabels:
         sentence = f"There are no labels ({FILTERED}/ or SCAN{UNZIPPED[1:]}.zip): only colour and depth are read."
         return ScanLabels({}, (sentence,))
     first = maps[min(maps)]
-    if read_ids(first).dtype == np.uint8:
+    if read_numbers(first).dtype == np.uint8:
         if where == FILTERED:
             advice = f"if they are NYU40's, name the folder {UNFILTERED}"
             raise InputError(first, "16-bit ids, as ScanNet has them", "8 bits", advice=advice)

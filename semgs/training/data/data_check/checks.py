@@ -9,6 +9,7 @@ from semgs.data.scene_lists import check_unseen
 from semgs.data.scenes import scene_paths
 from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError
+from semgs.training.data.data_check.counts import any_labelled
 from semgs.training.data.data_check.open_sources import check_bad, open_source
 from semgs.training.data.data_settings import DataSettings, view_counts
 from semgs.training.data.data_sources import Source
@@ -54,13 +55,19 @@ def check_labelled(scenes: Sequence[Scene], settings: DataSettings, learning: Su
     """Refuse data without labels if classes are to be learned.
 
     Raises:
-        InputError: there are no labels at all.
+        InputError: there are no labels at all, or no pixel has one.
     """
     labelled = any(scene.classes is not None for scene in scenes) or any(source.is_rooms for source in settings.sources)
     if learning.without_labels is not None and not labelled:
         raise InputError(
             scenes[0].path, "scenes with labels, to learn classes from", "none", advice=learning.without_labels
         )
+    blank = not learning.teacher and not any(source.is_rooms for source in settings.sources)
+    if learning.without_labels is not None and blank and not any_labelled(settings, scenes):
+        raise InputError(
+            scenes[0].path, f"pixels of the classes of {settings.table.name}, to learn classes from",
+            "label maps in which no pixel has a label", advice=learning.without_labels,
+        )  # fmt: skip
 
 
 def check_validation(settings: DataSettings, learning: SupervisionSettings, trained: Sequence[str]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -57,17 +57,21 @@ def count_pixels(settings: DataSettings, scenes: Sequence[Scene]) -> list[Pixels
     return [*pixels, _count_labels([rooms[k][0] for k in range(len(rooms))], classes)]
 
 
-def _read_some(scene: Scene) -> list[Views]:
+def any_labelled(settings: DataSettings, scenes: Sequence[Scene]) -> bool:
+    """Whether a pixel of the frames in which classes are counted has a label of the table."""
+    labelled = (views for scene in scenes if scene.classes for views in _read_some(scene))
+    return any(_count_labels([views], settings.table).any() for views in labelled)
+
+
+def _read_some(scene: Scene) -> Iterator[Views]:
     """A few frames spread over a scene; unreadable ones are skipped here, since training reports them."""
-    views = []
     count = FRAMES_COUNTED if scene.posed else len(scene)
     for index in spread(range(len(scene)), count):
         with contextlib.suppress(InputError):
-            views.append(scene.read([index], "native", INDOOR_DEPTH_RANGE))  # labels need no depth range of their own
-    return views
+            yield scene.read([index], "native", INDOOR_DEPTH_RANGE)  # labels need no depth range of their own
 
 
-def _count_labels(samples: Sequence[Views], classes: ClassTable) -> Pixels:
+def _count_labels(samples: Iterable[Views], classes: ClassTable) -> Pixels:
     """Pixels of each class of the table in some views."""
     total = np.zeros(len(classes))
     for views in samples:

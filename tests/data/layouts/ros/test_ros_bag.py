@@ -583,7 +583,7 @@ def test_damage_is_told_with_the_bag(tmp_path: Path):
     scene = open_scene(path)
     (file,) = path.glob("*.mcap")
     data = file.read_bytes()
-    file.write_bytes(data[: len(data) // 2])
+    file.write_bytes(b"damaged" + data[7:])
     (path / "metadata.yaml").touch()  # so that the open reader is not taken
     with pytest.raises(InputError, match=r"bag: expected a ROS bag, found one that rosbags cannot read"):
         open_scene(path)
@@ -596,8 +596,8 @@ def test_damage_is_told_with_the_bag(tmp_path: Path):
     add_tree(bag, FEW)
     bag.messages = [one for one in bag.messages if one[1] != COLOUR]
     for time in times(FEW):
-        bag.image(time, COLOUR, FEW.images[0], "rgb16")
-    assert f"{COLOUR} at 1700000000.123456789: expected an image, found pixels encoded as 'rgb16'" in refused(
+        bag.image(time, COLOUR, FEW.images[0], "rgb32")
+    assert f"{COLOUR} at 1700000000.123456789: expected an image, found pixels encoded as 'rgb32'" in refused(
         bag, tmp_path / "b"
     )
 
@@ -638,3 +638,126 @@ def test_images_whose_time_was_not_set_are_left_out_and_counted(tmp_path: Path):
     assert len(scene) == 2
     assert "2 of 4 images have the time 0 in their header, or that of another, and are left out." in scene.notes
     np.testing.assert_allclose([frame.world_from_camera for frame in scene.frames], room.poses[2:], atol=1e-6)
+
+
+@pytest.mark.parametrize("broken", ["zero quaternion", "NaN quaternion", "NaN position"])
+def test_poses_that_are_none_are_counted(tmp_path: Path, broken: str):
+    """Two of the six between odom and base_link: the image between them gets a pose from the others, and a note says so."""
+    bag = robot(FEW)
+    steps = [
+        one[3].transforms[0]
+        for one in bag.messages
+        if one[1] == "/tf" and one[3].transforms[0].child_frame_id == "base_link"
+    ]
+    for step in steps[2:4]:
+        turn, place = step.transform.rotation, step.transform.translation
+        turn.x, turn.y, turn.z, turn.w = {"zero quaternion": (0.0,) * 4, "NaN quaternion": (np.nan,) * 4}.get(
+            broken, (0.0, 0.0, 0.0, 1.0)
+        )
+        place.x = np.nan if broken == "NaN position" else place.x
+    scene = open_scene(bag.write(tmp_path / "bag"))
+    assert (
+        "2 of 6 poses of base_link in /tf are left out, as they are not finite or have a quaternion of zero: images at their times have interpolated poses."
+        in scene.notes
+    )
+
+
+@pytest.mark.parametrize("share", [0.5, 0.75, 0.99])
+@pytest.mark.parametrize("alone", [False, True])
+def test_of_a_recording_that_ends_early_what_is_there_is_read(tmp_path: Path, share: float, alone: bool):
+    """As when its recorder is killed: the end with the list of all messages is missing, and the last record may be incomplete."""
+    folder = robot(ROOM).write(tmp_path / "bag")
+    file = next(folder.glob("*.mcap"))
+    whole = file.read_bytes()
+    file.write_bytes(whole[: int(share * len(whole))])
+    scene = open_scene(file if alone else folder)
+    assert (
+        f"The recording {file.name} ends early: what is before its end is read; mcap recover repairs it." in scene.notes
+    )
+    assert 2 <= len(scene) <= len(ROOM)
+    poses = [frame.world_from_camera for frame in scene.frames]
+    np.testing.assert_allclose(poses, ROOM.poses[: len(scene)], atol=1e-6)
+    np.testing.assert_array_equal(scene.frames[1].read_image(), ROOM.images[1])
+
+
+def test_a_recording_that_only_lacks_its_last_bytes_loses_no_frame(tmp_path: Path):
+    folder = robot(ROOM).write(tmp_path / "bag")
+    file = next(folder.glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[:-20])
+    check_read(open_scene(folder), ROOM)
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+@pytest.mark.parametrize("stated", ["''", "", '""'])
+def test_a_list_of_topics_that_does_not_say_how_they_are_stored_is_no_obstacle(
+    tmp_path: Path, storage: str, stated: str
+):
+    folder = robot(FEW).write(tmp_path / "bag", storage)
+    text = (folder / "metadata.yaml").read_text()
+    (folder / "metadata.yaml").write_text(re.sub(r"storage_identifier: .*", f"storage_identifier: {stated}", text))
+    check_read(open_scene(folder), FEW)
+
+
+def test_a_storage_of_another_kind_is_refused_without_a_report_to_others(tmp_path: Path):
+    folder = robot(FEW).write(tmp_path / "bag")
+    text = (folder / "metadata.yaml").read_text()
+    (folder / "metadata.yaml").write_text(re.sub(r"storage_identifier: .*", "storage_identifier: rosbag_v9", text))
+    with pytest.raises(InputError, match="Storage plugin 'rosbag_v9' not supported") as told:
+        open_scene(folder)
+    assert "report issue" not in str(told.value)
+
+
+@pytest.mark.parametrize("bigendian", [False, True])
+def test_colours_of_sixteen_bits_are_rounded_to_eight(bigendian: bool):
+    """257 counts are one step of 8 bits: 300 is 1, 400 is 2 (1.56)."""
+    wide = np.full((4, 6, 3), (300, 400, 65535), ">u2" if bigendian else "<u2")
+    for encoding, expected in {"rgb16": (1, 2, 255), "bgr16": (255, 2, 1), "16UC3": (255, 2, 1)}.items():
+        found = decoded(raw(wide, encoding, is_bigendian=int(bigendian)))
+        np.testing.assert_array_equal(found, np.full((4, 6, 3), expected))
+
+
+def test_planes_of_brightness_and_colour_are_read():
+    """Red of BT.601: Y 81, U 90, V 240. NV12 has U and V in turn, NV21 V and U, I420 first all U."""
+    grey, u, v = np.full((4, 6), 81, np.uint8), 90, 240
+    for encoding, chroma in {
+        "nv12": np.tile(np.array([u, v], np.uint8), (2, 3)), "nv21": np.tile(np.array([v, u], np.uint8), (2, 3)),
+        "i420": np.array([[u] * 6, [v] * 6], np.uint8),
+    }.items():  # fmt: skip
+        colour = decoded(raw(np.concatenate((grey, chroma)), encoding, height=4))
+        assert colour.shape == (4, 6, 3)
+        assert np.abs(colour.astype(int) - (254, 0, 0)).max() <= 3
+    with pytest.raises(ValueError, match="24 bytes of 6x4 pixels in rows of 6 bytes; expected 36"):
+        as_file(raw(grey, "nv12", height=4))
+
+
+@pytest.mark.parametrize("topic", ["/camera/infra1/image_rect_raw", COLOUR])
+def test_a_camera_of_sixteen_bits_of_grey_is_read_if_it_is_the_only_one(tmp_path: Path, topic: str):
+    bag = pictures_alone()
+    add_tree(bag, FEW)
+    grey = FEW.images[..., 1].astype(np.uint16) * 257
+    bag.messages = [one for one in bag.messages if one[1] not in (COLOUR, INFO)]
+    bag.info(f"{topic.rpartition('/')[0]}/camera_info")
+    for time, image in zip(times(FEW), grey, strict=True):
+        bag.image(time, topic, image, "mono16")
+    scene = open_scene(bag.write(tmp_path / "bag"))
+    np.testing.assert_array_equal(scene.frames[0].read_image(), np.repeat(FEW.images[0, ..., 1:2], 3, -1))
+    assert scene.frames[0].depth is None
+
+
+def test_depth_as_the_only_images_is_no_camera(tmp_path: Path):
+    bag = pictures_alone()
+    bag.messages = [one for one in bag.messages if one[1] != COLOUR]
+    for time, depth in zip(times(FEW), FEW.depths, strict=True):
+        bag.image(time, "/camera/depth/image_raw", depth, "mono16")
+    assert "expected topics of type Image or CompressedImage" in refused(bag, tmp_path)
+
+
+def test_without_p_a_rectified_camera_has_k(tmp_path: Path):
+    """P of zeros: the focal length is K's, 57.5 px."""
+    told = info()
+    told.p = np.zeros(12)
+    expected = lens_of(tmp_path, INFO, told, (48, 64), rectified=False)
+    assert lens_of(tmp_path, INFO, told, (48, 64), rectified=True) == expected
+    told.d = np.array([0.1, 0, 0, 0, 0])
+    with pytest.raises(InputError, match="a focal length of zero"):
+        lens_of(tmp_path, INFO, told, (48, 64), rectified=True)
