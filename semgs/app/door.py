@@ -121,6 +121,8 @@ class Door:
         if path != "/" and not path.startswith(PAGES) and self._access.is_foreign(headers):
             return await _answer(scope, send, 403, WRONG_ORIGIN)
         scope = self._named(scope, headers)
+        if path in ("/", JOIN):
+            scope["query_string"] = room_of(query)
         send = self._with_policy(send, path)
         if path == JOIN:
             return await self._join(scope, receive, send)
@@ -174,9 +176,7 @@ class Door:
         data = json.dumps(checked).encode()
         kept = [(name, value) for name, value in scope["headers"] if name not in (b"content-length", b"content-type")]
         told = [(b"content-type", b"application/json"), (b"content-length", str(len(data)).encode())]
-        room = ROOM.search(scope.get("query_string", b"").decode("latin-1"))
-        query = b"" if room is None else room[1].encode()
-        await self._pass({**scope, "headers": kept + told, "query_string": query}, _replayed(data, receive), send)
+        await self._pass({**scope, "headers": kept + told}, _replayed(data, receive), send)
 
     async def _upload(self, scope: Scope, receive: Receive, send: Send, headers: Sequence[tuple[str, str]]) -> None:
         """Let through an upload that fits beside the others."""
@@ -247,7 +247,7 @@ def is_known(method: str, path: str) -> bool:
 
 
 def is_plain(path: str, query: str) -> bool:
-    """Whether what follows "?" is only what the page sends to a route of gradio. To a call, gradio adds what the page's address has; see `_join`."""
+    """Whether what follows "?" is only what the page sends to a route of gradio. Calls have that of the page's address, see `room_of`."""
     if path == JOIN:
         return True
     if path not in QUERIES:
@@ -259,6 +259,12 @@ def is_plain(path: str, query: str) -> bool:
         and set(names) <= set(QUERIES[path])
         and all(SESSION.fullmatch(value) for _, value in pairs)
     )
+
+
+def room_of(query: str) -> bytes:
+    """The room in the query of the page's address; gradio has uses of its own for other words, and adds all to each call."""
+    room = ROOM.search(query)
+    return b"" if room is None else room[1].encode()
 
 
 def checked_call(body: Any, inputs: Sequence[int], uploads: Path, most: int = MOST_FILES) -> dict[str, Any]:

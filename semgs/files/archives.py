@@ -21,7 +21,7 @@ from semgs.files.errors import InputError
 MOST_BYTES = 1 << 28
 """Largest inflated member that is read [bytes]: 256 MiB, four times the largest photo."""
 
-MOST_LISTED = 1 << 26
+MOST_LISTED = 1 << 24
 """Longest list of members that is read [bytes]: 64 MiB, half a million members."""
 
 LONGEST_NAME = 4000

@@ -184,7 +184,8 @@ def test_of_the_pages_address_a_call_keeps_the_room(uploads: Path, query: str, k
     """gradio adds the query of the page's address to each call: a page of a room that is loaded again asks for that room so."""
     behind = Behind()
     assert answer(uploads, JOIN, [json.dumps(CALL).encode()], query=query, behind=behind)[0] == 200
-    assert behind.queries == [kept]
+    assert answer(uploads, "/", method="GET", query=query, behind=behind)[0] == 200
+    assert behind.queries == [kept, kept]
 
 
 @pytest.mark.parametrize(

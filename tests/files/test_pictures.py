@@ -461,3 +461,55 @@ def test_a_heic_whose_pixels_are_more_than_it_says_is_damaged(tmp_path: Path):
     (tmp_path / "a.heic").write_bytes(lying)
     with pytest.raises(InputError):
         read_upright(tmp_path / "a.heic")
+
+
+def png_of(*chunks: tuple[bytes, bytes]) -> bytes:
+    """A PNG of 2 x 1 grey pixels of 16 bits, 258 and 772, with further chunks before the pixels."""
+    header = (b"IHDR", struct.pack(">2I5B", 2, 1, 16, 0, 0, 0, 0))
+    pixels = (b"IDAT", zlib.compress(b"\0\1\2\3\4"))
+    every = [header, *chunks, pixels, (b"IEND", b"")]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
+        for name, content in every
+    )
+
+
+def test_nothing_of_a_png_is_printed(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    """libpng prints the name of a colour profile that it does not like: a title for the terminal, or a line for a program that listens."""
+    data = png_of(
+        (b"iCCP", b"a\n\x1b]0;PWNED\x07\0\0" + zlib.compress(400 * b"x")), (b"tIME", b""), (b"zzZz", b"\x1b[2J")
+    )
+    (tmp_path / "a.png").write_bytes(data)
+    np.testing.assert_array_equal(decode_png(data), [[258, 772]])
+    np.testing.assert_array_equal(read_uint16(tmp_path / "a.png"), [[258, 772]])
+    read_rgb(tmp_path / "a.png")
+    assert capfd.readouterr() == ("", "")
+
+
+def with_scans(path: Path, more: int) -> Path:
+    """A progressive JPEG whose last scan is there so many times more."""
+    Image.new("RGB", (WIDTH, HEIGHT), (10, 200, 30)).save(path, progressive=True)
+    data = path.read_bytes()
+    last = data[data.rindex(b"\xff\xda") : -2]
+    path.write_bytes(data[:-2] + more * last + data[-2:])
+    return path
+
+
+def test_a_jpeg_has_few_scans_because_each_passes_over_the_image(tmp_path: Path):
+    """Pillow writes ten."""
+    assert read_rgb(with_scans(tmp_path / "a.jpg", 90)).shape == (HEIGHT, WIDTH, 3)
+    path = with_scans(tmp_path / "b.jpg", 91)
+    for read in (read_rgb, read_upright, lambda one: read_grey(one, (HEIGHT, WIDTH), 9)):
+        with pytest.raises(InputError, match=r"b\.jpg: expected a JPEG of at most 100 scans and 10,000 segments"):
+            read(path)
+
+
+def test_markers_in_a_jpegs_comments_and_behind_it_are_no_scans(tmp_path: Path):
+    path = with_scans(tmp_path / "a.jpg", 0)
+    data = path.read_bytes()
+    text = 200 * b"\xff\xda" + b"\xff\xd9"
+    path.write_bytes(data[:2] + b"\xff\xfe" + struct.pack(">H", 2 + len(text)) + text + data[2:] + 200 * b"\xff\xda")
+    assert read_rgb(path).shape == (HEIGHT, WIDTH, 3)
+    path.write_bytes(data[:2] + 10_001 * b"\xff\xfe\0\2" + data[2:])
+    with pytest.raises(InputError, match="10,000 segments"):
+        read_rgb(path)

@@ -36,6 +36,14 @@ MOST_PIXELS = 1 << 26
 STRIP = 256
 """Rows of an image that are blended at a time."""
 
+MOST_SCANS, MOST_SEGMENTS = 100, 10_000
+"""Of a JPEG: each scan passes over the whole image. Cameras and programs write about ten."""
+
+_PIXEL_CHUNKS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
+"""What the pixels of a PNG depend on. libpng prints what is wrong with the rest, with texts of the file."""
+_MARKER = re.compile(rb"\xff([\x01-\xcf\xd8-\xfe])")
+"""A JPEG's marker but restarts and escaped bytes, https://www.w3.org/Graphics/JPEG/itu-t81.pdf#page=36"""
+_SCAN, _END = b"\xda", b"\xd9"
 _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 _PGM = re.compile(rb"P5" + rb"(?:\s|#[^\n]*\n)+(\d{1,9})" * 3 + rb"\s")
 """A PGM header: width, height and largest count, separated by spaces and comments, then one space before the counts."""
@@ -396,8 +404,19 @@ def decode_png(data: bytes) -> np.ndarray | None:
     width, height = struct.unpack(">2I", data[16:24])
     if width * height > MOST_PIXELS:
         return None
-    decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    decoded = cv2.imdecode(np.frombuffer(_pixel_chunks(data), np.uint8), cv2.IMREAD_UNCHANGED)
     return None if decoded is None else np.asarray(decoded)
+
+
+def _pixel_chunks(data: bytes) -> bytes:
+    """A PNG with `_PIXEL_CHUNKS` alone, as far as it is complete."""
+    kept, place = [data[:8]], 8
+    while place < len(data):
+        end = place + 12 + int.from_bytes(data[place : place + 4], "big")
+        if data[place + 4 : place + 8] in _PIXEL_CHUNKS:
+            kept.append(data[place:end])
+        place = end
+    return b"".join(kept)
 
 
 def write_png(path: str | Path, array: np.ndarray) -> None:
@@ -495,10 +514,25 @@ def _possible_focal(focal_px: float) -> float | None:
 
 def _decode(path: str | Stored, image: Image.Image) -> None:
     """Decode all pixels."""
+    if image.format == "JPEG" and image.fp is not None:
+        place = image.fp.tell()
+        image.fp.seek(0)
+        _check_scans(path, image.fp.read())
+        image.fp.seek(place)
     try:
         image.load()
     except _DAMAGE as error:
         raise InputError(path, "a complete image", str(error)) from error
+
+
+def _check_scans(path: str | Stored, data: bytes) -> None:
+    """Refuse a JPEG of very many scans or segments."""
+    place, scans, segments = 2, 0, 0
+    while (found := _MARKER.search(data, place)) is not None and found[1] != _END:
+        place = found.end() + int.from_bytes(data[found.end() : found.end() + 2], "big")
+        scans, segments = scans + (found[1] == _SCAN), segments + 1
+        if scans > MOST_SCANS or segments > MOST_SEGMENTS:
+            raise InputError(path, f"a JPEG of at most {MOST_SCANS} scans and {MOST_SEGMENTS:,} segments", "more")
 
 
 def _channels(path: str | Stored, image: Image.Image) -> np.ndarray:
