@@ -256,6 +256,19 @@ def test_imports_point_down_only():
     assert wrong_arrows(ROOT) == []
 
 
+def test_readers_of_scenes_need_nothing_of_semgs_but_cameras_and_processes():
+    """So that they can become a package of their own."""
+    known = ("semgs.data.", "semgs.files.", "semgs.geometry.", "semgs.runtime.")
+    wrong = [
+        f"{name} imports {target}"
+        for name, path in modules(ROOT).items()
+        if name.startswith(known[:2])
+        for target in imported(name, path)
+        if target.startswith("semgs.") and not f"{target}.".startswith(known)
+    ]
+    assert wrong == []
+
+
 def test_layouts_share_parts_and_know_nothing_of_one_another():
     assert wrong_arrows_of_layouts(ROOT) == []
 

@@ -27,7 +27,6 @@ from typing import Any
 
 import numpy as np
 
-from semgs._version import __version__
 from semgs.data.frames import Frame
 from semgs.data.maps import MILLIMETRE, SATURATED
 from semgs.data.origin.licences import labeller_of, terms_of_photos
@@ -56,6 +55,7 @@ class Preparation:
         size: (height, width) of landscape images; swapped for portrait images [px].
         every: keep every n-th usable frame, from the first.
         quality: of the JPEGs, 1 to 95.
+        version: of semgs, for the record.
 
     Raises:
         ValueError: a value is out of range.
@@ -64,6 +64,7 @@ class Preparation:
     size: tuple[int, int] = (240, 320)
     every: int = 1
     quality: int = 92
+    version: str = ""
 
     def __post_init__(self) -> None:
         if min(self.size) < 1 or self.every < 1 or not 1 <= self.quality <= 95:
@@ -74,7 +75,7 @@ class Preparation:
 
     def as_json(self) -> dict[str, Any]:
         """The settings for JSON files, with the version of semgs."""
-        return {"semgs": __version__, "size": list(self.size), "every": self.every, "quality": self.quality}
+        return {"semgs": self.version, "size": list(self.size), "every": self.every, "quality": self.quality}
 
 
 def prepare_scene(

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import tyro
 
+from semgs._version import __version__
 from semgs.cli.commands.scenes.prepare import prepared
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.options.segmenter_options import AnswerOptions
@@ -85,7 +86,7 @@ class Label:
                 correspondence=self.answers.correspondence, words=self.answers.words, alone=len(found) == 1,
             )  # fmt: skip
         # Networks use all cores by themselves, so there are no worker processes.
-        index = prepared(self.out, found, Preparation(self.size, self.every), labelled, workers=0)
+        index = prepared(self.out, found, Preparation(self.size, self.every, version=__version__), labelled, workers=0)
         first = index["scenes"][0]
         scene = next(labelled.reading.open(one) for one in found if one.name == first["name"])
         for note in notes_of(labelled.source_of(scene)):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from semgs._version import __version__
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.options.types import Count, Size, WorkersOrCores, optional
 from semgs.cli.progress import show_progress, show_stage
@@ -75,7 +76,7 @@ class Prepare:
             )
         reading = prepared_set.Reading(self.reading.as_peers, self.reading.asked)
         workers = usable_cores() if self.workers is None else self.workers
-        index = prepared(self.out, found, Preparation(self.size, self.every), reading, workers)
+        index = prepared(self.out, found, Preparation(self.size, self.every, version=__version__), reading, workers)
         first = self.out / index["scenes"][0]["file"]
         print(
             f"{self.out / prepared_set.INDEX} describes every scene. To look at one: semgs reconstruct {first} --out DIR"
