@@ -20,6 +20,7 @@ from semgs.data.layouts.ros import bag_scene as ros
 from semgs.data.layouts.scannet import scannet_scan as scannet
 from semgs.data.layouts.scannetpp import scannetpp_scan as scannetpp
 from semgs.data.layouts.zoo import zoo_scenes as zoo
+from semgs.data.other_cameras import cameras_beside
 from semgs.data.paper_variants import check_applicable, check_readings
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails, Unit
@@ -310,6 +311,14 @@ def _hint(path: Path) -> str:
         return f"there is one in {inside}"
     files = list(path.iterdir())
     below = [place.name for place in sorted(files) if place.is_dir() and _kinds(place).intersection(PICTURES)]
+    pictures = _kinds(path).intersection(PICTURES) or below
+    others = cameras_beside([path, *([path.parent] if _kinds(path).intersection(PICTURES) else [])]) if pictures else []
+    if others:
+        file, program = others[0]
+        return (
+            f"{file} has cameras of {program}, which are not read: write them as transforms.json (docs/conventions.md), or as a reader of your own in ten "
+            "lines (docs/data.md); semgs poses estimates cameras anew"
+        )
     if _kinds(path).intersection(PICTURES) or len(below) == 1:
         return "images alone have no poses; semgs poses FOLDER OUT estimates them, and OUT is a scene"
     if below:

@@ -98,7 +98,7 @@ class Views:
         Args:
             images: [v h w 3] uint8, or [v 3 h w] float in 0..1, or a list of images.
             world_from_camera: [v 4 4], camera to world, OpenCV axes [m].
-            intrinsics: [v 3 3] or one [3 3] for all [px].
+            intrinsics: [v 3 3] or one [3 3] for all [px]; 4x4 matrices [K 0; 0 1] will do.
             depth_range: (near, far), or [v 2] [m]; None is 0.5 to 10 m, with a warning.
 
         Poses further than `FAR_OUT` from the origin cause a warning, because Gaussians there are coarse in float32. So do poses that look
@@ -117,9 +117,18 @@ class Views:
             raise TypeError(
                 f"images are {type(images).__name__}; expected [v h w 3] uint8, [v 3 h w] float, or a list of images"
             )
-        pixels = torch.stack([_as_image(image) for image in images])
+        listed = [_as_image(image) for image in images]
+        sizes = sorted({tuple(image.shape[1:]) for image in listed})
+        if len(sizes) != 1:
+            found = "none" if not listed else f"sizes {sizes[0]} and {sizes[1]} (height, width)"
+            raise ValueError(f"images have {found}; expected one or more of one size")
+        pixels = torch.stack(listed)
         matrices = as_float64(intrinsics)
         count = len(pixels)
+        if matrices.shape[-2:] == (4, 4):
+            if not torch.equal(matrices, _homogeneous(matrices[..., :3, :3])):
+                raise ValueError("intrinsics are 4x4; expected 3x3, or [K 0; 0 1] with K in the upper left")
+            matrices = matrices[..., :3, :3]
         if matrices.ndim == 2:
             matrices = matrices.expand(count, 3, 3)
         if depth_range is None:
@@ -322,6 +331,13 @@ def _check_numbers(views: Views) -> None:
         raise ValueError("depths contain a number that is negative or not finite; expected z-depths, 0 where unknown")
 
 
+def _homogeneous(matrices: Float64[Tensor, "*batch 3 3"]) -> Float64[Tensor, "*batch 4 4"]:
+    """Matrices as [K 0; 0 1]."""
+    padded = torch.nn.functional.pad(matrices, (0, 1, 0, 1))
+    padded[..., 3, 3] = 1
+    return padded
+
+
 def _as_image(image: Arrays) -> Float[Tensor, "3 h w"]:
     """One image as float CHW."""
     if isinstance(image, str | bytes | PathLike):
@@ -329,7 +345,7 @@ def _as_image(image: Arrays) -> Float[Tensor, "3 h w"]:
             f"an image is a path, {image!r}; expected pixels. semgs.open_scene reads folders of images with cameras"
         )
     try:
-        tensor = torch.as_tensor(writable(np.asarray(image)))
+        tensor = image.detach().cpu() if isinstance(image, Tensor) else torch.as_tensor(writable(np.asarray(image)))
     except TypeError as error:
         raise TypeError(
             f"an image is a {type(image).__name__}; expected an array, uint8 [h w 3] or float [3 h w] in 0..1"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +12,10 @@ from semgs.files.text import printable, shortened
 
 ERROR_LINE = "semgs: error: "
 """How the line begins that the command line prints on stderr for an error; programs that start it look for this."""
+
+
+_TO_OTHERS = re.compile(r"[;,.]?\s*\bplease (?:report|file|open|raise|submit)\b[^.;]*", re.IGNORECASE)
+"""What other libraries ask for in their messages, which is not for users of ours."""
 
 
 class InputError(ValueError):
@@ -40,7 +45,9 @@ class InputError(ValueError):
         self.found = shortened(found)
         self.advice = advice
         place = f"{path}: {shortened(key)}" if key else f"{path}"
-        message = f"{place}: expected {expected}, found {self.found}"
+        found = _TO_OTHERS.sub("", self.found)
+        nested = found.startswith(f"{path}: ")  # an error about the same file says more
+        message = found if nested else f"{place}: expected {expected}, found {found}"
         super().__init__(printable(" ".join((f"{message}; {advice}" if advice else message).split())))
 
     def __reduce__(self) -> tuple[type[InputError], tuple[object, ...]]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -52,3 +53,20 @@ def open_tensors(path: str | Path, expected: str) -> Iterator[Any]:
         raise InputError(path, expected, "no such file") from None
     except OSError as error:
         raise InputError(path, expected, error.strerror or str(error)) from None
+
+
+def tensor_bytes(tensors: Mapping[str, Any], metadata: Mapping[str, str]) -> bytes:
+    """A safetensors file whose bytes depend on its content alone: safetensors itself writes metadata in another order each time.
+
+    Args:
+        tensors: torch's, by name.
+        metadata: texts by name.
+    """
+    from safetensors.torch import save  # imports torch
+
+    data = save(dict(tensors))
+    (length,) = struct.unpack("<Q", data[:8])
+    header = {"__metadata__": dict(sorted(metadata.items()))} | json.loads(data[8 : 8 + length])
+    text = json.dumps(header, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 8)  # tensors are aligned
+    return struct.pack("<Q", len(text)) + text + data[8 + length :]

@@ -168,8 +168,9 @@ def as_float64(numbers: Arrays) -> Float64[Tensor, " ..."]:
 
 
 def writable(array: np.ndarray) -> np.ndarray:
-    """The array, or a copy if it is read-only, which PyTorch warns about."""
-    return array if array.flags.writeable else array.copy()
+    """The array, or a copy if it is read-only, which PyTorch warns about, or has the other order of bytes, which it refuses."""
+    native = array.astype(array.dtype.newbyteorder("="), copy=False)
+    return native if native.flags.writeable else native.copy()
 
 
 def inverse_rigid(transforms: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch 4 4"]:

@@ -134,6 +134,10 @@ class SemGS(nn.Module):
             raise TypeError(
                 f"the network takes semgs.Views, as scene.read(...) and Views.from_arrays(...) give them, and got {type(views).__name__}"
             )
+        if (found := next(self.parameters()).dtype).itemsize < torch.float32.itemsize:
+            raise TypeError(
+                f"the network's weights are {found}; expected float32: call .float(), and set its precision to 'bf16' to compute faster"
+            )
         inputs = self._inputs(views)
         chunks = self._chunks(views) if chunks is None else chunks
         with stage("cnn"):

@@ -15,6 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from semgs.data.other_cameras import cameras_beside
 from semgs.data.scenes import PICTURES, VIDEOS, is_scene
 from semgs.files.atomic import write_bytes
 from semgs.files.contents import read_bytes
@@ -40,29 +41,15 @@ BLANK = 3.0
 BLURRED = 0.1
 """Pictures with less than this share of the median sharpness are blurred."""
 
-WIDEST = 2.0
-"""Pictures with a larger ratio of their sides are panoramas; with this one, if their left and right ends go together."""
+WIDEST, TALLEST = 2.0, 3.0
+"""Pictures with a larger ratio of their sides are panoramas; with the first one, if their left and right ends go together. Upright pictures of phones are up to
+the second."""
 
 SAME_RATIO = 0.01
 """Ratios, and sizes of photos of one camera, that differ by this share are the same."""
 
 DCF = re.compile(r"\d{3}[A-Z0-9_]{5}")
 """Folders that cameras and phones spread photos over: 100APPLE, 101CANON."""
-
-OTHER_CAMERAS = (
-    ("*.xml", b"<chunk", "Metashape"),
-    ("poses_bounds*.npy", b"NUMPY", "LLFF"),
-    ("sfm_data*.json", b"sfm_data_version", "OpenMVG"),
-    ("*.sfm", b"{", "AliceVision (Meshroom)"),
-    ("sfm*.json", b"featuresFolders", "AliceVision (Meshroom)"),
-    ("*.csv", b"#name,x,y", "RealityScan (RealityCapture)"),
-    ("bundle*.out", b"Bundle", "Bundler"),
-    ("*.nvm", b"NVM", "VisualSFM"),
-    ("reconstruction.json", b"shots", "OpenSfM"),
-    ("*calibrated_camera_parameters.txt", b"", "Pix4D"),
-    ("*.psx", b"", "Metashape"),
-)
-"""Files with cameras of other programs: name, what their beginning contains, program."""
 
 BEGINNINGS = {".jpg": b"\xff\xd8", ".jpeg": b"\xff\xd8", ".png": b"\x89PNG"}
 """How files begin that are what their ending says."""
@@ -175,23 +162,12 @@ def note_on_others(path: Path, files: Sequence[Path]) -> list[str]:
     if below:
         shown = listed([f"{name} ({count})" for name, count in below.items()])
         notes.append(f"{sum(below.values())} photos in folders beside these are not used: {shown}.")
-    for folder in dict.fromkeys((path, *used, *(one.parent for one in used if one.name == "images"))):
-        for pattern, start, program in OTHER_CAMERAS:
-            for file in sorted(folder.glob(pattern)):
-                if start in _beginning(file):
-                    notes.append(
-                        f"{file.name} has cameras of {program}, which are not read from here: cameras are estimated anew."
-                    )
+    folders = dict.fromkeys((path, *used, *(one.parent for one in used if one.name == "images")))
+    notes += [
+        f"{file} has cameras of {program}, which are not read from here: cameras are estimated anew."
+        for file, program in cameras_beside(folders)
+    ]
     return list(dict.fromkeys(notes))
-
-
-def _beginning(file: Path) -> bytes:
-    """The first bytes of a file; empty if it cannot be read."""
-    try:
-        with file.open("rb") as opened:
-            return opened.read(4096)
-    except OSError:
-        return b""
 
 
 def is_panorama(pixels: np.ndarray) -> bool:
@@ -199,7 +175,7 @@ def is_panorama(pixels: np.ndarray) -> bool:
     height, width = pixels.shape[:2]
     ratio = max(height, width) / min(height, width)
     if abs(ratio / WIDEST - 1) > SAME_RATIO:
-        return ratio > WIDEST
+        return ratio > (WIDEST if width > height else TALLEST)
     if width < height:
         return False
     grey = small_grey(pixels).astype(np.float64)

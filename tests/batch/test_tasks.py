@@ -125,3 +125,10 @@ def test_photos_behind_a_link_count_and_a_link_that_leads_back_ends(tmp_path: Pa
 )
 def test_workers_follow_from_cores_memory_and_gpu(demands: Demands, workers: int):
     assert demands.workers(8, 16e9) == workers
+
+
+def test_another_version_of_semgs_is_another_task(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """So a batch that is resumed after an update does not keep results of the old one beside new ones."""
+    before = fingerprint(("reconstruct",), [tmp_path])
+    monkeypatch.setattr("semgs.batch.tasks.__version__", "99.0")
+    assert fingerprint(("reconstruct",), [tmp_path]) != before

@@ -178,3 +178,52 @@ def test_a_view_that_is_there_twice_is_warned_of(copied: tuple[int, int]):
     poses[:, 0, 3] = (0, 0.3, 0.6)
     with pytest.warns(UserWarning, match=f"views {copied[0]} and {copied[1]} have the same image and pose"):
         Views.from_arrays(images[order], poses[order], K, (0.5, 10.0))
+
+
+FLOATS = torch.from_numpy(IMAGES).permute(0, 3, 1, 2).float() / 255
+FOUR = np.eye(4)
+FOUR[:3, :3] = K
+
+
+@pytest.mark.parametrize(
+    ("images", "intrinsics"),
+    [
+        (FLOATS.clone().requires_grad_(), K),
+        (FLOATS.bfloat16(), K),
+        (FLOATS.half(), K),
+        (FLOATS.numpy().astype(">f4"), K.astype(">f8")),
+        ((image for image in IMAGES), K),
+        (FLOATS, FOUR),
+        (FLOATS, torch.from_numpy(np.stack([FOUR, FOUR]))),
+    ],
+)
+def test_every_kind_of_array_gives_the_same_views(images: object, intrinsics: object):
+    made = Views.from_arrays(images, POSES, intrinsics, (0.5, 10.0))
+    torch.testing.assert_close(made.images, FLOATS, atol=4e-3, rtol=0)  # of bfloat16's eight bits
+    assert torch.equal(made.cameras.intrinsics, torch.from_numpy(np.stack([K, K])))
+    assert not made.images.requires_grad
+
+
+@pytest.mark.parametrize(
+    ("images", "poses", "intrinsics", "said"),
+    [
+        ([], POSES, K, "images have none; expected one or more of one size"),
+        ([IMAGES[0], IMAGES[1, 20:]], POSES, K, r"images have sizes \(100, 160\) and \(120, 160\)"),
+        (IMAGES, POSES, FOUR + np.eye(4)[::-1], r"intrinsics are 4x4; expected 3x3, or \[K 0; 0 1\]"),
+        (IMAGES, [], K, r"world_from_camera is \(0,\)"),
+    ],
+)
+def test_arrays_that_cannot_be_views_are_refused_in_a_sentence(
+    images: object, poses: object, intrinsics: object, said: str
+):
+    with pytest.raises(ValueError, match=said):
+        Views.from_arrays(images, poses, intrinsics, (0.5, 10.0))
+
+
+def test_a_network_in_half_precision_says_what_to_do():
+    network = load("small")
+    for half in (network.half(), network.bfloat16()):
+        with pytest.raises(
+            TypeError, match=r"the network's weights are torch.(float|bfloat)16; expected float32: call .float\(\)"
+        ):
+            half(views(K))

@@ -292,3 +292,24 @@ def test_labels_that_cannot_be_read_are_left_out_with_a_note_if_they_are_not_nee
     assert scene.read([0, len(scene) - 1]).labels is None
     with pytest.raises(InputError, match=label.name):
         open_scene(folder).read([0, len(scene) - 1])
+
+
+@pytest.mark.parametrize(
+    ("files", "program"),
+    [
+        ({"camera_poses.txt": "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", "intrinsic.txt": "100 100 40 30"}, "VGGT-Long"),
+        ({"cams/00000000_cam.txt": "extrinsic\n1 0 0 0"}, "MVSNet"),
+        ({"calib.txt": "P0: 700 0 600 0", "times.txt": "0.0"}, "KITTI"),
+        ({"lowres_wide.traj": "1 0 0 0 0 0 0"}, "ARKitScenes"),
+    ],
+)
+def test_cameras_of_other_programs_beside_images_are_named(tmp_path: Path, files: dict[str, str], program: str):
+    shutil.copytree(demo_scene() / "images", tmp_path / "images")
+    for name, content in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(content)
+    for place in (tmp_path, tmp_path / "images"):
+        with pytest.raises(
+            InputError, match=f"{next(iter(files))} has cameras of {program}, which are not read: write them as"
+        ):
+            open_scene(place)

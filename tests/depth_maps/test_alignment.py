@@ -162,3 +162,22 @@ def test_inverse_depths_keep_their_sign_and_depths_are_positive():
     torch.testing.assert_close(
         inverses(values, "inverse"), torch.tensor([2.0, 0.0, -4.0, torch.nan]).double(), equal_nan=True
     )
+
+
+def test_what_two_maps_disagree_is_a_root_of_two_less_than_their_difference(cameras: Cameras):
+    """Log depths of two cameras at one place have a noise of 2 % each, so their difference has 2.8 %: each is off by 2 %."""
+    large = Cameras(
+        torch.eye(4).repeat(2, 1, 1), 4 * cameras.intrinsics[:2] + torch.eye(3) * torch.tensor([0, 0, -3.0]), (240, 320)
+    )
+    flat = torch.full((2, 240, 320), 2.0)
+    noise = 0.02 * torch.randn(flat.shape, generator=torch.Generator().manual_seed(0))
+    _, found = align(flat * noise.exp(), "scaled", known(flat), large)
+    assert [fit.disagreement for fit in found] == pytest.approx([0.02, 0.02], rel=0.05)
+
+
+def test_the_part_of_a_reference_that_is_uncertain_counts_less(cameras: Cameras, truth: torch.Tensor):
+    """Half of it is 5 % too far and known to 20 %, the other half right and known to 1 %: the factor is that of the other half."""
+    wrong, spread = truth.clone(), torch.full_like(truth, 0.01)
+    wrong[:, :30], spread[:, :30] = 1.05 * truth[:, :30], 0.2
+    _, found = align(truth, "scaled", Reference("half", wrong, spread), cameras)
+    assert [fit.scale for fit in found] == pytest.approx([1.0] * 3, abs=0.01)

@@ -10,10 +10,13 @@ from glb import FLOAT, Glb, read_glb
 
 from semgs.data.tables.classes import SCANNET20
 from semgs.export.gltf import save_gltf
+from semgs.export.scene_objects import PlacedThing
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.harmonics import colours_from_harmonics
 from semgs.geometry.rotations import matrix_from_quaternion
+from semgs.robotics.boxes import Box
+from semgs.robotics.objects import Thing
 from semgs.scene.scene_file import SavedScene
 
 SPLAT = "KHR_gaussian_splatting"
@@ -241,3 +244,11 @@ def test_a_file_without_gaussians_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="needs at least one"):
         save_gltf(tmp_path / "a.glb", some_scene(), torch.zeros(6, dtype=torch.bool))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_colour_of_a_box_is_linear(tmp_path: Path) -> None:
+    """ScanNet's table is (255, 152, 150) in sRGB: 1, 0.596^2.2 = 0.3204 and 0.588^2.2 = 0.3112 of the light."""
+    table = Thing(1, SCANNET20.index("table"), "table", 0.9, Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.0), 1.5, 40)
+    save_gltf(tmp_path / "a.glb", some_scene(), boxes=[PlacedThing(table, np.zeros(3), np.eye(3))])
+    (material,) = read_glb(tmp_path / "a.glb").content["materials"]
+    assert material["pbrMetallicRoughness"]["baseColorFactor"] == pytest.approx([1, 0.3204, 0.3112, 1], abs=1e-4)

@@ -9,7 +9,7 @@ import torch
 from safetensors.torch import save_file
 
 from semgs.files.errors import InputError
-from semgs.files.tensor_files import open_tensors
+from semgs.files.tensor_files import open_tensors, tensor_bytes
 
 
 @pytest.mark.parametrize("text", [b"", b"short", b"a text that is longer than the length of a header"])
@@ -30,3 +30,17 @@ def test_a_file_that_is_cut_off_is_called_so_and_a_complete_one_opens(tmp_path: 
     path.write_bytes(path.read_bytes()[:-1])
     with pytest.raises(InputError, match="or one that is cut off"), open_tensors(path, "tensors"):
         pass
+
+
+def test_equal_tensors_and_metadata_are_equal_bytes(tmp_path: Path):
+    """Whatever the order of the metadata; the file is one of safetensors."""
+    tensors, metadata = (
+        {"b": torch.arange(3.0), "a": torch.ones(2, dtype=torch.bfloat16)},
+        {f"key {k}": "ü" * k for k in range(9)},
+    )
+    data = tensor_bytes(tensors, metadata)
+    assert {tensor_bytes(tensors, dict(order)) for order in (metadata.items(), reversed(metadata.items()))} == {data}
+    (tmp_path / "a.safetensors").write_bytes(data)
+    with open_tensors(tmp_path / "a.safetensors", "tensors") as opened:
+        assert opened.metadata() == metadata
+        assert all(torch.equal(opened.get_tensor(name), tensor) for name, tensor in tensors.items())

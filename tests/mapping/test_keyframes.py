@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from mapping_walls import INTRINSICS, SIZE, WALL, pose
 
 from semgs.data.choosing.covisibility import flat_grid
@@ -55,3 +57,26 @@ def test_predicted_depth_is_that_of_the_wall_from_another_place():
     grid = predict_depths(closer, [Known(at(0.0), flat_grid(WALL))], 9.0)
     np.testing.assert_allclose(grid.depths, 3.0)
     assert predict_depths(closer, [], 9.0).median == pytest.approx(9.0)
+
+
+def test_of_two_surfaces_in_a_cell_the_nearer_one_is_predicted():
+    """One keyframe saw a wall at 4 m, another a cupboard at 3 m before it, from the same place."""
+    for order in ((3.0, 4.0), (4.0, 3.0)):
+        grid = predict_depths(at(0.0), [Known(at(0.0), flat_grid(depth)) for depth in order], 9.0)
+        np.testing.assert_allclose(grid.depths, 3.0)
+
+
+def test_predicted_cells_are_shares_of_the_height_and_of_the_width():
+    """A keyframe whose upper half saw 3 m and whose lower half 5 m says the same to a frame at its place, though images are wider than high."""
+    depths = np.repeat([3.0, 5.0], 50)
+    grid = predict_depths(at(0.0), [Known(at(0.0), replace(flat_grid(1.0), depths=depths))], 9.0)
+    np.testing.assert_allclose(grid.depths, depths)
+
+
+def test_the_way_a_camera_looks_is_its_optical_axis():
+    """A camera that is rolled by 180 degrees looks the same way; one that is turned about its own x axis does not."""
+    rolled, turned = pose(0.1), pose(0.1)
+    rolled[:3, :3] = torch.diag(torch.tensor([-1.0, -1, 1]).double())
+    turned[:3, :3] = torch.diag(torch.tensor([1.0, -1, -1]).double())
+    known = [Known(Cameras(one, INTRINSICS, SIZE), None) for one in (rolled, turned)]
+    assert near(at(0.0), known) == [0]

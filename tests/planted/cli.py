@@ -15,4 +15,8 @@ CLI = (
         "redirect_stdout(Printable(sys.stdout))", "redirect_stdout(sys.stdout)",
         ("tests/cli/test_refused_by_the_system.py::test_a_hostile_name_of_a_folder_is_prepared_into_and_shown_but_not_trained_into",),
     ),
+    Mutant(
+        "a new version is the same task", "semgs/batch/tasks.py",
+        "json.dumps([__version__, list(options), contents])", "json.dumps([list(options), contents])", ("tests/batch/test_tasks.py::test_another_version_of_semgs_is_another_task",),
+    ),
 )  # fmt: skip

@@ -258,7 +258,7 @@ DATA = (
     ),
     Mutant(
         "raw pictures of a bag have the camera of rectified ones", "semgs/data/layouts/ros/camera.py",
-        "p.reshape(3, 4)[:, :3] if rectified else k.reshape(3, 3)", "p.reshape(3, 4)[:, :3]",
+        "p.reshape(3, 4)[:, :3] if projected else k.reshape(3, 3)", "p.reshape(3, 4)[:, :3]",
         of_layout("ros/ros_bag", "a_point_is_where_opencvs_formula_puts_it"),
     ),
     Mutant(
@@ -421,5 +421,13 @@ DATA = (
     Mutant(
         "the files of an opened scene are not checked again", "semgs/data/scenes.py",
         "    check_inside(path, scene)\n", "", (f"{OF_UPLOADS}a_link_out_of_the_scene_is_refused_wherever_it_comes_from",),
+    ),
+    Mutant(
+        "inverted poses in arrays pass", "semgs/data/array_checks.py",
+        "inverse = np.linalg.inv(poses)", "inverse = poses", ("tests/data/test_array_checks.py",),
+    ),
+    Mutant(
+        "the background of renderers is a measurement", "semgs/data/maps.py",
+        "FARTHEST = 65504.0", "FARTHEST = 1e30", ("tests/data/test_maps.py",),
     ),
 )  # fmt: skip

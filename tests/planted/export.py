@@ -139,4 +139,8 @@ EXPORT = (
         "{name: values[self.keep.numpy()] for name, values in self._extra().items()}", "{name: values[: int(self.keep.sum())] for name, values in self._extra().items()}",
         ("tests/cli/scenes/test_export_command.py::test_labels_and_confidence_are_columns_of_the_ply_where_asked",),
     ),
+    Mutant(
+        "colours of boxes are those of sRGB", "semgs/export/gltf.py",
+        "round((side / 255) ** 2.2, 4)", "round(side / 255, 4)", ("tests/export/test_gltf.py::test_the_colour_of_a_box_is_linear",),
+    ),
 )  # fmt: skip

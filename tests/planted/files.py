@@ -50,4 +50,16 @@ FILES = (
         "equivalent * math.hypot(*image.size) / _DIAGONAL_35_MM", "equivalent * max(image.size) / 36",
         (f"{OF_SFM}photos.py::test_a_focal_length_of_26_mm_compares_diagonals",),
     ),
+    Mutant(
+        "greys of four bits are scaled", "semgs/files/images/pictures.py",
+        "_SCALED = {2: 85, 4: 17}", "_SCALED = {}", ("tests/files/test_maps_of_any_png.py",),
+    ),
+    Mutant(
+        "indices of a palette of greys are the numbers", "semgs/files/images/pictures.py",
+        "return palette[:, 0][indices]", "return indices", ("tests/files/test_maps_of_any_png.py",),
+    ),
+    Mutant(
+        "masks of 0 and 1 hide everything", "semgs/files/images/pictures.py",
+        "numbers > (0 if few else full // 2)", "numbers > full // 2", ("tests/files/test_maps_of_any_png.py",),
+    ),
 )  # fmt: skip

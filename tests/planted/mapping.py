@@ -62,4 +62,16 @@ MAPPING = (
         "depths, places = own[inside, 2]", "depths, places = (np.concatenate(points)[:, 2])[: int(inside.sum())]",
         ("tests/mapping/test_keyframes.py::test_predicted_depth_is_that_of_the_wall_from_another_place",),
     ),
+    Mutant(
+        "keyframes: of several points in a cell the farthest counts", "semgs/mapping/keyframes.py",
+        "np.full(GRID * GRID, np.inf)\n    np.minimum.at(", "np.full(GRID * GRID, -np.inf)\n    np.maximum.at(", ("tests/mapping/test_keyframes.py::test_of_two_surfaces_in_a_cell_the_nearer_one_is_predicted",),
+    ),
+    Mutant(
+        "keyframes: rows are shares of the width", "semgs/mapping/keyframes.py",
+        "(GRID / width, GRID / height, 1)", "(GRID / width, GRID / width, 1)", ("tests/mapping/test_keyframes.py::test_predicted_cells_are_shares_of_the_height_and_of_the_width",),
+    ),
+    Mutant(
+        "keyframes: the x axis is the way a camera looks", "semgs/mapping/keyframes.py",
+        "poses[:, :3, 2] @ pose[:3, 2]", "poses[:, :3, 0] @ pose[:3, 0]", ("tests/mapping/test_keyframes.py::test_the_way_a_camera_looks_is_its_optical_axis",),
+    ),
 )  # fmt: skip

@@ -291,4 +291,8 @@ MODEL = (
         "nanmedian(-1).values", "nanmean(-1)",
         ("tests/scene/test_with_depths.py::test_a_block_lies_on_one_of_its_surfaces_and_never_between_them",),
     ),
+    Mutant(
+        "the spread of depth reaches the upsampling in another unit", "semgs/model/sweep/upsampling.py",
+        "spread[:, None] / LOG_UNIT", "spread[:, None] * LOG_UNIT", ("tests/model/sweep/test_upsampling.py::test_log_depths_and_their_spread_reach_the_layers_in_tenths",),
+    ),
 )  # fmt: skip

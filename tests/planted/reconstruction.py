@@ -95,4 +95,16 @@ RECONSTRUCTION = (
         "if decibels >= TOO_DARK", "if decibels >= 0",
         ("tests/reconstruction/test_splat_labelling.py::test_cameras_that_do_not_fit_are_noticed",),
     ),
+    Mutant(
+        "pixels that a mask hides vote for the classes of a splat", "semgs/reconstruction/splat_labelling.py",
+        "distributions = distributions.masked_fill(view.hidden, 0)", "pass", ("tests/reconstruction/test_splat_labelling.py::test_pixels_that_a_mask_hides_do_not_vote",),
+    ),
+    Mutant(
+        "the difference of two maps is the error of one", "semgs/depth_maps/alignment.py",
+        "float(apart.abs().median()) / sqrt(2)", "float(apart.abs().median())", ("tests/depth_maps/test_alignment.py::test_what_two_maps_disagree_is_a_root_of_two_less_than_their_difference",),
+    ),
+    Mutant(
+        "a reference counts the same where it is uncertain", "semgs/depth_maps/alignment.py",
+        "/ (sigma.square() + self._spread[view].square())", "/ sigma.square()", ("tests/depth_maps/test_alignment.py::test_the_part_of_a_reference_that_is_uncertain_counts_less",),
+    ),
 )  # fmt: skip

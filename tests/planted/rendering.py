@@ -158,4 +158,12 @@ RENDERING = (
         "shape = scene.semantic or scene.colour", "shape = scene.colour",
         ("tests/rendering/test_feature_rendering.py::test_features_equal_the_reference_pass_for_pass",),
     ),
+    Mutant(
+        "gradients pass where alpha is cut off", "semgs/rendering/tile_kernels.py",
+        "v_alpha if (opacity * falloff <= MAX_ALPHA) & (alpha > 0) else 0.0", "v_alpha if alpha > 0 else 0.0", ("tests/rendering/test_reference.py::test_there_is_no_gradient_where_the_opacity_of_a_pixel_is_cut_off",),
+    ),
+    Mutant(
+        "depths whose leading bits are equal are not sorted again", "semgs/rendering/numba_backend.py",
+        "if shift and bool((depths[order].diff() < 0).any()):", "if False:", ("tests/rendering/test_numba_backend.py::test_depths_whose_leading_bits_are_equal_are_still_in_order",),
+    ),
 )  # fmt: skip

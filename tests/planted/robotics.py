@@ -50,4 +50,8 @@ ROBOTICS = (
         'STUFF = ("wall", "floor", "ceiling")', 'STUFF = ("floor", "ceiling")',
         ("tests/robotics/test_objects.py::test_two_chairs_are_two_things_and_walls_are_none",),
     ),
+    Mutant(
+        "with classes the floor is the lowest level", "semgs/robotics/floor.py",
+        "peak = int(np.argmax(full))", "peak = int(np.argmax(full >= LOWEST_PEAK * full.max()))", ("tests/robotics/test_floor.py::test_a_step_below_the_floor_is_not_the_floor",),
+    ),
 )  # fmt: skip

@@ -72,4 +72,16 @@ SCENE = (
         "torch.where(without_class(highest, distributions.shape[-1]), UNSEEN, labels)", "labels",
         ("tests/scene/test_confidence.py::test_a_gaussian_whose_classes_are_equally_likely_has_none",),
     ),
+    Mutant(
+        "colour Gaussians keep their size when they move in depth", "semgs/scene/photo_refinement.py",
+        "start.colour.scales) * factors", "start.colour.scales)", ("tests/scene/test_photo_refinement.py::test_colour_gaussians_that_move_to_twice_the_depth_are_twice_as_large",),
+    ),
+    Mutant(
+        "photos with almost no weight vote", "semgs/scene/pixel_votes.py",
+        "LEAST_WEIGHT = 0.001", "LEAST_WEIGHT = 0.00001", ("tests/scene/test_pixel_votes.py::test_less_than_a_thousandth_of_a_pixel_is_no_vote",),
+    ),
+    Mutant(
+        "channels without contrast have gains", "semgs/scene/exposure.py",
+        "varied = (deviations >= FLATTEST).all(1)", "varied = torch.ones_like(deviations[:, 0], dtype=torch.bool)", ("tests/scene/test_exposure.py::test_a_channel_without_contrast_says_nothing_about_gains",),
+    ),
 )  # fmt: skip

@@ -93,4 +93,16 @@ SPLATS = (
         "splats: floaters move the cameras", "semgs/splats/splat_cameras.py",
         "LOW, HIGH = 0.05, 0.95", "LOW, HIGH = 0.0, 1.0", OF_SCENES,
     ),
+    Mutant(
+        "splats: -128 of a normalised byte is less than -1", "semgs/splats/gltf_container.py",
+        "np.maximum(values / np.iinfo(values.dtype).max, -1)", "values / np.iinfo(values.dtype).max", ("tests/splats/test_gltf_splats.py::test_a_byte_of_minus_128_is_minus_one",),
+    ),
+    Mutant(
+        "splats: lengths are taken for logarithms", "semgs/splats/plain_ply.py",
+        "look_like_lengths(scales, means) if activated is None", "False if activated is None", ("tests/splats/test_splats_as_found.py",),
+    ),
+    Mutant(
+        "splats: of columns of their own, broken Gaussians keep their rows", "semgs/splats/plain_ply.py",
+        "values[usable.kept]", "np.array(values)", ("tests/splats/test_splats_as_found.py::test_columns_of_ones_own_lose_the_row_too",),
+    ),
 )  # fmt: skip

@@ -48,4 +48,8 @@ WEIGHTS = (
         'Path(path).open("rb").close()', "pass",
         ("tests/cli/test_refused_by_the_system.py::test_what_may_not_be_read_is_named",),
     ),
+    Mutant(
+        "the metadata of a file is in any order", "semgs/files/tensor_files.py",
+        "dict(sorted(metadata.items()))", "dict(metadata)", ("tests/model/weights/test_weights_file.py::test_equal_networks_are_equal_files",),
+    ),
 )  # fmt: skip

@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from semgs.data.frames import Frame
+from semgs.data.maps import InMemory
 from semgs.data.resampling import Fit
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import SCANNET20, ClassTable
@@ -134,3 +135,29 @@ def test_the_report_says_whose_geometry_it_is_and_claims_nothing_about_the_train
 )
 def test_one_of_so_many_photos_is_held_out(count: int, each: int, held: list[int]) -> None:
     assert hold_out(count, each) == ([place for place in range(count) if place not in held], held)
+
+
+@dataclass(frozen=True)
+class OtherBelow(TrueMaps):
+    """As `TrueMaps`, but the lower half of each photo is floor."""
+
+    def of(self, frame: Frame, size: tuple[int, int], fit: Fit = "crop") -> torch.Tensor:
+        maps = super().of(frame, size, fit).clone()
+        maps[:, size[0] // 2 :] = torch.eye(len(self.classes))[SCANNET20.index("floor")][:, None, None]
+        return maps
+
+
+def test_pixels_that_a_mask_hides_do_not_vote(scene: Scene, splat: Gaussians) -> None:
+    """The lower half of each photo is hidden, and one of two sources says another class there: the labels are the same."""
+    hidden = np.zeros(scene.frames[0].lens.size, bool)
+    hidden[len(hidden) // 2 :] = True
+    masked = replace(scene, frames=tuple(replace(frame, mask=InMemory(hidden)) for frame in scene.frames))
+    said, other = (
+        label_splat(masked, splat, Labelling(source(scene, [])), GIVEN, [0, 1, 3], up="-y").saved.gaussians.semantic
+        for source in (TrueMaps, OtherBelow)
+    )
+    assert said is not None
+    assert other is not None
+    assert torch.equal(said.features, other.features)
+    seen = said.features.amax(1) > 0.051
+    assert 0.3 < seen.double().mean() < 0.7

@@ -204,3 +204,13 @@ def test_the_fast_order_is_the_stable_one() -> None:
     close = torch.cat((wide, wide * (1 + 4e-16)))
     for depths in (coarse, fine, wide, close, wide[:1], wide[:0]):
         assert torch.equal(_stable_order(depths), torch.argsort(depths, stable=True))
+
+
+def test_depths_whose_leading_bits_are_equal_are_still_in_order() -> None:
+    """Beside 1e-300 and 1e300, of 2^-51 only the index fits into a key: the two numbers about 1 stand in the wrong order."""
+    count = 4096
+    depths = torch.full((count,), 1.0, dtype=torch.float64)
+    depths[0], depths[1] = 1e-300, 1e300
+    depths[2], depths[3] = 1 + 2**-51, 1 + 2**-52
+    order = _stable_order(depths).tolist()
+    assert order == [0, *range(4, count), 3, 2, 1]

@@ -234,3 +234,17 @@ def test_gradients_of_the_reference_are_those_of_finite_differences() -> None:
         return layer.picture, layer.transmittance
 
     assert torch.autograd.gradcheck(drawn, [one.requires_grad_() for one in tensors], fast_mode=True)
+
+
+@BACKENDS
+@pytest.mark.parametrize(("opacity", "expected"), [(1.0, 0.0), (0.9995, 0.0), (0.9, 1 - 0.5 * 3)])
+def test_there_is_no_gradient_where_the_opacity_of_a_pixel_is_cut_off(drawing, opacity: float, expected: float) -> None:
+    """On its axis, a Gaussian of colour 1 before one of opacity 0.5 and colour 3 changes the pixel by 1 - 0.5 * 3 per opacity; from .999 on, by nothing."""
+    camera = _camera()
+    splats = _splats(camera, [[0, 0, 1.0], [0, 0, 2.0]], [[0.01] * 3] * 2, [opacity, 0.5], [[1.0], [3.0]])
+    splats.opacities.requires_grad_()
+    _draw(drawing, splats, camera).picture[0, 8, 15].backward()
+    assert splats.opacities.grad is not None
+    assert splats.opacities.grad[0].item() == pytest.approx(expected, abs=1e-12)
+    # What is behind: the light that the first leaves, at most .001 of it, times the colour.
+    assert splats.opacities.grad[1].item() == pytest.approx(3 * (1 - min(opacity, 0.999)), rel=1e-9)

@@ -144,3 +144,14 @@ def test_twice_as_many_photos_are_compared_in_twice_the_memory(count: int, monke
     monkeypatch.setattr(exposure, "inside", counted)
     exposure._partners(back_project(encoding.depths, views.cameras), views.cameras)
     assert max(sizes) == count * SIZE[0] * SIZE[1]
+
+
+def test_a_channel_without_contrast_says_nothing_about_gains() -> None:
+    """Red is the same everywhere, 0.4 in one photo and 0.6 in the other: no gain, and offsets of half the difference each. Its noise differs fourfold."""
+    views, encoding = photos(*SAME, 0.0, 0.0)
+    images = views.images.clone()
+    noise = 0.001 * torch.randn(SIZE, generator=torch.Generator().manual_seed(0))
+    images[0, 0], images[1, 0] = 0.4 + noise, 0.6 + 4 * noise
+    fitted = fit_exposures(views.changed(images=images), encoding.depths, encoding.depth_spread)
+    torch.testing.assert_close(fitted.gains[:, 0], torch.ones(2))
+    torch.testing.assert_close(fitted.offsets[:, 0], torch.tensor([0.1, -0.1]), atol=1e-3, rtol=0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -16,6 +17,7 @@ from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.scene.encoding import Encoding
 from semgs.scene.photo_refinement import (
     Unknown,
+    Unknowns,
     match_exposure,
     refine,
     refine_until,
@@ -216,3 +218,14 @@ def test_what_several_photos_see_fades_towards_their_borders() -> None:
     expected = torch.ones(2, 8, 20)
     expected[0, [0, 7], 2:19] = expected[1, [0, 7], :17] = expected[1, :, 0] = 0.7604
     torch.testing.assert_close(opacities, expected, rtol=0, atol=1e-4)
+
+
+def test_colour_gaussians_that_move_to_twice_the_depth_are_twice_as_large(encoding: Encoding, views: Views) -> None:
+    """So they cover the same pixels. All depths shift by log 2."""
+    unknowns = Unknowns(encoding, views, moves=True, shared=torch.ones(len(encoding.gaussians), dtype=torch.bool))
+    before = unknowns.gaussians()
+    unknowns.depth.value.data.fill_(math.log(2))
+    after = unknowns.gaussians()
+    torch.testing.assert_close(after.colour.scales, 2 * before.colour.scales)
+    centres = views.cameras.world_from_camera[encoding.own_views, :3, 3].float()
+    torch.testing.assert_close(after.means - centres, 2 * (before.means - centres), rtol=1e-5, atol=1e-5)

@@ -114,3 +114,12 @@ def test_footprints_are_not_blurred_into_votes() -> None:
         votes.add(camera(), torch.full((2, *SIZE), 0.5))
         found.append(votes.weights)
     assert torch.equal(*found)
+
+
+@pytest.mark.parametrize(("opacity", "seen"), [(0.0009, False), (0.0011, True)])
+def test_less_than_a_thousandth_of_a_pixel_is_no_vote(opacity: float, seen: bool) -> None:
+    """Behind 0.6 and 0.9 of the light, 0.04 is left; the last Gaussian has so much of it that 0.0009 or 0.0011 of the pixel is its."""
+    votes = PixelVotes(on_the_axis((2.0, 0.6), (3.0, 0.9), (4.0, opacity / 0.04)), 2)
+    votes.add(camera(), middle(1.0, 0.0))
+    assert votes.unseen.tolist() == [False, False, not seen]
+    assert float(votes.weights[2]) == (pytest.approx(math.sqrt(opacity)) if seen else 0.0)

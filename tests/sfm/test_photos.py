@@ -325,8 +325,13 @@ def test_pictures_of_two_to_one_are_panoramas_if_their_ends_go_together():
     assert not is_panorama(pixels(4, 80, 160))
     assert not is_panorama(all_around(80)[:, :140])  # 1.75 to 1
     assert is_panorama(pixels(4, 80, 170))
-    assert is_panorama(pixels(4, 170, 80))
+    assert is_panorama(pixels(4, 260, 80))
     assert not is_panorama(pixels(4, 160, 80))  # a phone upright
+
+
+@pytest.mark.parametrize(("height", "width"), [(2400, 1080), (1792, 828), (2340, 1080), (2520, 1080)])
+def test_upright_screenshots_of_phones_are_no_panoramas(height: int, width: int):
+    assert not is_panorama(pixels(4, height, width))
 
 
 def test_a_clip_of_panoramas_is_refused(tmp_path: Path):

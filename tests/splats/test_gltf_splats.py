@@ -214,3 +214,24 @@ def test_buffers_of_one_file_are_read_once(tmp_path: Path):
     path = save(tmp_path / "a.gltf", json.dumps(text).encode())
     assert load_splat(path).gaussians.means.tolist() == [[1, -2, 3]]
     assert most_memory(lambda: load_splat(path)) < 20_000_000
+
+
+def test_a_byte_of_minus_128_is_minus_one(tmp_path: Path):
+    """max(c / 127, -1), as the specification of glTF says: -128 / 127 would be less than -1."""
+    arrays = gltf_arrays(0)
+    content, body = gltf(arrays)
+    rotation = next(
+        i
+        for i, one in enumerate(content["accessors"])
+        if one
+        is content["accessors"][content["meshes"][0]["primitives"][0]["attributes"]["KHR_gaussian_splatting:ROTATION"]]
+    )
+    view = content["bufferViews"][content["accessors"][rotation]["bufferView"]]
+    count = content["accessors"][rotation]["count"]
+    body = bytearray(body)
+    start = view.get("byteOffset", 0)
+    packed = np.tile(np.array([-128, 127, 0, 0], np.int8), (count, 1)).tobytes()
+    body[start : start + len(packed)] = packed
+    content["accessors"][rotation] |= {"componentType": 5120, "normalized": True}
+    splat = load_splat(save(tmp_path / "a.glb", glb(content, bytes(body))))
+    torch.testing.assert_close(splat.gaussians.colour.quaternions[0], torch.tensor([0, -(0.5**0.5), 0.5**0.5, 0]))

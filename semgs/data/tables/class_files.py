@@ -8,7 +8,8 @@
 If no class has `ids`, the numbers are positions in the list, from 0. `ignored` lists the numbers of unlabelled pixels; 255 is always
 ignored. Any other number in a label image is an error.
 
-Or it says which of ScanNet's 20 classes each number is; pixels of a class that is none of them (null), or of `unknown`, are unlabelled:
+Or it says which of ScanNet's 20 classes each number is; pixels of a class that is none of them (null), or of `unknown`, a number or a list of
+them, are unlabelled:
 
     {"classes": [{"id": 0, "name": "wall", "scannet20": "wall"},
                  {"id": 20, "name": "dresser", "scannet20": "cabinet"},
@@ -100,11 +101,18 @@ def read_class_file(path: str | Stored) -> LabelSet:
 
 def _scannet20_labels(path: Path | Stored, content: dict[str, Any]) -> tuple[int | None, ...]:
     """The label in ScanNet's 20 classes of each number, from a file that states it with `scannet20`."""
-    if unknown := sorted(content.keys() - {"name", "classes", "unknown", "terms"}):
-        raise InputError(path, "name, classes, unknown, terms", repr(unknown[0]))
-    if not isinstance(content.get("unknown", IGNORE), int):
-        raise InputError(path, "a whole number", f"{content['unknown']!r:.60}", key="unknown")
-    labels: dict[Any, int] = {IGNORE: IGNORE, content.get("unknown", IGNORE): IGNORE}
+    if others := sorted(content.keys() - {"name", "classes", "unknown", "terms"}):
+        raise InputError(path, "name, classes, unknown, terms", repr(others[0]))
+    stated = content.get("unknown", IGNORE)
+    unknown = stated if isinstance(stated, list) else [stated]
+    if not _numbers(unknown):
+        raise InputError(
+            path,
+            "a number from 0 to 255" if isinstance(stated, int) else "a whole number, or a list of them",
+            f"{stated!r:.60}",
+            key="unknown",
+        )
+    labels = dict.fromkeys((IGNORE, *unknown), IGNORE)
     for index, entry in enumerate(content["classes"]):
         key = f"classes[{index}]"
         if not isinstance(entry, dict) or entry.keys() - {"name"} != {"id", "scannet20"}:
@@ -117,8 +125,6 @@ def _scannet20_labels(path: Path | Stored, content: dict[str, Any]) -> tuple[int
         if name is not None and name not in SCANNET20.names:
             raise InputError(path, "one of ScanNet's 20 classes, or null", repr(name), key=f"{key}.scannet20")
         labels[number] = IGNORE if name is None else SCANNET20.index(name)
-    if not _numbers(list(labels)):
-        raise InputError(path, "a number from 0 to 255", repr(content["unknown"]), key="unknown")
     return tuple(labels.get(number) for number in range(256))
 
 

@@ -10,7 +10,6 @@ from math import prod
 from pathlib import Path
 
 import torch
-from safetensors.torch import save as to_bytes
 from torch import nn
 
 from semgs.data.tables.classes import ClassTable
@@ -19,7 +18,7 @@ from semgs.files.errors import InputError, readable
 from semgs.files.paths import check_utf8
 from semgs.files.records import make_record
 from semgs.files.strict_json import parse_json
-from semgs.files.tensor_files import open_tensors
+from semgs.files.tensor_files import open_tensors, tensor_bytes
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 
@@ -69,7 +68,7 @@ def save(path: str | Path, model: SemGS, metadata: dict[str, str], dtype: torch.
     }
     _check_free(metadata)
     tensors = stored(model, dtype)
-    write_bytes(Path(path), to_bytes(tensors, header | {CHECKSUM: checksum(tensors)} | metadata))
+    write_bytes(Path(path), tensor_bytes(tensors, header | {CHECKSUM: checksum(tensors)} | metadata))
 
 
 def stored(model: SemGS, dtype: torch.dtype) -> dict[str, torch.Tensor]:
@@ -95,7 +94,7 @@ def restate(source: str | Path, target: str | Path, metadata: Mapping[str, str])
     read_header(source)
     _check_free(metadata)
     header, tensors = _content(source)
-    write_bytes(Path(target), to_bytes(tensors, header | {CHECKSUM: checksum(tensors)} | dict(metadata)))
+    write_bytes(Path(target), tensor_bytes(tensors, header | {CHECKSUM: checksum(tensors)} | dict(metadata)))
 
 
 def checksum(tensors: Mapping[str, torch.Tensor]) -> str:

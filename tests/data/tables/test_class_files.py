@@ -12,7 +12,7 @@ from test_transforms_json import DEPTHS, SIZE, with_maps
 
 from semgs.data.scenes import open_scene
 from semgs.data.tables.class_files import read_class_file
-from semgs.data.tables.classes import SCANNET20
+from semgs.data.tables.classes import IGNORE, SCANNET20
 from semgs.files.errors import InputError
 
 FIVE = {
@@ -141,3 +141,20 @@ def test_a_scene_may_name_a_file_that_says_what_its_labels_mean(tmp_path):
 def test_a_scene_whose_table_is_not_there_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"five\.json"):
         open_scene(with_maps(tmp_path / "scene", {"label_set": "five.json"}, DEPTHS, np.zeros(SIZE, np.uint8)))
+
+
+@pytest.mark.parametrize(("unknown", "ignored"), [(7, {7}), ([7], {7}), ([0, 255], {0}), ([7, 9], {7, 9}), ([], set())])
+def test_several_numbers_may_mean_no_label(tmp_path: Path, unknown: object, ignored: set[int]):
+    content = {"classes": [{"id": 1, "name": "wall", "scannet20": "wall"}], "unknown": unknown}
+    (tmp_path / "classes.json").write_text(json.dumps(content))
+    meaning = read_class_file(tmp_path / "classes.json").meaning
+    assert {number for number, label in enumerate(meaning) if label == IGNORE} == {*ignored, IGNORE}
+    assert meaning[1] == 0
+
+
+@pytest.mark.parametrize("unknown", [[0, 256], "255", [True], {"a": 1}, [[0]]])
+def test_what_means_no_label_is_a_number_or_a_list(tmp_path: Path, unknown: object):
+    content = {"classes": [{"id": 1, "name": "wall", "scannet20": "wall"}], "unknown": unknown}
+    (tmp_path / "classes.json").write_text(json.dumps(content))
+    with pytest.raises(InputError, match="unknown: expected a whole number, or a list of them, found"):
+        read_class_file(tmp_path / "classes.json")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -137,3 +138,22 @@ def test_heads_and_conventions_that_do_not_fit_are_refused():
     convex = switched(small_plain(), {"depth_upsampling": "convex"})
     with pytest.raises(ValueError, match="our pixel centres"):
         replace(convex, conventions=replace(convex.conventions, pixel_centres=False))
+
+
+def test_log_depths_and_their_spread_reach_the_layers_in_tenths():
+    """A texel whose neighbour is e^0.2 times as near, and whose log depth is known to 0.05: 2 and 0.5. Its confidence stays as it is."""
+    upsampling = ConvexUpsampling(features=5, factor=2)
+    seen: list[torch.Tensor] = []
+    upsampling.layers.register_forward_pre_hook(lambda _, given: seen.append(given[0]))
+    disparities = torch.tensor([[[1.0, math.exp(0.2)]]])
+    upsampling(
+        torch.rand(1, 3, 2, 4),
+        torch.rand(1, 5, 1, 2),
+        disparities,
+        torch.full((1, 1, 2), 0.7),
+        torch.full((1, 1, 2), 0.05),
+    )
+    depth = seen[0][
+        0, 12 + 5 :, 0, 0
+    ].tolist()  # after the pixels and the features: eight neighbours, confidence, spread
+    assert depth == pytest.approx([0, 0, 2, 0, 2, 0, 0, 2, 0.7, 0.5], abs=1e-6)

@@ -100,7 +100,7 @@ class Bag:
         except ImportError:
             raise
         except Exception as error:  # each storage raises its own
-            found = f"one that rosbags cannot read: {str(error).replace('; please report issue', '')}"
+            found = f"one that rosbags cannot read: {error}"
             raise InputError(path, "a ROS bag", found, advice=REPAIRS.get(path.suffix)) from error
         self.cut = [one.name for one in self._reader.paths if isinstance(one, CutRecording)]
         for one in self._reader.connections:

@@ -1,0 +1,52 @@
+"""Files with cameras of other programs that are not read, found beside images, so that notes and errors can name them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+OTHER_CAMERAS = (
+    ("*.xml", b"<chunk", "Metashape"),
+    ("poses_bounds*.npy", b"NUMPY", "LLFF"),
+    ("sfm_data*.json", b"sfm_data_version", "OpenMVG"),
+    ("*.sfm", b"{", "AliceVision (Meshroom)"),
+    ("sfm*.json", b"featuresFolders", "AliceVision (Meshroom)"),
+    ("*.csv", b"#name,x,y", "RealityScan (RealityCapture)"),
+    ("bundle*.out", b"Bundle", "Bundler"),
+    ("*.nvm", b"NVM", "VisualSFM"),
+    ("reconstruction.json", b"shots", "OpenSfM"),
+    ("*calibrated_camera_parameters.txt", b"", "Pix4D"),
+    ("*.psx", b"", "Metashape"),
+    ("camera_poses.txt", b"", "VGGT-Long"),
+    ("*.traj", b"", "ARKitScenes"),
+    ("*_cam.txt", b"extrinsic", "MVSNet"),
+    ("*/*_cam.txt", b"extrinsic", "MVSNet"),
+    ("calib.txt", b"P0", "KITTI"),
+    ("cameras*.npz", b"world_mat", "NeuS (IDR)"),
+    ("cameras.json", b'"rotation"', "3DGS"),
+    ("meta_data.json", b"camtoworld", "SDFStudio"),
+    ("*/sensor.yaml", b"T_BS", "EuRoC"),
+)
+"""Name, what the beginning contains, program."""
+
+
+def cameras_beside(folders: Iterable[Path]) -> list[tuple[str, str]]:
+    """The files in some folders that have cameras of other programs, each as its name and the program; one file of each kind."""
+    found: dict[str, str] = {}
+    for folder in folders:
+        for pattern, start, program in OTHER_CAMERAS:
+            if program in found.values():
+                continue
+            file = next((one for one in sorted(folder.glob(pattern)) if start in _beginning(one)), None)
+            if file is not None:
+                found.setdefault(file.relative_to(folder).as_posix(), program)
+    return list(found.items())
+
+
+def _beginning(file: Path) -> bytes:
+    """The first bytes of a file; empty if it cannot be read."""
+    try:
+        with file.open("rb") as opened:
+            return opened.read(4096)
+    except OSError:
+        return b""
