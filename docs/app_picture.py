@@ -11,6 +11,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +24,7 @@ SIZE = (720, 1080)
 """(height, width) of the browser's window [px]."""
 
 WIDTH, COLOURS = 760, 112
-BLOCK, WORST_COLOUR = 8, 24
+BLOCK, WORST_COLOUR = 8, 48
 """How far the mean difference of so many pixels may be from 0, of 255: one palette for all frames turned chairs into the blue of cabinets."""
 
 TURN = 0.035
@@ -37,6 +39,7 @@ class Film:
     def __init__(self, page: Page) -> None:
         self._page = page
         self._frames: list[tuple[Image.Image, int]] = []
+        self._cuts: list[int] = []
 
     def add(self, milliseconds: int) -> None:
         """Add what the page shows."""
@@ -44,20 +47,38 @@ class Film:
         height = round(WIDTH * picture.height / picture.width)
         self._frames.append((picture.resize((WIDTH, height), Image.Resampling.LANCZOS), milliseconds))
 
+    def cut(self) -> None:
+        """What follows has other colours."""
+        self._cuts.append(len(self._frames))
+
     def save(self, path: Path) -> None:
         """Write a GIF that repeats."""
-        pictures = [frame for frame, _ in self._frames]
-        frames = [
-            one.quantize(COLOURS, kmeans=1, dither=Image.Dither.NONE) for one in pictures
-        ]  # each with its palette
-        off = [
-            ImageChops.difference(one, few.convert("RGB")).reduce(BLOCK)
-            for one, few in zip(pictures, frames, strict=True)
-        ]
-        if (worst := max(high for one in off for _, high in one.getextrema())) > WORST_COLOUR:
-            raise ValueError(f"a block of {BLOCK} pixels is off by {worst}")
+        frames = [few for group in self._groups() for few in reduced(group)]
         times = [milliseconds for _, milliseconds in self._frames]
         frames[0].save(path, save_all=True, append_images=frames[1:], duration=times, loop=0, optimize=True)
+
+    def _groups(self) -> Iterator[list[Image.Image]]:
+        """The frames up to each cut: each group has a palette of its own."""
+        pictures, cuts = [frame for frame, _ in self._frames], [0, *self._cuts, len(self._frames)]
+        return (pictures[begin:end] for begin, end in pairwise(cuts))
+
+
+def reduced(group: Sequence[Image.Image]) -> list[Image.Image]:
+    """Frames with few colours, the same for all.
+
+    Raises:
+        ValueError: a colour changes too much.
+    """
+    together = Image.new("RGB", (WIDTH, sum(frame.height for frame in group)))
+    for number, frame in enumerate(group):
+        together.paste(frame, (0, number * frame.height))
+    palette = together.quantize(COLOURS, kmeans=1)
+    frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in group]
+    for frame, few in zip(group, frames, strict=True):
+        off = ImageChops.difference(frame, few.convert("RGB")).reduce(BLOCK).getextrema()
+        if (worst := max(high for _, high in off)) > WORST_COLOUR:
+            raise ValueError(f"a block of {BLOCK} pixels is off by {worst}")
+    return frames
 
 
 def scene_of(page: Page) -> Any:
@@ -84,6 +105,7 @@ def film(page: Page, url: str) -> Film:
     page.get_by_text("Building the room").wait_for()
     page.wait_for_timeout(500)
     frames.add(1200)
+    frames.cut()
     page.locator("iframe.room").wait_for()
     room = page.frame_locator("iframe.room")
     room.locator("body[data-ready]").wait_for()
@@ -93,6 +115,7 @@ def film(page: Page, url: str) -> Film:
     for step in range(6):
         turn(page, TURN * (1 if step < 3 else -1))
         frames.add(140)
+    frames.cut()
     room.get_by_role("button", name="Classes").click()
     page.wait_for_timeout(3000)
     frames.add(1200)
