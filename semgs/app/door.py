@@ -316,7 +316,10 @@ class _StopReadingError(Exception):
 
 def _checked_value(value: Any, uploads: Path, most: int) -> Any:
     """A value of an input: a short text, a number, nothing, or a list of different uploaded files."""
-    if value is None or isinstance(value, int | float) or (isinstance(value, str) and len(value) <= MOST_LETTERS):
+    if value is None or isinstance(value, int | float):
+        return value
+    if isinstance(value, str) and len(value) <= MOST_LETTERS:
+        value.encode()  # halves of characters are no text
         return value
     if isinstance(value, list) and len(value) <= most:
         files = [_checked_file(one, uploads) for one in value]
@@ -334,7 +337,7 @@ def _checked_file(value: Any, uploads: Path) -> dict[str, Any]:
         raise UnusableUploadError(GONE)
     return {
         "path": str(path.resolve()),
-        "orig_name": name if isinstance(name, str) else path.name,
+        "orig_name": name if isinstance(name, str) and len(name) <= MOST_LETTERS else path.name,
         "meta": {"_type": "gradio.FileData"},
     }
 

@@ -9,7 +9,7 @@ import secrets
 import sys
 import time
 from collections import defaultdict
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -34,6 +34,9 @@ OTHER_CALLS = 40
 
 MOST_SESSIONS = 400
 """Pages of which gradio keeps what was entered."""
+
+IDLE_SECONDS = 5.0
+"""So often it is looked whether a page still waits for something."""
 
 MOST_FOLLOWED = 1000
 """Identifiers of uploads that are kept at most."""
@@ -120,12 +123,16 @@ def mount_page(application: Any, jobs: Jobs, local: bool) -> tuple[Any, list[int
     # Only `launch` sets this, and without it gradio takes any file of this machine for an uploaded one.
     page.has_launched = True
 
+    pending = page._queue.pending_event_ids_session
+
     async def tidied(scope: Any, receive: Any, send: Any) -> None:
+        if scope.get("path") != STREAM:
+            return await mounted(scope, receive, send)
+        session = parse_qs(scope["query_string"].decode("latin-1")).get("session_hash", [""])[0]
         try:
-            await mounted(scope, receive, send)
+            await mounted(scope, while_needed(receive, lambda: bool(pending.get(session))), send)
         finally:
-            if scope.get("path") == STREAM:
-                end_heartbeats(parse_qs(scope["query_string"].decode("latin-1")).get("session_hash", [""])[0])
+            end_heartbeats(session)
 
     return tidied, [len(function.inputs) for _, function in sorted(page.fns.items())]
 
@@ -179,6 +186,28 @@ def _restrain(gradio: Any, limits: Limits) -> None:
         setattr(module, "traceback", Failures)  # noqa: B010 - no part of what it promises
     route_utils.GradioMultiPartParser = FilesOnly  # type: ignore[misc]
     route_utils.GradioUploadFile = Apart  # type: ignore[misc]
+
+
+def while_needed(receive: Any, is_needed: Callable[[], bool]) -> Any:
+    """What a browser sends after its request, until it goes away or its answer is no longer needed. gradio would keep such an answer open for ever.
+
+    Args:
+        receive: of ASGI.
+        is_needed: whether something will still be answered.
+    """
+
+    async def received() -> Any:
+        message = asyncio.ensure_future(receive())
+        try:
+            while is_needed():
+                done, _ = await asyncio.wait([message], timeout=IDLE_SECONDS)
+                if done:
+                    return message.result()
+            return {"type": "http.disconnect"}
+        finally:
+            message.cancel()
+
+    return received
 
 
 def end_heartbeats(session: str) -> None:

@@ -20,7 +20,7 @@ from semgs.data.resampling import Fit, default_size
 from semgs.data.spread import spread
 from semgs.data.tables.classes import ClassTable
 from semgs.data.views import FAR_OUT, INDOOR_DEPTH_RANGE, Views, joined
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, input_error
 from semgs.files.images.notebook import MOST, Strip, html, subsample
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.summaries import describe
@@ -248,7 +248,8 @@ class Scene:
         wanted = _wanted(chosen, size)
         near_far = bounds if isinstance(bounds, tuple) else (bounds.near, bounds.far)
         views = [frame.view(near_far, self.classes, size=wanted, fit=fit) for frame in chosen]
-        return self.local(joined(views)).checked()
+        with input_error(self.path, "bounds, colours and depth in range"):
+            return self.local(joined(views)).checked()
 
 
 def _wanted(frames: Sequence[Frame], size: Sequence[int] | Literal["native"] | None) -> Sequence[int] | None:

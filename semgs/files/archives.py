@@ -14,6 +14,7 @@ import zipfile
 import zlib
 from collections import Counter
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
 from semgs.files.errors import InputError
@@ -157,6 +158,17 @@ def members(archive: Path) -> dict[str, Member]:
         InputError: it is not a zip archive or is damaged, its list is longer than `MOST_LISTED`, two members have the same name, or a member has none or a very long one, is encrypted, compressed by
             another method than deflate, or longer than the archive.
     """
+    # A folder of archives is looked at by every reader, and a long list takes seconds.
+    try:
+        status = archive.stat()
+    except OSError as error:
+        raise InputError(archive, "a zip archive", f"one that cannot be read: {error}") from error
+    return dict(_members(archive, status.st_mtime_ns, status.st_size))
+
+
+@lru_cache(maxsize=4)
+def _members(archive: Path, _changed: int, _size: int) -> dict[str, Member]:
+    """As `members`, for an archive that was changed at a time [ns] and has a size."""
     try:
         with BoundedFile(archive, MOST_LISTED) as file, zipfile.ZipFile(file) as opened:
             listed = [one for one in opened.infolist() if not one.filename.endswith("/")]

@@ -7,7 +7,8 @@ import logging
 import re
 import socket
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from concurrent.futures import Future
 from contextlib import contextmanager, redirect_stdout
 from functools import wraps
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,8 @@ from urllib.parse import unquote
 from semgs.files.errors import InputError
 from semgs.files.extras import needs_extra
 from semgs.viewer.access import HOST_NAME, PAGE_POLICY, Access, Refusal
-from semgs.viewer.viewer_messages import MOST_BYTES, take_known_messages
+from semgs.viewer.failures import tell_failure
+from semgs.viewer.viewer_messages import MOST_BYTES, is_plain, take_known_messages
 
 if TYPE_CHECKING:
     from viser import (  # noqa: F401 - the types of viser, for the modules that use this server
@@ -70,7 +72,7 @@ def serving(host: str = LOOPBACK, port: int = ANY_PORT, access: Access | None = 
         InputError: it is not possible to listen on this address.
     """
     check_viewer_library()
-    from viser import ViserServer
+    from viser import ViserServer, _gui_api, _scene_api, _viser
 
     try:
         with socket.socket() as trial:
@@ -84,12 +86,21 @@ def serving(host: str = LOOPBACK, port: int = ANY_PORT, access: Access | None = 
         # A page from elsewhere that connects to this server could ask for a public address, also without the button.
         server.request_share_url = _refuse  # type: ignore[method-assign]
         take_known_messages(server)
+        for module in (_viser, _gui_api, _scene_api):
+            vars(module)["print_threadpool_errors"] = _tell_failure_of
         logging.getLogger("websockets.server").setLevel(logging.CRITICAL)  # a trace for each message that is damaged
         server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         yield server
     finally:
         with redirect_stdout(io.StringIO()):
             server.stop()
+
+
+def _tell_failure_of(work: Future[Any]) -> None:
+    """Tell of work in a thread that failed."""
+    error = work.exception()
+    if error is not None:
+        tell_failure(error)
 
 
 @contextmanager
@@ -100,9 +111,15 @@ def _guarded_websockets(access: Access) -> Iterator[None]:
     serve = library.serve
 
     @wraps(serve)
-    def guarded(*args: Any, process_request: Callable[..., Any] | None = None, **options: Any) -> Any:
+    def guarded(
+        handler: Callable[..., Any], *args: Any, process_request: Callable[..., Any] | None = None, **options: Any
+    ) -> Any:
+        async def answered(connection: Any) -> None:
+            connection.recv = _only_plain(connection.recv)
+            await handler(connection)
+
         options["max_size"] = MOST_BYTES
-        return serve(*args, process_request=_guarded(access, process_request), **options)
+        return serve(answered, *args, process_request=_guarded(access, process_request), **options)
 
     with _starting:
         library.serve = guarded  # type: ignore[assignment,misc]
@@ -110,6 +127,17 @@ def _guarded_websockets(access: Access) -> Iterator[None]:
             yield
         finally:
             library.serve = serve  # type: ignore[misc]
+
+
+def _only_plain(receive: Callable[[], Awaitable[Any]]) -> Callable[[], Awaitable[Any]]:
+    """Receives messages that a page of ours sends; others are left out."""
+
+    async def received() -> Any:
+        while not is_plain(raw := await receive()):
+            pass
+        return raw
+
+    return received
 
 
 def _guarded(access: Access, answer: Callable[..., Any] | None) -> Callable[..., Any]:

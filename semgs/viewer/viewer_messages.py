@@ -15,6 +15,9 @@ CONTROL = "GuiUpdateMessage"
 VECTORS = {"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3, "ray_origin": 3, "ray_direction": 3}
 """Fields that are lists of so many numbers."""
 
+DIRECTIONS = ("wxyz", "up_direction", "ray_direction")
+"""Those that are not all zeros."""
+
 POSITIVE = {"fov": math.pi, "near": 1e30, "far": 1e30, "image_height": 1e5, "image_width": 1e5}
 """Fields that are numbers above 0 and below these."""
 
@@ -35,6 +38,28 @@ def take_known_messages(server: Any) -> None:
     receivers = server._websock_server
     _check_first(receivers, controls)
     receivers.on_client_connect(lambda connection: _check_first(connection, controls))
+
+
+def is_plain(raw: object) -> bool:
+    """Whether what a browser sent is one of the page's messages by its form. viser warns of others with all that is in them, and keeps the warning.
+
+    Args:
+        raw: as received.
+    """
+    from msgspec import DecodeError, msgpack
+
+    if not isinstance(raw, bytes):
+        return False
+    try:
+        fields = msgpack.decode(raw)
+    except (DecodeError, ValueError, RecursionError):
+        return False
+    if not isinstance(fields, dict) or fields.get("type") not in TAKEN:
+        return False
+    if fields["type"] != CONTROL:
+        return all(isinstance(name, str) and _has_shape(name, value) for name, value in fields.items())
+    updates = fields.get("updates")
+    return isinstance(updates, dict) and set(updates) == {"value"} and _has_shape("value", updates["value"])
 
 
 def is_known(message: Any, controls: Mapping[str, Any]) -> bool:
@@ -74,7 +99,9 @@ def _fits(value: Any, control: Any) -> bool:
         return isinstance(value, str) and value in control.options
     if isinstance(control.value, bool):
         return isinstance(value, bool)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not hasattr(control, "min"):
+    if not _is_number(value) or not hasattr(control, "min"):
+        return False
+    if isinstance(control.value, int) and not isinstance(value, int):
         return False
     return bool(control.min <= value <= control.max)
 
@@ -82,8 +109,10 @@ def _fits(value: Any, control: Any) -> bool:
 def _has_shape(name: str, value: Any) -> bool:
     """Whether a field of a message has a value as the page sends it."""
     if name in VECTORS:
-        length = VECTORS[name]
-        return (value is None and name.startswith("ray")) or (_is_list(value, length) and all(map(_is_number, value)))
+        if value is None:
+            return name.startswith("ray")
+        numbers = _is_list(value, VECTORS[name]) and all(map(_is_number, value))
+        return numbers and (name not in DIRECTIONS or any(value))
     if name == "screen_pos":
         flat = [one for pair in value for one in pair] if _is_list(value) and all(map(_is_list, value)) else value
         return _is_list(flat) and len(flat) <= MOST_POINTS and all(map(_is_number, flat))

@@ -74,6 +74,23 @@ def test_names_of_photos_are_text_and_a_clip_has_no_numbers() -> None:
     assert numbered_photos([Upload(Path("000.mp4"), "a.mp4")]) == '<ol class="photos"></ol>'
 
 
+def test_an_answer_that_is_no_longer_needed_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two streams of a page: gradio ends the one that gets the last message, and keeps the other."""
+    monkeypatch.setattr(page, "IDLE_SECONDS", 0.01)
+
+    async def waited(needed: list[bool], sent: float) -> tuple[str, list[bool]]:
+        async def receive() -> dict[str, str]:
+            await asyncio.sleep(sent)
+            return {"type": "http.request"}
+
+        message = await page.while_needed(receive, lambda: needed.pop(0))()
+        return message["type"], needed
+
+    assert asyncio.run(waited([True, True, False, True], 60.0)) == ("http.disconnect", [True])
+    assert asyncio.run(waited([False], 0.0)) == ("http.disconnect", [])
+    assert asyncio.run(waited([True, False], 0.0)) == ("http.request", [False])
+
+
 def test_when_a_browser_goes_away_the_task_that_signals_life_to_it_ends_and_no_other() -> None:
     async def left(session: str) -> list[bool]:
         tasks = []

@@ -18,6 +18,7 @@ from traced_memory import most_memory
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import (
     PictureHeader,
+    _check_scans,
     decode_png,
     decode_rgb,
     png_bytes,
@@ -513,3 +514,34 @@ def test_markers_in_a_jpegs_comments_and_behind_it_are_no_scans(tmp_path: Path):
     path.write_bytes(data[:2] + 10_001 * b"\xff\xfe\0\2" + data[2:])
     with pytest.raises(InputError, match="10,000 segments"):
         read_rgb(path)
+
+
+def test_scans_are_counted_in_jpegs_of_several_images_and_behind_markers_without_a_length(tmp_path: Path):
+    """Pillow calls a JPEG that says it has a second image MPO; libjpeg reads FF 01 as a marker alone."""
+    image = Image.new("RGB", (WIDTH, HEIGHT), (10, 200, 30))
+    image.save(tmp_path / "a.jpg", format="MPO", save_all=True, append_images=[image])
+    with Image.open(tmp_path / "a.jpg") as opened:
+        assert opened.format == "MPO"
+    assert read_rgb(tmp_path / "a.jpg").shape == (HEIGHT, WIDTH, 3)
+    data = (tmp_path / "a.jpg").read_bytes()
+    scan = b"\xff\xda\0\x08\1\1\0\0\x3f\0"
+    for between in (b"", b"\xff\x01", b"\xff\xd8", b"\xff\xbf"):
+        many = data[:2] + 101 * (scan + between) + data[2:]
+        (tmp_path / "b.jpg").write_bytes(many)
+        with pytest.raises(InputError, match=r"at most 100 scans|something else or a damaged header|complete image"):
+            read_rgb(tmp_path / "b.jpg")
+        with pytest.raises(InputError, match="at most 100 scans"):
+            _check_scans("b.jpg", many)
+
+
+def test_transparent_colours_beyond_a_palette_are_damage(tmp_path: Path):
+    data = b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
+        for name, content in (
+            (b"IHDR", struct.pack(">2I5B", 1, 1, 8, 3, 0, 0, 0)), (b"PLTE", b"\1\2\3"), (b"tRNS", bytes(300)),
+            (b"IDAT", zlib.compress(b"\0\0")), (b"IEND", b""),
+        )
+    )  # fmt: skip
+    (tmp_path / "a.png").write_bytes(data)
+    with pytest.raises(InputError, match=r"a\.png: expected a palette and transparent colours that fit it"):
+        read_rgb(tmp_path / "a.png")

@@ -10,10 +10,11 @@ from typing import Any
 import pytest
 from wall_and_chair import wall_and_chair
 
-from semgs.viewer.viewer_messages import is_known
+from semgs.viewer.viewer_messages import is_known, is_plain
 from semgs.viewer.window import Window, open_window
 
 messages = pytest.importorskip("viser._messages")
+msgspec = pytest.importorskip("msgspec")
 
 SLIDER = SimpleNamespace(value=0.5, min=0.0, max=1.0)
 CONTROLS = {
@@ -70,6 +71,20 @@ def test_cameras_have_finite_numbers():
         ("image_height", 0), ("image_width", 1e9), ("look_at", (0.0, 0.0, 1e40)), ("look_at", (True, 0.0, 1.0)), ("up_direction", 3 * ("a",)), ("near", -1.0),
     ):  # fmt: skip
         assert not is_known(camera(**{field: wrong}), CONTROLS), (field, wrong)
+
+
+def test_messages_are_checked_before_viser_reads_them():
+    """viser prints what does not fit its types, escape sequences included, and keeps it."""
+    packed = msgspec.msgpack.encode
+    usual = {**vars(camera()), "type": "ViewerCameraMessage"}
+    assert is_plain(packed(usual))
+    assert is_plain(packed({"type": "GuiUpdateMessage", "uuid": "a", "updates": {"value": 0.5}}))
+    for wrong in (
+        packed({**usual, "wxyz": "\x1b[31m"}), packed({**usual, "wxyz": [1.0, 0.0, 0.0, 0.0, 0.0]}), packed({**usual, "wxyz": [0, 0, 0, 0]}),
+        packed({**usual, "type": "GuiFormSubmitMessage"}), packed({**usual, "type": ["ViewerCameraMessage"]}) [:-1], packed([usual]), packed(3), b"", b"\xc1", "text", None,
+        packed({"type": "GuiUpdateMessage", "uuid": "a", "updates": ["value"]}), packed({"type": "GuiUpdateMessage", "uuid": "a", "updates": {"value": "a" * 200}}),
+    ):  # fmt: skip
+        assert not is_plain(wrong), wrong
 
 
 def test_clicks_have_a_ray_and_a_place_on_the_screen():

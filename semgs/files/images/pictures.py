@@ -16,6 +16,7 @@ import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -41,8 +42,8 @@ MOST_SCANS, MOST_SEGMENTS = 100, 10_000
 
 _PIXEL_CHUNKS = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 """What the pixels of a PNG depend on. libpng prints what is wrong with the rest, with texts of the file."""
-_MARKER = re.compile(rb"\xff([\x01-\xcf\xd8-\xfe])")
-"""A JPEG's marker but restarts and escaped bytes, https://www.w3.org/Graphics/JPEG/itu-t81.pdf#page=36"""
+_MARKER = re.compile(rb"\xff([\xc0-\xcf\xd9-\xfe])")
+"""A JPEG's marker that a length follows, or its end, https://www.w3.org/Graphics/JPEG/itu-t81.pdf#page=36"""
 _SCAN, _END = b"\xda", b"\xd9"
 _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 _PGM = re.compile(rb"P5" + rb"(?:\s|#[^\n]*\n)+(\d{1,9})" * 3 + rb"\s")
@@ -514,11 +515,12 @@ def _possible_focal(focal_px: float) -> float | None:
 
 def _decode(path: str | Stored, image: Image.Image) -> None:
     """Decode all pixels."""
-    if image.format == "JPEG" and image.fp is not None:
-        place = image.fp.tell()
-        image.fp.seek(0)
-        _check_scans(path, image.fp.read())
-        image.fp.seek(place)
+    file: Any = getattr(image, "fp", None)  # None once the pixels are there
+    if image.format in ("JPEG", "MPO") and file is not None:
+        place = file.tell()
+        file.seek(0)
+        _check_scans(path, file.read())
+        file.seek(place)
     try:
         image.load()
     except _DAMAGE as error:
@@ -540,7 +542,10 @@ def _channels(path: str | Stored, image: Image.Image) -> np.ndarray:
     if image.mode not in ("1", "L", "LA", "P", "PA", "RGB", "RGBA"):
         raise InputError(path, "grey or RGB pixels", f"mode {image.mode}", advice="convert it to sRGB first")
     transparent = image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info
-    return np.array(image.convert("RGBA" if transparent else "RGB"))
+    try:
+        return np.array(image.convert("RGBA" if transparent else "RGB"))
+    except _DAMAGE as error:
+        raise InputError(path, "a palette and transparent colours that fit it", str(error)) from error
 
 
 def _eight_bits(pixels: np.ndarray) -> np.ndarray:

@@ -42,6 +42,9 @@ DISTORTED = "distorted"
 ABOVE = 4
 """So many folders above the model are searched for the images."""
 
+MOST_TRIED = 1000
+"""Of so many names, it is looked up in which folder the images are."""
+
 MOST_NAMED = 4
 """So many of these folders are named if there are no images."""
 
@@ -188,13 +191,15 @@ def _searched(model: Path) -> list[Path]:
 
 def _pictures_folder(file: Path, searched: Sequence[Path], names: Sequence[str]) -> Path:
     """The first of some folders that has an image, or else its first image with another ending or capitals; if none has one, the first that exists."""
-    for folder in searched:
-        if any(_picture(file, folder, name) for name in names):
+    there = [folder for folder in searched if folder.is_dir()]
+    some = names[:: 1 + len(names) // MOST_TRIED]
+    for folder in there:
+        if any(_picture(file, folder, name) for name in some):
             return folder
-    for folder in searched:
+    for folder in there:
         if any(_renamed(file, folder, name, {}) for name in names[:1]):
             return folder
-    return next((one for one in searched if one.is_dir()), searched[0])
+    return next(iter(there), searched[0])
 
 
 def _notes(model: Path, pictures: Path, absent: Sequence[str], count: int, transparent: int) -> list[str]:

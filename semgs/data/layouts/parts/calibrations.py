@@ -60,7 +60,7 @@ class Calibration:
         """
         place = self.source or picture
         if self.size is not None and self.size != size:
-            scale = size[0] / self.size[0]
+            scale = size[0] / max(self.size[0], 1)
             if self.of_a_sensor and size[0] * self.size[1] == size[1] * self.size[0]:
                 fx, fy, cx, cy = (scale * number for number in (*self.focal, *self.centre))
                 return replace(self, focal=(fx, fy), centre=(cx, cy), size=size).lens(picture, size)
