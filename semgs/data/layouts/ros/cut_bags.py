@@ -71,10 +71,16 @@ class _Completed(io.RawIOBase):
         super().close()
 
 
+MOST_RECORDS = 10_000_000
+"""More records of a recording that ends early are not read."""
+
+
 def _end_of_records(file: BinaryIO, at: int) -> int:
     """Where the complete records of a file end, which begin at a place."""
     length = file.seek(0, io.SEEK_END)
-    while at + _KIND_AND_LENGTH.size <= length:
+    for _ in range(MOST_RECORDS):
+        if at + _KIND_AND_LENGTH.size > length:
+            break
         file.seek(at)
         kind, size = _KIND_AND_LENGTH.unpack(file.read(_KIND_AND_LENGTH.size))
         if kind in (DATA_END, FOOTER_KIND) or size > length - at - _KIND_AND_LENGTH.size:
