@@ -9,7 +9,7 @@ import secrets
 import sys
 import time
 from collections import defaultdict
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -123,18 +123,8 @@ def mount_page(application: Any, jobs: Jobs, local: bool) -> tuple[Any, list[int
     # Only `launch` sets this, and without it gradio takes any file of this machine for an uploaded one.
     page.has_launched = True
 
-    pending = page._queue.pending_event_ids_session
-
-    async def tidied(scope: Any, receive: Any, send: Any) -> None:
-        if scope.get("path") != STREAM:
-            return await mounted(scope, receive, send)
-        session = parse_qs(scope["query_string"].decode("latin-1")).get("session_hash", [""])[0]
-        try:
-            await mounted(scope, while_needed(receive, lambda: bool(pending.get(session))), send)
-        finally:
-            end_heartbeats(session)
-
-    return tidied, [len(function.inputs) for _, function in sorted(page.fns.items())]
+    mounted.add_middleware(Streams, pending=page._queue.pending_event_ids_session)
+    return mounted, [len(function.inputs) for _, function in sorted(page.fns.items())]
 
 
 def _restrain(gradio: Any, limits: Limits) -> None:
@@ -186,6 +176,28 @@ def _restrain(gradio: Any, limits: Limits) -> None:
         setattr(module, "traceback", Failures)  # noqa: B010 - no part of what it promises
     route_utils.GradioMultiPartParser = FilesOnly  # type: ignore[misc]
     route_utils.GradioUploadFile = Apart  # type: ignore[misc]
+
+
+class Streams:
+    """Ends answers that gradio would keep open, and what it leaves behind of others.
+
+    Args:
+        app: gradio's application.
+        pending: what each page still waits for, by gradio's name of the page.
+    """
+
+    def __init__(self, app: Any, pending: Mapping[str, Any]) -> None:
+        self._app, self._pending = app, pending
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """Answer one request."""
+        if scope.get("path") != STREAM:
+            return await self._app(scope, receive, send)
+        session = parse_qs(scope["query_string"].decode("latin-1")).get("session_hash", [""])[0]
+        try:
+            await self._app(scope, while_needed(receive, lambda: bool(self._pending.get(session))), send)
+        finally:
+            end_heartbeats(session)
 
 
 def while_needed(receive: Any, is_needed: Callable[[], bool]) -> Any:
