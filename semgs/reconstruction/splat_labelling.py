@@ -17,12 +17,13 @@ from semgs.geometry.gaussians import Gaussians
 from semgs.reconstruction.notes import collect_notes, notes_on_splat
 from semgs.reconstruction.pipeline import render_views
 from semgs.reconstruction.result import GivenSplat, Reconstruction
+from semgs.rendering.rendering import SEEN_ALPHA
 from semgs.runtime.stopwatch import Stages
 from semgs.scene.encoding import Encoding
 from semgs.scene.pixel_votes import PixelVotes
 from semgs.scene.upright import Up, up_of
 from semgs.segmenters.labelling import Labelling
-from semgs.splats.splat_scene import splat_scene
+from semgs.splats.splat_scene import share_like_own, splat_scene
 
 SHOWN = 8
 """Photos of each role that are rendered and shown, evenly chosen."""
@@ -123,6 +124,8 @@ def label_splat(
         direction = up_of(saved, up)
     shown = [score.psnr_seen for score in rendered.scores if score.psnr_seen is not None]
     quality = float(np.median(shown)) if shown else 0.0
+    seen = rendered.alphas >= SEEN_ALPHA
+    own = share_like_own(rendered.images, context.images, seen if context.hidden is None else seen & ~context.hidden)
     notes = collect_notes(
         scene,
         choice,
@@ -130,7 +133,7 @@ def label_splat(
         target,
         source.classes,
         direction,
-        geometry=[*given.notes, *notes_on_splat(int(votes.unseen.sum()), len(gaussians), quality)],
+        geometry=[*given.notes, *notes_on_splat(int(votes.unseen.sum()), len(gaussians), quality, own)],
         labelling=labelling,
     )
     return Reconstruction(

@@ -114,7 +114,8 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside, depth_u
     names = _names(listed)
     lost = [name for fields, name in zip(listed, names, strict=True) if pose_is_lost(fields)]
     if len(lost) < len(listed):
-        listed, names = zip(*[pair for pair in zip(listed, names, strict=True) if pair[1] not in lost], strict=True)
+        listed = [fields for fields, name in zip(listed, names, strict=True) if name not in lost]
+        names = [name for name in names if name not in lost]
     poses = listed_poses(listed)
     poses[:, :3, 1:3] *= -1
     lenses: dict[Lens, Lens] = {}

@@ -184,8 +184,8 @@ class Export:
                 raise next(iter(missing.values()))
             write_record(folder, files, export.up)
         self._print(files, notes)
-        for name, error in missing.items():
-            print(f"{ERROR_LINE}--as {name} is not written: {error}", file=sys.stderr)
+        for lacking, why in missing.items():
+            print(f"{ERROR_LINE}--as {lacking} is not written: {why}", file=sys.stderr)
         return PARTLY if missing else 0
 
     def _check_splat(self) -> None:
