@@ -17,7 +17,7 @@ from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.spread import spread
 from semgs.data.views import Views
-from semgs.files.errors import InputError, input_error
+from semgs.files.errors import InputError
 from semgs.files.paths import typed_path
 from semgs.files.strict_json import read_json
 from semgs.geometry.cameras import Cameras
@@ -194,8 +194,10 @@ def exported_frame(file: Path) -> Float64[Tensor, "4 4"] | None:
     listed = content.get("files") if isinstance(content, dict) else None
     for one in listed if isinstance(listed, list) else []:
         if isinstance(one, dict) and one.get("name") == file.name:
-            with input_error(record, "a rigid motion", "scene_from_file"):
-                return Cameras(one.get("scene_from_file"), torch.eye(3), (2, 2)).world_from_camera
+            try:
+                return Cameras(one.get("scene_from_file", ()), torch.eye(3), (2, 2)).world_from_camera
+            except (TypeError, ValueError) as error:
+                raise InputError(record, "a rigid motion [4 4]", str(error), "scene_from_file") from error
     return None
 
 

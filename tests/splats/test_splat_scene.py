@@ -416,3 +416,11 @@ def test_the_share_of_renderings_that_are_like_their_own_photo_by_hand():
     assert share_like_own(images, photos, seen) == 0.5
     assert share_like_own(images[:1], photos[:1], seen[:1]) == 1.0
     assert share_like_own(images[2:], photos[2:], seen[2:]) == 1.0
+
+
+@pytest.mark.parametrize("matrix", ["none", None, [[1, 2], [3, 4]], np.diag([2.0, 2, 2, 1]).tolist(), [[{}]]])
+def test_an_export_whose_frame_is_none_is_refused_in_one_line(tmp_path: Path, photos: Path, matrix: object):
+    save_ply(tmp_path / "a.ply", surface_of(photos))
+    (tmp_path / "export.json").write_text(json.dumps({"files": [{"name": "a.ply", "scene_from_file": matrix}]}))
+    with pytest.raises(InputError, match=r"export.json: scene_from_file: expected a rigid motion"):
+        open_splat(tmp_path / "a.ply", photos)
