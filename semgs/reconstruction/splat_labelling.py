@@ -48,6 +48,7 @@ def label_splat(
     up: Up = "auto",
     min_confidence: float = 0.0,
     stages: Stages | None = None,
+    notes: Sequence[str] = (),
 ) -> Reconstruction:
     """Give the Gaussians of a splat classes, and render them from the cameras of its photos. Geometry and colours stay as they are.
 
@@ -64,6 +65,7 @@ def label_splat(
         up: the direction that is up; "auto" finds it.
         min_confidence: seen pixels with less are unknown in label maps.
         stages: shows and times the stages segment and render.
+        notes: what else the user should know about the splat, a sentence each.
 
     Raises:
         InputError: a photo or its class map cannot be read.
@@ -126,14 +128,14 @@ def label_splat(
     quality = float(np.median(shown)) if shown else 0.0
     seen = rendered.alphas >= SEEN_ALPHA
     own = share_like_own(rendered.images, context.images, seen if context.hidden is None else seen & ~context.hidden)
-    notes = collect_notes(
+    found_notes = collect_notes(
         scene,
         choice,
         context,
         target,
         source.classes,
         direction,
-        geometry=[*given.notes, *notes_on_splat(int(votes.unseen.sum()), len(gaussians), quality, own)],
+        geometry=[*notes, *notes_on_splat(int(votes.unseen.sum()), len(gaussians), quality, own)],
         labelling=labelling,
     )
     return Reconstruction(
@@ -145,7 +147,7 @@ def label_splat(
         target=compared,
         saved=saved,
         up=direction,
-        notes=notes,
+        notes=found_notes,
         labelling=labelling,
         min_confidence=min_confidence,
         splat=given,

@@ -118,15 +118,14 @@ class LabelSplat:
                     scene,
                     moved.gaussians,
                     labelling,
-                    GivenSplat(
-                        self.splat.name, splat.format, len(voting), tuple(filter(None, (*splat.notes, moved.note)))
-                    ),
+                    GivenSplat(self.splat.name, splat.format, len(voting)),
                     [self.every * place for place in voting],
                     [self.every * place for place in held],
                     self.size,
                     up=self.up,
                     min_confidence=self.min_confidence,
                     stages=stages,
+                    notes=tuple(filter(None, (*splat.notes, moved.note))),
                 )
             except InputError:
                 raise
