@@ -51,12 +51,14 @@ class Scene:
 
     @property
     def state(self) -> str:
-        """ "done", "wrong cameras" (`semgs doctor`), "failed" or "waiting"."""
+        """ "done", "wrong cameras" (`semgs doctor`), "partly done" (`semgs export`), "failed" or "waiting"."""
         if self.record is None:
             return "waiting"
         if not self.record.succeeded:
             return "failed"
-        return "wrong cameras" if self.record.code == WRONG_CAMERAS else "done"
+        if self.record.code != WRONG_CAMERAS:
+            return "done"
+        return "partly done" if self.record.why else "wrong cameras"
 
     @property
     def notes(self) -> str:
@@ -114,7 +116,11 @@ def _page(command: str, scenes: Sequence[Scene], scores: Sequence[str]) -> str:
     environment.filters |= {"url": _url, "printable": printable}
     template = files("semgs.batch").joinpath("templates/overview.html.j2").read_text(encoding="utf-8")
     states = [scene.state for scene in scenes]
-    counts = {state: states.count(state) for state in ("done", "wrong cameras", "failed", "waiting") if state in states}
+    counts = {
+        state: states.count(state)
+        for state in ("done", "partly done", "wrong cameras", "failed", "waiting")
+        if state in states
+    }
     return environment.from_string(template).render(
         command=command, scenes=scenes, counts=counts, scores=scores, headings=HEADINGS, shown=_shown, table=TABLE, at_once=AT_ONCE, version=__version__,
     )  # fmt: skip

@@ -25,7 +25,7 @@ FOLDER, PICTURES = "records", "pictures"
 FAILURES = "failures.jsonl"
 
 WRONG_CAMERAS = 3
-"""The code of `semgs doctor` for cameras that do not fit, which is a result."""
+"""The code of `semgs doctor` for cameras that do not fit, which is a result, and of `semgs export` if it wrote only some of the formats."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Record:
         name: of the scene.
         fingerprint: of the task that was run.
         code: exit code of the command: 0 for success; negative for the signal that killed it.
-        why: the error in one line; empty after success.
+        why: the error in one line; empty after success, unless some formats were not written.
         seconds: how long it took [s].
         scores: numbers of its report by name; those of held-out views if there are any.
         notes: of its report, or what the command printed.

@@ -60,11 +60,11 @@ def work(task: Task) -> Record:
     if code >= 128:  # a signal
         os._exit(code)
     record = Record(task.name, task.fingerprint, code, seconds=round(perf_counter() - start, 3))
+    lines = [line.removeprefix(ERROR_LINE) for line in errors.getvalue().splitlines() if line.startswith(ERROR_LINE)]
     if record.succeeded:
-        record = _described(task, record, printed.getvalue())
+        record = replace(_described(task, record, printed.getvalue()), why="; ".join(lines))
     else:
-        lines = [line for line in errors.getvalue().splitlines() if line.startswith(ERROR_LINE)]
-        record = replace(record, why=lines[-1].removeprefix(ERROR_LINE) if lines else f"exit code {code}")
+        record = replace(record, why=lines[-1] if lines else f"exit code {code}")
     write_record(task.out, record)
     return record
 

@@ -96,7 +96,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: without the program's name; None takes those of the process, which then also keeps freed memory for reuse.
 
     Returns:
-        0; 3 if `semgs doctor` finds wrong cameras; 2 after unusable input, a missing extra, or an error of the system (full disk, no
+        0; 3 if `semgs doctor` finds wrong cameras or `semgs export` wrote only some formats; 2 after unusable input, a missing extra, or an error of the system (full disk, no
         permission, no memory); 130 after an interrupt, 143 after SIGTERM, and 141 if the reader of stdout has gone, as with `| head`. Bugs raise.
     """
 

@@ -12,7 +12,7 @@ from semgs.data.spread import spread
 from semgs.doctor.diagnosis import diagnose
 from semgs.files.images.pictures import QUARTER_TURN, read_header
 
-MOST_FRAMES = 4
+MOST_FRAMES = 6
 FEATURES = 400
 
 MOST_HEADERS = 40
@@ -41,6 +41,16 @@ def warnings_of(scene: Scene, frames: Sequence[int], *, refined: bool = False) -
     if found.verdict == "slightly wrong" and found.evidence.contradicts(found.given) and not refined:
         warnings.append(found.sentence)
     return warnings
+
+
+def frames_to_test(chosen: Sequence[int], count: int) -> tuple[int, ...]:
+    """Positions of the frames to test: those that are used, then others of the scene, evenly chosen, as two or three frames are too few to tell mistakes apart.
+
+    Args:
+        chosen: positions of the frames that are used.
+        count: of the scene's frames.
+    """
+    return tuple(dict.fromkeys((*chosen, *spread(range(count), MOST_FRAMES))))[:MOST_FRAMES]
 
 
 def notes_on_sides(frames: Sequence[Frame]) -> list[str]:

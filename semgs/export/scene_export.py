@@ -155,11 +155,20 @@ class SceneExport:
         return ExportedFile("objects.json", framed, len(boxes))
 
     def write_occupancy(
-        self, folder: Path, framed: FramedScene, *, resolution: float, step: float, height: float
+        self,
+        folder: Path,
+        framed: FramedScene,
+        *,
+        resolution: float,
+        step: float,
+        height: float,
+        up_is_known: bool = False,
     ) -> list[ExportedFile]:
         """Write map.pgm, map.yaml and voxels.npz; arguments and errors as for `semgs.occupancy`."""
         up = up_of(framed.scene, "z")
-        occupancy = occupancy_of(framed.scene, up, resolution=resolution, step=step, height=height)
+        occupancy = occupancy_of(
+            framed.scene, up, resolution=resolution, step=step, height=height, up_is_known=up_is_known
+        )
         save_map(folder, occupancy)
         save_voxels(folder, occupancy, framed.scene.classes)
         counts = ((IMAGE, occupancy.cells.size), (VOXELS, occupancy.voxels.size))

@@ -108,13 +108,11 @@ class GivenSplat:
         name: of its file.
         format: of its file, such as "PLY".
         photos: how many photos said classes.
-        notes: as those of `Splat`.
     """
 
     name: str
     format: str
     photos: int
-    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

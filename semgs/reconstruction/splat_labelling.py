@@ -17,12 +17,13 @@ from semgs.geometry.gaussians import Gaussians
 from semgs.reconstruction.notes import collect_notes, notes_on_splat
 from semgs.reconstruction.pipeline import render_views
 from semgs.reconstruction.result import GivenSplat, Reconstruction
+from semgs.rendering.rendering import SEEN_ALPHA
 from semgs.runtime.stopwatch import Stages
 from semgs.scene.encoding import Encoding
 from semgs.scene.pixel_votes import PixelVotes
 from semgs.scene.upright import Up, up_of
 from semgs.segmenters.labelling import Labelling
-from semgs.splats.splat_scene import splat_scene
+from semgs.splats.splat_scene import share_like_own, splat_scene
 
 SHOWN = 8
 """Photos of each role that are rendered and shown, evenly chosen."""
@@ -47,6 +48,7 @@ def label_splat(
     up: Up = "auto",
     min_confidence: float = 0.0,
     stages: Stages | None = None,
+    notes: Sequence[str] = (),
 ) -> Reconstruction:
     """Give the Gaussians of a splat classes, and render them from the cameras of its photos. Geometry and colours stay as they are.
 
@@ -63,6 +65,7 @@ def label_splat(
         up: the direction that is up; "auto" finds it.
         min_confidence: seen pixels with less are unknown in label maps.
         stages: shows and times the stages segment and render.
+        notes: what else the user should know about the splat, a sentence each.
 
     Raises:
         InputError: a photo or its class map cannot be read.
@@ -123,14 +126,16 @@ def label_splat(
         direction = up_of(saved, up)
     shown = [score.psnr_seen for score in rendered.scores if score.psnr_seen is not None]
     quality = float(np.median(shown)) if shown else 0.0
-    notes = collect_notes(
+    seen = rendered.alphas >= SEEN_ALPHA
+    own = share_like_own(rendered.images, context.images, seen if context.hidden is None else seen & ~context.hidden)
+    found_notes = collect_notes(
         scene,
         choice,
         context,
         target,
         source.classes,
         direction,
-        geometry=[*given.notes, *notes_on_splat(int(votes.unseen.sum()), len(gaussians), quality)],
+        geometry=[*notes, *notes_on_splat(int(votes.unseen.sum()), len(gaussians), quality, own)],
         labelling=labelling,
     )
     return Reconstruction(
@@ -142,7 +147,7 @@ def label_splat(
         target=compared,
         saved=saved,
         up=direction,
-        notes=notes,
+        notes=found_notes,
         labelling=labelling,
         min_confidence=min_confidence,
         splat=given,

@@ -17,6 +17,9 @@ LEAST_FLOOR = 0.01
 MOST_BELOW, FAR_BELOW = 0.05, 0.2
 """A level with more than this share of all points further below it than this [m] is a table that was taken for a floor."""
 
+MOST_BELOW_KNOWN_UP = 0.15
+"""The same share if the direction that is up is known: then more of the points may be stray ones, or those of a step or of stairs that lead down."""
+
 DEEPEST = 1000.0
 """Points further below the lowest camera are not searched for the floor: a single stray one would stretch the bins without end [m]."""
 
@@ -33,6 +36,8 @@ def floor_height(
     weights: Float64[np.ndarray, " n"],
     eyes: Float64[np.ndarray, " r"],
     on_floor: Bool[np.ndarray, " n"] | None = None,
+    *,
+    up_is_known: bool = False,
 ) -> float:
     """The height of the floor: of the fullest level of points that have its class, or without classes of the lowest full one. It is below all cameras.
 
@@ -41,6 +46,7 @@ def floor_height(
         weights: their opacities.
         eyes: heights of the cameras [m].
         on_floor: whether each point has the class of the floor; None if unknown.
+        up_is_known: whether the user said which way is up.
 
     Raises:
         NoFloorError: there is no such level.
@@ -64,8 +70,13 @@ def floor_height(
     order = np.argsort(heights[around])
     shares = np.cumsum(weights[around][order])
     floor = float(heights[around][order][np.searchsorted(shares, shares[-1] / 2)])
-    if (below := weights[heights < floor - FAR_BELOW].sum() / weights.sum()) > MOST_BELOW:
+    below, most = (
+        weights[heights < floor - FAR_BELOW].sum() / weights.sum(),
+        MOST_BELOW_KNOWN_UP if up_is_known else MOST_BELOW,
+    )
+    if below > most:
+        doubt = "" if up_is_known else "; which way is up may be wrong, and --up says it"
         raise NoFloorError(
-            f"no clear floor ({below:.0%} of the Gaussians are below what looks most like one; which way is up may be wrong)"
+            f"no clear floor ({below:.0%} of the Gaussians are below what looks most like one, at most {most:.0%} may be{doubt})"
         )
     return floor

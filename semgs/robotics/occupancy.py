@@ -81,6 +81,7 @@ def occupancy(
     reach: float = 5.0,
     narrowest: float = 0.2,
     min_opacity: float = 0.1,
+    up_is_known: bool = False,
 ) -> Occupancy:
     """Find free, occupied and unknown space.
 
@@ -98,6 +99,7 @@ def occupancy(
         reach: of the rays; what is further from its camera is not used [m].
         narrowest: gaps between obstacles that are not wider than this are unknown instead of free, because points on a surface can be as far apart [m].
         min_opacity: Gaussians that are more transparent are not used.
+        up_is_known: whether the user said which way is up; more Gaussians may then be below the floor.
 
     Raises:
         NoFloorError: no floor was found.
@@ -124,7 +126,7 @@ def occupancy(
     rays = rays_of(gaussians, cameras, level, depths, depth_spread)
     if not len(rays.origins):
         raise NoFloorError("no clear floor (the depth of every pixel of the input views is unknown)")
-    floor = floor_height(points[:, 2], weights, rays.origins[:, 2], on_floor)
+    floor = floor_height(points[:, 2], weights, rays.origins[:, 2], on_floor, up_is_known=up_is_known)
     near = _near(points, cameras, level, reach) & (weights >= min_opacity)
     points, weights = points[near], weights[near]
     labels, on_floor = (None if one is None else one[near] for one in (labels, on_floor))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import cos, radians, sqrt
 from pathlib import Path
 from statistics import median
@@ -12,13 +12,17 @@ import torch
 from jaxtyping import Float64
 from torch import Tensor
 
+from semgs.data.resampling import default_size
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.spread import spread
 from semgs.data.views import Views
 from semgs.files.errors import InputError
 from semgs.files.paths import typed_path
+from semgs.files.strict_json import read_json
+from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Gaussians
+from semgs.geometry.rigid import move_gaussians
 from semgs.objectives.metrics import psnr_seen
 from semgs.rendering.rendering import SEEN_ALPHA, Rendering
 from semgs.scene.opened import OpenedScene
@@ -28,7 +32,13 @@ from semgs.splats.load import load_splat
 from semgs.splats.nerfstudio_frame import FILE_NAME, find_trained_frame
 from semgs.splats.splat import Splat
 from semgs.splats.splat_cameras import SIZE, cameras_around
-from semgs.splats.splat_scene import note_on_look, render_plain, splat_scene
+from semgs.splats.splat_scene import note_on_look, render_plain, share_like_own, splat_scene
+
+EXPORT_RECORD = "export.json"
+"""What `semgs export` writes beside its files."""
+
+TRIED_VIEWS = 4
+"""So many photos decide between two frames."""
 
 MOST_VIEWS = 8
 """Cameras of a scene that are used, evenly chosen."""
@@ -92,7 +102,8 @@ def _surrounded(file: Path, splat: Splat, up: Float64[Tensor, " 3"]) -> tuple[Sa
 def _with_cameras(file: Path, splat: Splat, path: Path, up: Up) -> OpenedScene:
     """A splat with cameras of a scene, in the coordinates of that scene."""
     scene = open_scene(path, needs_labels=False)
-    gaussians = in_frame_of(file, splat.gaussians, scene)
+    moved = fit_to_scene(file, splat.gaussians, scene)
+    gaussians = moved.gaussians
     chosen = spread(range(len(scene)), MOST_VIEWS)
     views = scene.read(chosen, _size(scene), NEAR_FAR)
     x, y, z = map(float, scene.origin)
@@ -116,19 +127,78 @@ def _with_cameras(file: Path, splat: Splat, path: Path, up: Up) -> OpenedScene:
             advice=f"if nerfstudio trained it, put its {FILE_NAME} into the folder of the splat",
         ) from error
     photos = (255 * views.images).round().to(torch.uint8).movedim(1, -1).numpy()
-    return OpenedScene(saved, up, photos=tuple(photos), splat=True, note=note_on_look(_likeness(rendered, views)))
+    return OpenedScene(
+        saved,
+        up,
+        photos=tuple(photos),
+        splat=True,
+        note=f"{moved.note} {note_on_look(*_likeness(rendered, views))}".strip(),
+    )
 
 
-def _likeness(rendered: Sequence[Rendering], views: Views) -> float:
-    """The median over views of the PSNR of a splat against its photos, where it shows something: it may be only a part of what they show [dB]."""
-    found = []
-    for index, view in enumerate(rendered):
-        shown = view.alphas[0] >= SEEN_ALPHA
-        if views.hidden is not None:
-            shown = shown & ~views.hidden[index]
-        found.append(psnr_seen(view.images[0], views.images[index], shown))
+def _likeness(rendered: Sequence[Rendering], views: Views) -> tuple[float, float]:
+    """The median over views of the PSNR of a splat against its photos, where it shows something, as it may be only a part of what they show [dB]; and
+    the share of renderings that are like their own photo."""
+    images, shown = (
+        torch.cat([view.images for view in rendered]),
+        torch.cat([view.alphas for view in rendered]) >= SEEN_ALPHA,
+    )
+    if views.hidden is not None:
+        shown = shown & ~views.hidden
+    found = [psnr_seen(*one) for one in zip(images, views.images, shown, strict=True)]
     known = [float(one) for one in found if one is not None]
-    return median(known) if known else 0.0
+    return (median(known) if known else 0.0), share_like_own(images, views.images, shown)
+
+
+@dataclass(frozen=True)
+class MovedSplat:
+    """A splat in the coordinates of a scene, relative to its origin, and a note if it was moved there by what lies beside it."""
+
+    gaussians: Gaussians
+    note: str = ""
+
+
+def fit_to_scene(file: Path, gaussians: Gaussians, scene: Scene) -> MovedSplat:
+    """A splat in the coordinates of a scene: as `in_frame_of`, or, if it is an export of ours that was turned and centred, by what export.json says of it, whichever
+    looks more like the photos.
+
+    Raises:
+        InputError: a photo cannot be read, or dataparser_transforms.json is damaged.
+    """
+    plain, scene_from_file = in_frame_of(file, gaussians, scene), exported_frame(file)
+    if scene_from_file is None or torch.equal(scene_from_file, torch.eye(4, dtype=torch.float64)):
+        return MovedSplat(plain)
+    scene_from_file[:3, 3] -= torch.from_numpy(scene.origin)
+    moved = move_gaussians(scene_from_file, gaussians)
+    chosen = spread(range(len(scene)), TRIED_VIEWS)
+    views = scene.read(chosen, default_size(scene.frames[chosen[0]].lens.size), NEAR_FAR)
+    as_is, as_moved = (_likeness(render_plain(one, views.cameras), views) for one in (plain, moved))
+    if as_moved[::-1] <= as_is[::-1]:
+        return MovedSplat(plain)
+    return MovedSplat(
+        moved,
+        f"The splat is moved by scene_from_file of {EXPORT_RECORD} beside it: then it looks like the photos (PSNR {as_moved[0]:.1f} dB, not {as_is[0]:.1f}).",
+    )
+
+
+def exported_frame(file: Path) -> Float64[Tensor, "4 4"] | None:
+    """From the coordinates of a file of `semgs export` to those of its scene, as export.json beside it says; None if nothing does.
+
+    Raises:
+        InputError: export.json is damaged.
+    """
+    record = file.parent / EXPORT_RECORD
+    if not record.is_file():
+        return None
+    content = read_json(record)
+    listed = content.get("files") if isinstance(content, dict) else None
+    for one in listed if isinstance(listed, list) else []:
+        if isinstance(one, dict) and one.get("name") == file.name:
+            try:
+                return Cameras(one.get("scene_from_file", ()), torch.eye(3), (2, 2)).world_from_camera
+            except (TypeError, ValueError) as error:
+                raise InputError(record, "a rigid motion [4 4]", str(error), "scene_from_file") from error
+    return None
 
 
 def in_frame_of(file: Path, gaussians: Gaussians, scene: Scene) -> Gaussians:

@@ -144,7 +144,7 @@ def make_gaussians(
     ):
         low, high = values.min(initial=most), values.max(initial=least)
         if not (low >= least and high <= most):  # NaN too
-            good = ((values >= least) & (values <= most)).reshape(len(values), -1).all(-1)
+            good = np.asarray(((values >= least) & (values <= most)).reshape(len(values), -1).all(-1))
             broken.append((name, turns if values is lengths else values, good, expected))
             kept &= good
     if np.count_nonzero(~kept) > MOST_BROKEN * len(kept):

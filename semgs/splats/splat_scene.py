@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Literal
 
 import torch
-from jaxtyping import Float, Int64
+from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
 from semgs.geometry.cameras import Cameras, project
@@ -18,6 +18,15 @@ from semgs.scene.scene_file import SavedScene
 
 TOO_DARK = 15.0
 """Photos that a splat renders with a lower PSNR, where it shows something, are probably not of this splat, or not in its coordinates [dB]."""
+
+FEW_LIKE_OWN = 0.5
+"""If no more of the renderings than this are like their own photo, the cameras are in other coordinates."""
+
+LEAST_ALIKE, SIMILAR = 0.25, 0.05
+"""Renderings of the right camera have at least the first correlation with its photo, and at most the second less than with a photo from close by."""
+
+LEAST_CONTRAST, FEWEST_PIXELS = 0.02, 50
+"""A smaller standard deviation of grey, and fewer pixels, say nothing."""
 
 SAME = 0.05
 """A Gaussian is seen by a view if it is at most this share behind the depth there."""
@@ -85,11 +94,37 @@ def render_plain(gaussians: Gaussians, cameras: Cameras) -> list[Rendering]:
     return [render(plain, cameras[view : view + 1]) for view in range(cameras.batch[0])]
 
 
-def note_on_look(decibels: float) -> str:
-    """What to say of a splat that renders photos with this PSNR [dB] from their cameras, in the pixels that it shows; empty if it looks like them."""
-    if decibels >= TOO_DARK:
-        return ""
-    return f"The splat does not look like the photos from their cameras (PSNR {decibels:.1f} dB in what it shows of them): are these cameras in its coordinates?"
+def note_on_look(decibels: float, own: float = 0.0) -> str:
+    """What to say of a splat that renders photos with this PSNR [dB] from their cameras, in the pixels that it shows, and so many of them most like their own
+    photo (`share_like_own`); empty if it looks like them."""
+    like = (
+        f"The splat does not look like the photos from their cameras (PSNR {decibels:.1f} dB in what it shows of them"
+    )
+    if own > FEW_LIKE_OWN:
+        return "" if decibels >= TOO_DARK else f"{like}), but the cameras fit: exposure or colours may differ."
+    return f"{like}, {own:.0%} of its renderings are most like their own photo): are these cameras in its coordinates?"
+
+
+def share_like_own(
+    images: Float[Tensor, "v 3 h w"], photos: Float[Tensor, "v 3 h w"], seen: Bool[Tensor, "v h w"]
+) -> float:
+    """The share of renderings that are like their own photo, and no photo of another camera more: of wrong cameras few are, whatever the exposure.
+
+    Alike is the correlation of the greys of the pixels that a rendering shows. Renderings without contrast do not count; without any other, the share is 1.
+
+    Args:
+        images: rendered.
+        photos: from the same cameras.
+        seen: the pixels that count.
+    """
+    found = []
+    for own, (image, mask) in enumerate(zip(images.mean(1), seen, strict=True)):
+        greys = torch.cat((image[None], photos.mean(1)))[:, mask].double()
+        if greys.shape[1] < FEWEST_PIXELS or float(greys[[0, own + 1]].std(1).min()) < LEAST_CONTRAST:
+            continue
+        alike = torch.corrcoef(greys)[0, 1:].nan_to_num(0)
+        found.append(bool(alike[own] >= LEAST_ALIKE and alike[own] >= alike.max() - SIMILAR))
+    return sum(found) / len(found) if found else 1.0
 
 
 def without_harmonics(gaussians: Gaussians) -> Gaussians:

@@ -85,3 +85,12 @@ def test_two_thousand_scenes_open_in_two_seconds_and_can_be_sorted_and_filtered(
             page.wait_for_timeout(200)
         assert rows.count() > 200
         assert page.locator("img[alt=scene0]").count() == 1
+
+
+def test_an_export_of_some_of_the_formats_is_partly_done_and_says_which_not(tmp_path: Path):
+    (tmp_path / "a").mkdir()
+    record = Record("a", "x", 3, "--as occupancy is not written: no clear floor")
+    write_overview(tmp_path, "export", [scene_of(tmp_path, "a", "a", record)])
+    (row,) = csv.DictReader((tmp_path / "index.csv").read_text().splitlines())
+    assert (row["state"], row["notes"], row["result"]) == ("partly done", record.why, "a/")
+    assert record.succeeded

@@ -110,10 +110,14 @@ def test_a_broken_transforms_file(refused: Refused, scene: Path, text: str) -> N
     assert "transforms.json" in refused(scene)
 
 
-def test_a_pose_that_is_not_a_number(refused: Refused, broken: Callable[..., Path]) -> None:
-    assert "transform_matrix" in refused(
-        broken(lambda scene: scene["frames"][2]["transform_matrix"][0].__setitem__(3, float("nan")))
-    )
+def test_poses_that_are_not_numbers(refused: Refused, broken: Callable[..., Path]) -> None:
+    """All of them: single ones are left out."""
+
+    def lose(scene: dict) -> None:
+        for frame in scene["frames"]:
+            frame["transform_matrix"][0][3] = float("nan")
+
+    assert "transform_matrix" in refused(broken(lose))
 
 
 def test_a_singular_pose(refused: Refused, broken: Callable[..., Path]) -> None:

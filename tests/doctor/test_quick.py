@@ -6,12 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.doctor.diagnosis import diagnose
-from semgs.doctor.quick import FEATURES, warnings_of
+from semgs.doctor.quick import FEATURES, frames_to_test, warnings_of
 from semgs.rooms.sets.demo_room import demo_scene
 
 
@@ -63,3 +64,29 @@ def test_it_says_that_photos_lie_on_their_side(tmp_path: Path):
         frames[position] = replace(frames[position], picture=tmp_path / f"{position}.png")
     (warning,) = warnings_of(replace(scene, frames=tuple(frames)), (1, 3, 2))
     assert warning.startswith("Photos lie on their side, as EXIF says, and so do their cameras (2 of 3 tested).")
+
+
+@pytest.mark.parametrize(
+    ("chosen", "count", "tested"),
+    [
+        ((3, 1), 4, (3, 1, 0, 2)),
+        ((5, 1), 6, (5, 1, 0, 2, 3, 4)),
+        ((1, 3, 2, 0), 6, (1, 3, 2, 0, 4, 5)),
+        (tuple(range(9)), 20, (0, 1, 2, 3, 4, 5)),
+    ],
+)
+def test_six_frames_are_tested_however_few_are_used(chosen: tuple[int, ...], count: int, tested: tuple[int, ...]):
+    assert frames_to_test(chosen, count) == tested
+
+
+def test_two_and_four_views_of_a_scene_get_the_same_warning():
+    """Cameras with focal lengths of images of twice the size: of six frames, all are tested whichever are used."""
+    scene = open_scene(demo_scene())
+    doubled = [
+        replace(frame, lens=replace(frame.lens, focal=tuple(2 * side for side in frame.lens.focal)))
+        for frame in scene.frames[:6]
+    ]
+    wrong = replace(scene, frames=tuple(doubled))
+    two, four = (warnings_of(wrong, frames_to_test(chosen, 6)) for chosen in ((1, 3), (0, 2, 4, 5)))
+    assert two == four
+    assert "focal length" in two[0]

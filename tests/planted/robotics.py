@@ -42,7 +42,7 @@ ROBOTICS = (
     ),
     Mutant(
         "a table with the class of a floor is the floor", "semgs/robotics/floor.py",
-        "> MOST_BELOW:", "> 1:",
+        "if below > most:", "if below > 1:",
         ("tests/robotics/test_occupancy.py::test_the_floor_is_the_fullest_level_of_its_class_and_without_classes_the_lowest_full_one",),
     ),
     Mutant(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from math import cos, radians, sin, sqrt
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from semgs.files.errors import InputError
 from semgs.files.images.pictures import write_png
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.geometry.rigid import move_gaussians
 from semgs.geometry.rotations import covariance, matrix_from_quaternion
 from semgs.rendering.render import render
 from semgs.scene.scene_file import FILE_NAME, load_scene, save_scene
@@ -27,7 +29,7 @@ from semgs.splats import nerfstudio_frame
 from semgs.splats.nerfstudio_frame import find_trained_frame, read_trained_frame
 from semgs.splats.scene_opening import MOST_VIEWS, in_frame_of, open_splat
 from semgs.splats.splat_cameras import cameras_around
-from semgs.splats.splat_scene import find_places, splat_scene
+from semgs.splats.splat_scene import find_places, share_like_own, splat_scene
 
 Z_UP = torch.tensor([0.0, 0, 1], dtype=torch.float64)
 
@@ -342,3 +344,83 @@ def test_up_of_a_splat_with_cameras_is_searched_like_that_of_our_own_scenes():
     )
     found = up_of(splat_scene(dots(flat, 0.05), cameras))
     assert float(found.direction @ -down) > cos(radians(8))
+
+
+def photograph(gaussians: Gaussians, photos: Path, gain: float = 1.0) -> None:
+    """Make the photos of a scene what the Gaussians look like from there, or darker."""
+    source = open_scene(photos)
+    for frame in source.frames:
+        view = source.read([frame.name], (24, 32), (0.1, 100.0))
+        image = gain * render(gaussians, view.cameras).images[0].movedim(0, -1).numpy()
+        write_png(photos.parent / frame.name, (255 * image).round().astype(np.uint8))
+
+
+def coloured_surface(photos: Path) -> Gaussians:
+    """The surface in colours that differ everywhere."""
+    gaussians = surface_of(photos)
+    features = torch.randn(gaussians.colour.features.shape, generator=torch.Generator().manual_seed(3))
+    return replace(gaussians, colour=replace(gaussians.colour, features=features))
+
+
+@pytest.mark.parametrize("recorded", ["its frame", "another frame", "another file", None])
+def test_an_export_of_ours_is_moved_back_if_then_it_looks_like_the_photos(
+    tmp_path: Path, photos: Path, recorded: str | None
+):
+    """It was turned by a quarter about its optical axis and moved by (0.1, 0, 0.2); export.json says how to undo that, or something else."""
+    gaussians = coloured_surface(photos)
+    photograph(gaussians, photos)
+    file_from_scene = torch.eye(4, dtype=torch.float64)
+    file_from_scene[:2, :2] = torch.tensor([[0.0, -1], [1, 0]])
+    file_from_scene[:3, 3] = torch.tensor([0.1, 0, 0.2])
+    save_ply(tmp_path / "gaussians.ply", move_gaussians(file_from_scene, gaussians))
+    matrix = file_from_scene if recorded == "another frame" else torch.linalg.inv(file_from_scene)
+    name = "points.ply" if recorded == "another file" else "gaussians.ply"
+    if recorded is not None:
+        listed = [{"name": name, "scene_from_file": matrix.tolist()}]
+        (tmp_path / "export.json").write_text(json.dumps({"files": listed}))
+    opened = open_splat(tmp_path / "gaussians.ply", photos)
+    if recorded == "its frame":
+        assert opened.note.startswith("The splat is moved by scene_from_file of export.json beside it")
+        torch.testing.assert_close(opened.scene.gaussians.means, gaussians.means, rtol=1e-4, atol=1e-4)
+    else:
+        assert "are these cameras in its coordinates?" in opened.note
+
+
+def test_a_splat_that_is_in_the_frame_of_its_photos_stays_there(tmp_path: Path, photos: Path):
+    gaussians = coloured_surface(photos)
+    photograph(gaussians, photos)
+    save_ply(tmp_path / "a.ply", gaussians)
+    turned = np.diag([-1.0, -1, 1, 1]).tolist()
+    (tmp_path / "export.json").write_text(json.dumps({"files": [{"name": "a.ply", "scene_from_file": turned}]}))
+    opened = open_splat(tmp_path / "a.ply", photos)
+    assert opened.note == ""
+    torch.testing.assert_close(opened.scene.gaussians.means, gaussians.means, rtol=1e-4, atol=1e-4)
+
+
+def test_dark_photos_of_right_cameras_are_not_called_wrong_cameras(tmp_path: Path, photos: Path):
+    """At a fifth of the light, PSNR is far below 15 dB, but every rendering is like its own photo."""
+    gaussians = coloured_surface(photos)
+    photograph(gaussians, photos, 0.2)
+    save_ply(tmp_path / "a.ply", gaussians)
+    assert open_splat(tmp_path / "a.ply", photos).note.endswith("but the cameras fit: exposure or colours may differ.")
+
+
+def test_the_share_of_renderings_that_are_like_their_own_photo_by_hand():
+    """Two stripes and two halves. The first is like its own photo; the second like the first's, and the third has no contrast, so it does not count."""
+    stripes, halves = (
+        (torch.arange(16) % 2).float().expand(1, 3, 8, 16),
+        (torch.arange(16) // 8).float().expand(1, 3, 8, 16),
+    )
+    flat, seen = torch.full((1, 3, 8, 16), 0.5), torch.ones(3, 8, 16, dtype=torch.bool)
+    images, photos = torch.cat((stripes, stripes, flat)), torch.cat((0.2 * stripes, halves, halves))
+    assert share_like_own(images, photos, seen) == 0.5
+    assert share_like_own(images[:1], photos[:1], seen[:1]) == 1.0
+    assert share_like_own(images[2:], photos[2:], seen[2:]) == 1.0
+
+
+@pytest.mark.parametrize("matrix", ["none", None, [[1, 2], [3, 4]], np.diag([2.0, 2, 2, 1]).tolist(), [[{}]]])
+def test_an_export_whose_frame_is_none_is_refused_in_one_line(tmp_path: Path, photos: Path, matrix: object):
+    save_ply(tmp_path / "a.ply", surface_of(photos))
+    (tmp_path / "export.json").write_text(json.dumps({"files": [{"name": "a.ply", "scene_from_file": matrix}]}))
+    with pytest.raises(InputError, match=r"export.json: scene_from_file: expected a rigid motion"):
+        open_splat(tmp_path / "a.ply", photos)

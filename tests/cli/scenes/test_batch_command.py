@@ -295,3 +295,16 @@ def test_of_two_hundred_rooms_the_ten_broken_ones_are_recorded(tmp_path: Path, c
     records = [json.loads(line) for line in (out / "failures.jsonl").read_text().splitlines()]
     assert [record["scene"] for record in records] == broken
     assert all(record["code"] == 2 and "transforms.json" in record["error"] for record in records)
+
+
+def test_of_a_scene_without_metres_the_formats_that_need_none_are_written(
+    tmp_path: Path, in_this_process: None, capsys: pytest.CaptureFixture[str]
+):
+    save_walls(tmp_path / "scans", 1)
+    options = ["--out", str(tmp_path / "out"), *TWO_WORKERS, "--as", "points", "occupancy"]
+    code = main(["batch", "export", str(tmp_path / "scans"), *options])
+    (record,) = (tmp_path / "out" / "records").glob("*.json")
+    found = json.loads(record.read_text())
+    assert (code, found["code"]) == (0, 3)
+    assert found["why"].startswith("--as occupancy is not written: ")
+    assert (tmp_path / "out" / record.stem / "points.ply").exists()

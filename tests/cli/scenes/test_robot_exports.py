@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -165,3 +166,38 @@ def test_the_viewers_page_has_the_boxes(scene_file: Path, tmp_path: Path, capsys
     capsys.readouterr()
     assert main(["view", str(tmp_path / "unknown.safetensors"), "--objects", "--html", str(tmp_path / "b.html")]) == 2
     assert "--scale-from" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("scene", "formats", "written", "said"),
+    [
+        ("no floor", ("objects", "occupancy"), {"objects.json"}, "--as occupancy is not written: .* no clear floor"),
+        ("no classes", ("ply", "objects"), {"gaussians.ply"}, "--as objects is not written: .* a scene with classes"),
+        (
+            "no metres",
+            ("points", "objects", "occupancy"),
+            {"points.ply"},
+            "--as objects is not written: .* a scene in metres",
+        ),
+    ],
+)
+def test_what_can_be_written_is_and_what_cannot_is_named(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    scene: str,
+    formats: tuple[str, ...],
+    written: set[str],
+    said: str,
+) -> None:
+    room = {
+        "no floor": room_of_blocks(blocks=(("wall", (3.0, -9.0, -5.0), (4.0, 9.0, 9.0)),)),
+        "no classes": room_of_blocks(classes=False),
+        "no metres": replace(room_of_blocks(), unit="unknown"),
+    }[scene]
+    save_scene(tmp_path / "a.safetensors", room)
+    out = tmp_path / "out"
+    assert main(["export", str(tmp_path / "a.safetensors"), "--out", str(out), "--as", *formats, "--up", "z"]) == 3
+    assert {path.name for path in out.iterdir()} == {*written, "export.json", ".semgs"}
+    shown = capsys.readouterr().err.splitlines()
+    assert len(shown) == len(formats) - 1
+    assert re.search(said, shown[0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -14,7 +15,7 @@ from semgs.cli.options.types import Activated, Probability, at_least, one_word, 
 from semgs.cli.progress import show_stage
 from semgs.cli.terminal import aligned
 from semgs.cli.usage_errors import UsageError
-from semgs.files.errors import InputError
+from semgs.files.errors import ERROR_LINE, InputError
 from semgs.files.folders import check_folder, own_folder
 from semgs.splats.endings import is_splat, lacks_classes
 
@@ -39,6 +40,10 @@ NAMES_OF_COUNTS = {"points": "points", "colmap": "points", "objects": "things", 
 """What the files contain, by the beginnings of their names; others contain Gaussians."""
 
 Metres = Annotated[float, one_word("METRES", at_least(0.0, more=True, finite=True))]
+
+
+PARTLY = 3
+"""The exit code if some formats are written and others cannot be."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +109,7 @@ class Export:
     overwrite: bool = False
     """Replace OUT from an earlier run, once the new one is complete."""
 
-    def run(self) -> None:
+    def run(self) -> int:
         """Export, and print what was written.
 
         Raises:
@@ -156,21 +161,32 @@ class Export:
             keep = self._selected(scene)
             for_robots = bool({"objects", "occupancy"} & set(self.formats))
             found_up = up_of(scene, opened.up) if self.frame == "upright" or for_robots else None
+            missing: dict[str, InputError] = {}
             if for_robots:
-                self._check_for_robots(opened, found_up)
+                missing |= self._lacks_for_robots(opened, found_up)
+            if len(missing) == len(set(self.formats)):
+                raise next(iter(missing.values()))
         notes = [] if found_up is None or found_up.certain else [found_up.warning]
         things = None
-        if "objects" in self.formats and found_up is not None:
+        if "objects" in self.formats and "objects" not in missing and found_up is not None:
             with show_stage("Finding things"):
                 things = things_of(scene, found_up)
                 things = things.only(classes=self.classes, min_confidence=self.min_confidence)
         export = SceneExport(scene, keep, found_up if self.frame == "upright" else None, things, self.labels)
         with own_folder(self.out, "export", self.overwrite) as folder, show_stage("Writing"):
             files = []
-            for name in dict.fromkeys(self.formats):
-                files += self._write(folder, name, export, opened, notes)
+            for name in dict.fromkeys(one for one in self.formats if one not in missing):
+                try:
+                    files += self._write(folder, name, export, opened, notes)
+                except InputError as error:
+                    missing[name] = error
+            if not files:
+                raise next(iter(missing.values()))
             write_record(folder, files, export.up)
         self._print(files, notes)
+        for lacking, why in missing.items():
+            print(f"{ERROR_LINE}--as {lacking} is not written: {why}", file=sys.stderr)
+        return PARTLY if missing else 0
 
     def _check_splat(self) -> None:
         """Check what a splat of another program can never give, before it is read and up is searched."""
@@ -221,7 +237,12 @@ class Export:
 
         try:
             return export.write_occupancy(
-                folder, framed, resolution=self.resolution, step=self.step_height, height=self.robot_height
+                folder,
+                framed,
+                resolution=self.resolution,
+                step=self.step_height,
+                height=self.robot_height,
+                up_is_known=self.up != "auto",
             )
         except NoFloorError as error:
             raise InputError(self.scene, "a scene that shows the floor", str(error)) from error
@@ -244,13 +265,24 @@ class Export:
             raise UsageError("no Gaussian is left; relax --min-opacity, --min-confidence or --classes")
         return keep
 
-    def _check_for_robots(self, opened: OpenedScene, up: UpDirection | None) -> None:
-        """Check that a scene has what things and maps need."""
+    def _lacks_for_robots(self, opened: OpenedScene, up: UpDirection | None) -> dict[str, InputError]:
+        """Why a scene has not what things and maps need, by the format."""
+        found: dict[str, InputError] = {}
+        for name in ("objects", "occupancy"):
+            if name in self.formats:
+                try:
+                    check_for_robots(self.scene, opened, f"--as {name}", classes=name == "objects")
+                except InputError as error:
+                    found[name] = error
+        if "occupancy" in self.formats and self.frame == "scene":
+            self._check_z_is_up(up)
+        return found
+
+    def _check_z_is_up(self, up: UpDirection | None) -> None:
+        """Check that a map in the scene's coordinates is level."""
         from semgs.export.scene_objects import Z_IS_UP
 
-        objects = "objects" in self.formats
-        check_for_robots(self.scene, opened, "--as objects" if objects else "--as occupancy", classes=objects)
-        if "occupancy" in self.formats and self.frame == "scene" and up is not None and up.direction[2] < Z_IS_UP:
+        if up is not None and up.direction[2] < Z_IS_UP:
             direction = ", ".join(f"{side:.2f}" for side in up.direction.tolist())
             raise UsageError(
                 f"a map in --frame scene needs poses with z up; here up is ({direction}); leave out --frame to turn the scene upright"

@@ -101,7 +101,7 @@ class LabelSplat:
             from semgs.reconstruction.result import GivenSplat
             from semgs.reconstruction.splat_labelling import hold_out, label_splat
             from semgs.splats.load import load_splat
-            from semgs.splats.scene_opening import in_frame_of
+            from semgs.splats.scene_opening import fit_to_scene
 
         device = chosen_device(self.device)
         stages = Stages(show_stage, say_compiling, show_progress)
@@ -109,22 +109,23 @@ class LabelSplat:
             splat = load_splat(self.splat, ACTIVATED[self.activated])
             scene = open_with_details(self.cameras, self.reading.as_peers, self.reading.asked, needs_labels=False)
             check_apart(self.out, scene.places)
-            gaussians = in_frame_of(self.splat, splat.gaussians, scene)
+            moved = fit_to_scene(self.splat, splat.gaussians, scene)
         voting, held = hold_out(len(range(0, len(scene), self.every)), self.hold_out)
         with own_folder(self.out, "label-splat", self.overwrite) as folder:
             labelling, origin = self._labelling(scene, folder, device, stages)
             try:
                 result = label_splat(
                     scene,
-                    gaussians,
+                    moved.gaussians,
                     labelling,
-                    GivenSplat(self.splat.name, splat.format, len(voting), splat.notes),
+                    GivenSplat(self.splat.name, splat.format, len(voting)),
                     [self.every * place for place in voting],
                     [self.every * place for place in held],
                     self.size,
                     up=self.up,
                     min_confidence=self.min_confidence,
                     stages=stages,
+                    notes=tuple(filter(None, (*splat.notes, moved.note))),
                 )
             except InputError:
                 raise

@@ -243,9 +243,10 @@ class Reconstruct:
                 notes += refinement.notes(scene)
                 scene = refinement.applied(scene)
         with stages("check", "Checking the cameras"):
-            from semgs.doctor.quick import warnings_of
+            from semgs.doctor.quick import frames_to_test, warnings_of
 
-            notes += warnings_of(scene, chosen, refined=self.refine_poses)
+            tested = chosen if self.refine_poses else frames_to_test(chosen, len(scene))
+            notes += warnings_of(scene, tested, refined=self.refine_poses)
         return scene, choice, notes
 
     def _check(self) -> None:
