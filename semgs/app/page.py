@@ -9,7 +9,7 @@ import secrets
 import sys
 import time
 from collections import defaultdict
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -123,7 +123,7 @@ def mount_page(application: Any, jobs: Jobs, local: bool) -> tuple[Any, list[int
     # Only `launch` sets this, and without it gradio takes any file of this machine for an uploaded one.
     page.has_launched = True
 
-    mounted.add_middleware(Streams, pending=page._queue.pending_event_ids_session)
+    mounted.add_middleware(Streams, queue=page._queue)
     return mounted, [len(function.inputs) for _, function in sorted(page.fns.items())]
 
 
@@ -183,11 +183,11 @@ class Streams:
 
     Args:
         app: gradio's application.
-        pending: what each page still waits for, by gradio's name of the page.
+        queue: gradio's, of calls and of the messages that answer them.
     """
 
-    def __init__(self, app: Any, pending: Mapping[str, Any]) -> None:
-        self._app, self._pending = app, pending
+    def __init__(self, app: Any, queue: Any) -> None:
+        self._app, self._queue = app, queue
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
         """Answer one request."""
@@ -195,9 +195,18 @@ class Streams:
             return await self._app(scope, receive, send)
         session = parse_qs(scope["query_string"].decode("latin-1")).get("session_hash", [""])[0]
         try:
-            await self._app(scope, while_needed(receive, lambda: bool(self._pending.get(session))), send)
+            await self._app(scope, while_needed(receive, lambda: self._waits(session)), send)
         finally:
             end_heartbeats(session)
+            if session not in self._queue.pending_messages_per_session:  # it was broken off
+                self._queue.pending_event_ids_session.pop(session, None)
+
+    def _waits(self, session: str) -> bool:
+        """Whether a page still waits for a message, or for a call that is alive: gradio forgets some calls without an answer."""
+        messages = self._queue.pending_messages_per_session.get(session)
+        calls = self._queue.pending_event_ids_session.get(session, ())
+        alive = any(one in self._queue.event_ids_to_events for one in calls)
+        return alive or (messages is not None and not messages.empty())
 
 
 def while_needed(receive: Any, is_needed: Callable[[], bool]) -> Any:
@@ -210,11 +219,13 @@ def while_needed(receive: Any, is_needed: Callable[[], bool]) -> Any:
 
     async def received() -> Any:
         message = asyncio.ensure_future(receive())
+        idle = 0  # once may be while the last message is on its way
         try:
-            while is_needed():
+            while idle < 2:
                 done, _ = await asyncio.wait([message], timeout=IDLE_SECONDS)
                 if done:
                     return message.result()
+                idle = 0 if is_needed() else idle + 1
             return {"type": "http.disconnect"}
         finally:
             message.cancel()

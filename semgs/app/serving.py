@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from html import escape
 from math import inf
@@ -13,6 +14,7 @@ from semgs.app.door import Door
 from semgs.app.jobs import Jobs
 from semgs.app.page import check_page_library, mount_page
 from semgs.viewer.access import Access
+from semgs.viewer.failures import quieten_libraries
 
 HEADER_SECONDS = 15.0
 """The line and the headers of a request have to arrive within this time."""
@@ -24,6 +26,9 @@ SYSTEM_BYTES = 128 * 1024
 """What the system may hold of an answer. It says that a browser takes it only when a third of that has gone."""
 
 MOST_CONNECTIONS = 400
+
+SOCKETS, OTHER_DESCRIPTORS, BACKLOG = 600, 300, 128
+"""Connections that are kept, with those that have sent no request yet; what else the server needs descriptors for; connections that the system keeps waiting."""
 
 HEADERS = {"X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cache-Control": "private, no-store"}
 
@@ -59,6 +64,20 @@ def application(jobs: Jobs, *, local: bool = True, access: Access | None = None)
 
     mounted, inputs = mount_page(app, jobs, local)
     return Door(mounted, access or Access(), jobs.uploads, jobs.limits, inputs)
+
+
+def allow_descriptors(wanted: int) -> int:
+    """Let this process have so many descriptors, if the system does. Returns how many it has."""
+    if sys.platform == "win32":
+        return wanted
+    import resource
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    most = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+    if soft != resource.RLIM_INFINITY and soft < most:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
+        soft = most
+    return wanted if soft == resource.RLIM_INFINITY else soft
 
 
 def served_path(room: Path, name: str) -> Path | None:
@@ -109,6 +128,8 @@ def serve(app: Any, host: str, port: int, started: Callable[[int], None]) -> Non
 
         def connection_made(self, transport: Any) -> None:
             super().connection_made(transport)
+            if len(self.connections) > most:  # before there is a request: each takes a descriptor of the system
+                self.transport.abort()
             transport.set_write_buffer_limits(high=0)  # pause_writing comes with the first byte that has to wait
             self._option(socket.SO_SNDBUF, SYSTEM_BYTES)
             self._watch()
@@ -167,15 +188,18 @@ def serve(app: Any, host: str, port: int, started: Callable[[int], None]) -> Non
                 self.deadline.cancel()
                 self.deadline = None
 
+    quieten_libraries()
+    most = min(SOCKETS, allow_descriptors(SOCKETS + OTHER_DESCRIPTORS) - OTHER_DESCRIPTORS)
     listening = socket.create_server(
         (host, port),
+        backlog=BACKLOG,
         family=socket.AF_INET6 if ":" in host else socket.AF_INET,
         dualstack_ipv6=host == "::" and socket.has_dualstack_ipv6(),
     )
     started(listening.getsockname()[1])
     server = Server(
         Config(
-            app, http=Protocol, ws="none", limit_concurrency=MOST_CONNECTIONS, log_level="critical", access_log=False,
+            app, http=Protocol, ws="none", limit_concurrency=MOST_CONNECTIONS, backlog=BACKLOG, log_level="critical", access_log=False,
             timeout_graceful_shutdown=2, server_header=False,
         )
     )  # fmt: skip

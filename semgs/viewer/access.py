@@ -93,7 +93,8 @@ class Access:
 
     def knows(self, host: str) -> bool:
         """Whether the server may be opened under a name, with a port or without."""
-        return self.hosts is None or _name(host.lower()) in (*self.hosts, *self.names)
+        name = _name(host.lower())
+        return bool(name) and (self.hosts is None or name in (*self.hosts, *self.names))
 
     def is_foreign(self, headers: Iterable[tuple[str, str]]) -> bool:
         """Whether a browser says that a page elsewhere sent a request, as a link or a frame does."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import time
 from math import inf
@@ -11,6 +12,9 @@ from semgs.files.text import printable
 
 QUIET_SECONDS = 60.0
 """At most one failure at a place of the code is printed in this time."""
+
+MOST_LETTERS = 300
+"""Of a line."""
 
 _told: dict[str, float] = {}
 """When a failure was last told, by its place in the code."""
@@ -24,13 +28,28 @@ def tell_failure(error: BaseException) -> None:
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next
     place = "" if trace is None else f" at {Path(trace.tb_frame.f_code.co_filename).name}:{trace.tb_lineno}"
-    text = " ".join(str(error).split())[:200]
-    line = f"semgs: a request failed: {type(error).__name__}{place}: {text}"
+    _tell(place, f"a request failed: {type(error).__name__}{place}: {error}")
+
+
+def quieten_libraries() -> None:
+    """From now on, what libraries log is one line in the terminal, and of the same library one a minute: some log each damaged request."""
+    logging.lastResort = _OnOneLine(logging.WARNING)
+
+
+class _OnOneLine(logging.Handler):
+    """Prints records."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        _tell(record.name, f"{record.name}: {record.getMessage()}")
+
+
+def _tell(place: str, text: str) -> None:
+    """Print a line, unless one of the same place was printed a short time ago."""
     now = time.monotonic()
     if now - _told.get(place, -inf) < QUIET_SECONDS:
         return
     _told[place] = now
     try:
-        print(printable(line), file=sys.stderr, flush=True)
+        print(printable(f"semgs: {' '.join(text.split())[:MOST_LETTERS]}"), file=sys.stderr, flush=True)
     except (OSError, ValueError):  # there is no terminal any more
         return

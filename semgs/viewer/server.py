@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import logging
 import re
 import socket
 import threading
@@ -17,7 +16,7 @@ from urllib.parse import unquote
 from semgs.files.errors import InputError
 from semgs.files.extras import needs_extra
 from semgs.viewer.access import HOST_NAME, PAGE_POLICY, Access, Refusal
-from semgs.viewer.failures import tell_failure
+from semgs.viewer.failures import quieten_libraries, tell_failure
 from semgs.viewer.viewer_messages import MOST_BYTES, is_plain, take_known_messages
 
 if TYPE_CHECKING:
@@ -43,6 +42,8 @@ EVERY_ADDRESS, EVERY_ADDRESS_6 = "0.0.0.0", "::"
 ANY_PORT = 0
 
 _starting = threading.Lock()
+
+WRONG_VERSION = "This page is of another version. Load it again."
 
 ELSEWHERE = ("websocket=", "playbackPath=")
 """What makes viser's page take its content, scripts included, from another server."""
@@ -86,9 +87,9 @@ def serving(host: str = LOOPBACK, port: int = ANY_PORT, access: Access | None = 
         # A page from elsewhere that connects to this server could ask for a public address, also without the button.
         server.request_share_url = _refuse  # type: ignore[method-assign]
         take_known_messages(server)
+        quieten_libraries()
         for module in (_viser, _gui_api, _scene_api):
             vars(module)["print_threadpool_errors"] = _tell_failure_of
-        logging.getLogger("websockets.server").setLevel(logging.CRITICAL)  # a trace for each message that is damaged
         server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         yield server
     finally:
@@ -142,6 +143,7 @@ def _only_plain(receive: Callable[[], Awaitable[Any]]) -> Callable[[], Awaitable
 
 def _guarded(access: Access, answer: Callable[..., Any] | None) -> Callable[..., Any]:
     """What answers HTTP requests, WebSocket handshakes included, if `access` lets them in."""
+    import viser
     from websockets.datastructures import Headers
     from websockets.http11 import Response
 
@@ -150,6 +152,9 @@ def _guarded(access: Access, answer: Callable[..., Any] | None) -> Callable[...,
         websocket = any(name.lower() == "upgrade" for name, _ in headers)
         query = request.path.partition("?")[2]
         refusal = access.refusal("GET", headers, query, websocket)
+        spoken = [value.strip() for name, value in headers if name.lower() == "sec-websocket-protocol"]
+        if refusal is None and websocket and spoken != [f"viser-v{viser.__version__}"]:  # viser would print it
+            refusal = Refusal(400, WRONG_VERSION)
         if refusal is None and not websocket and any(name in unquote(query) for name in ELSEWHERE):
             refusal = Refusal(303, "", (("location", "./"),))
         if refusal is None:

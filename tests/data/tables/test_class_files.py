@@ -95,8 +95,11 @@ def test_a_file_may_say_which_of_scannets_classes_a_number_is(tmp_path):
         (lambda t: t.update(terms=3), "terms: expected text"),
         (lambda t: t.update(unknown=256), "unknown: expected a number from 0 to 255, found 256"),
         (lambda t: t.update(unknown="none"), "unknown"),
-        (lambda t: t.update(unknown={}), r"unknown: expected a whole number, found {}"),
-        (lambda t: t.update(unknown=20 * [list(range(9))]), r"unknown: expected a whole number, found .{60}$"),
+        (lambda t: t.update(unknown={}), r"unknown: expected a whole number, or a list of them, found {}"),
+        (
+            lambda t: t.update(unknown=20 * [list(range(9))]),
+            r"unknown: expected a whole number, or a list of them, found .{60}$",
+        ),
         (lambda t: t.update(unknown=20), r"classes\[1\]\.id: expected each number once, found 20 twice"),
         (lambda t: t["classes"].append({"id": 0, "scannet20": "door"}), r"classes\[3\]\.id: .*found 0 twice"),
         (lambda t: t["classes"].append({"id": -1, "scannet20": "door"}), r"classes\[3\]\.id: expected a number"),
