@@ -61,6 +61,9 @@ DEPTH = 64
 """Channels of the finest wide map, of the decoder and of each half of a level of the context."""
 
 
+OWN_LAYERS = ("translation.", "own.", "own_low.")
+"""Beginnings of the names of tensors that the published file lacks."""
+
 SMALLEST = 1e-9
 """Probabilities of classes below this count as this."""
 

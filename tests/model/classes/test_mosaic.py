@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import log
-from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 from networks import preset
@@ -22,6 +20,7 @@ from semgs.model.classes.mosaic import (
     enlarge,
     window_means,
 )
+from semgs.model.semgs import SemGS
 from semgs.model.settings import MosaicBeside
 from semgs.model.switches import switches_of
 
@@ -146,12 +145,7 @@ def test_the_network_has_1_8_million_parameters_and_the_published_names():
     assert len(names) == 2 * (1 + 16 * 3 + 1 + 3 * 4 + 1 + 1 + 1 + 1 + 1) + 1 + 2 * 2
 
 
-@pytest.mark.long
-def test_the_published_weights_say_of_a_photo_what_their_own_program_says():
-    ...
-
-
-def one_network(**changes: object) -> tuple[nn.Module, Tensor]:
+def one_network(**changes: object) -> SemGS:
     """`small_plain` with the second network, in evaluation mode."""
     torch.manual_seed(1)
     return preset("small_plain", class_backbone=True, class_mosaic=True, **changes).eval()

@@ -220,3 +220,18 @@ def test_switches_make_another_network_and_must_be_those_of_the_weights(tmp_path
     assert again.settings == full.settings
     with pytest.raises(InputError, match="weights of a network with windows = 2, found 1"):
         initial_network("small_plain", str(tmp_path / "full.safetensors"), switches={"windows": 2})
+
+
+def test_mosaic_comes_beside_a_semantic_branch_that_is_kept_and_goes_again(tmp_path: Path):
+    path = plain(tmp_path)
+    there = load("small_plain", path).state_dict()
+    more = initial_network("small_plain", str(path), seed=4, switches={"class_mosaic": True})
+    here = more.state_dict()
+    assert all(torch.equal(here[name], there[name]) for name in there)
+    assert {name for name in here if name not in there} == {name for name in here if name.startswith("semantic.mosaic.")}
+    assert more.origin == f"plain.safetensors: {len(there)} of {len(here)} tensors kept; MOSAIC drawn with seed 4"
+    save(tmp_path / "more.safetensors", more, {})
+    less = initial_network("small_plain", str(tmp_path / "more.safetensors"), switches={"class_mosaic": False})
+    assert less.settings == load("small_plain", path).settings
+    assert less.origin == f"more.safetensors: {len(there)} of {len(there)} tensors kept"
+    assert all(torch.equal(less.state_dict()[name], there[name]) for name in there)
