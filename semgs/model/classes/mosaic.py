@@ -84,14 +84,13 @@ class InvertedResidual(nn.Module):
         self.project = SameConv2d(wide, block.outputs)
         self.residual = block.stride == 1 and inputs == block.outputs
 
-    def widen(self, x: Float[Tensor, "n inputs h w"]) -> Float[Tensor, "n wide h2 w2"]:
-        """The wide map."""
-        return relu(self.depthwise(relu(self.expand(x), inplace=True)), inplace=True)
-
-    def narrow(self, wide: Float[Tensor, "n wide h2 w2"], x: Tensor) -> Float[Tensor, "n outputs h2 w2"]:
-        """The output, from the wide map and the input."""
-        y: Tensor = self.project(wide)
-        return x + y if self.residual else y
+    def forward(
+        self, x: Float[Tensor, "n inputs h w"]
+    ) -> tuple[Float[Tensor, "n outputs h2 w2"], Float[Tensor, "n wide h2 w2"]]:
+        """The output, and the wide map before the last convolution."""
+        wide = relu(self.depthwise(relu(self.expand(x), inplace=True)), inplace=True)
+        y = self.project(wide)
+        return x + y if self.residual else y, wide
 
 
 class ContextLevel(nn.Module):
@@ -132,7 +131,8 @@ class Translation(nn.Module):
     def forward(self, logits: Float[Tensor, "n known h w"]) -> Float[Tensor, "n class h w"]:
         """Log-probabilities of the new classes, in the precision of the weights."""
         probabilities = logits.to(self.weight.dtype).softmax(1)
-        return conv2d(probabilities, self.weight.softmax(0)[..., None, None]).clamp(min=SMALLEST).log()
+        translated: Tensor = conv2d(probabilities, self.weight.softmax(0)[..., None, None])
+        return translated.clamp(min=SMALLEST).log()
 
 
 class Mosaic(nn.Module):
@@ -177,7 +177,7 @@ class Mosaic(nn.Module):
         Args:
             images: of any size, in 0..1.
         """
-        fine, middle, x = self._encode(self.enlarged(images))
+        (fine, middle), x = self._encode(self.enlarged(images))
         x = enlarge(x, 2, middle)
         x = relu(self.refine(relu(self.merge(torch.cat((x, middle), 1)))))
         published = relu(self.low(fine)) + enlarge(relu(self.classes(x)), 2, fine)
@@ -192,7 +192,9 @@ class Mosaic(nn.Module):
             return interpolate(images, (height, width), mode="area")
         return interpolate(images, (height, width), mode="bilinear", align_corners=False)
 
-    def mean(self, others: Float[Tensor, "n class h w"], logits: Float[Tensor, "n class h w"]) -> Float[Tensor, "n class h w"]:
+    def mean(
+        self, others: Float[Tensor, "n class h w"], logits: Float[Tensor, "n class h w"]
+    ) -> Float[Tensor, "n class h w"]:
         """The mean of another network's logits and its own: the geometric mean of both distributions."""
         return (1 - self.share) * others + self.share * logits
 
@@ -205,18 +207,17 @@ class Mosaic(nn.Module):
         own = self.class_layers()
         return tuple(layer for layer in self.children() if layer not in own)
 
-    def _encode(self, images: Float[Tensor, "n 3 h w"]) -> tuple[Tensor, Tensor, Tensor]:
-        """Maps of 64 channels at 1/4, 192 at 1/8, and 128 at 1/16 with context."""
+    def _encode(self, images: Float[Tensor, "n 3 h w"]) -> tuple[list[Tensor], Float[Tensor, "n 128 h16 w16"]]:
+        """The wide maps that the decoder reads, 64 channels at 1/4 and 192 at 1/8; and the coarsest map with its context."""
         x = (255 * images - 128) / 127.5
         x = relu(self.stem(x.contiguous(memory_format=torch.channels_last)))
-        wide_maps = []
-        for block in self.blocks:
-            wide = block.widen(x)
-            x = block.narrow(wide, x)
-            wide_maps.append(wide)
+        read = []
+        for k, block in enumerate(self.blocks):
+            x, wide = block(x)
+            if k in (FINE, MIDDLE):
+                read.append(wide)
         x = relu(self.top(x))
-        context = relu(self.context(torch.cat([*(level(x) for level in self.pyramid), x], 1)))
-        return wide_maps[FINE], wide_maps[MIDDLE], context
+        return read, relu(self.context(torch.cat([*(level(x) for level in self.pyramid), x], 1)))
 
 
 def window_means(x: Float[Tensor, "n c h w"], side: int) -> Float[Tensor, "n c h2 w2"]:

@@ -121,9 +121,9 @@ def _from_weights(
     wanted = _switched(present, layers)
     if header.settings.name != name:
         return load(name, path, classes=classes)  # raises an InputError
-    fresh_semantics |= wanted.semantic != _switched(
-        present, {key: layers[key] for key in BESIDE if key in layers}
-    ).semantic
+    fresh_semantics |= (
+        wanted.semantic != _switched(present, {key: layers[key] for key in BESIDE if key in layers}).semantic
+    )
     if not fresh_semantics and header.classes not in (None, classes) and not own_classes:
         raise other_table(path, classes, header.classes, "name the table to train on with --classes FILE")
     fresh_classes = header.classes != classes

@@ -44,16 +44,18 @@ def test_a_block_cuts_negative_numbers_only_and_adds_its_input():
     )
     x = torch.tensor([[[[8.0]]]])
     # 8 is widened to (8, 0), then (4, 2), then 4 - 20 + 1 = -15, which is not cut, plus 8.
-    assert block.widen(x).flatten().tolist() == [4, 2]
-    assert block.narrow(block.widen(x), x).item() == -7
+    narrow, wide = block(x)
+    assert wide.flatten().tolist() == [4, 2]
+    assert narrow.item() == -7
 
 
 def test_a_block_with_a_stride_halves_the_map_and_adds_nothing():
     block = InvertedResidual(2, Block(4, 5, 2, 1, 2))
     set_middle_taps((block.project, 8 * (0.0,), (3.0, -1.0)))
     x = torch.rand(1, 2, 6, 8)
-    assert block.narrow(block.widen(x), x)[0, :, 0, 0].tolist() == [3, -1]
-    assert block.widen(x).shape == (1, 4, 3, 4)
+    narrow, wide = block(x)
+    assert narrow[0, :, 0, 0].tolist() == [3, -1]
+    assert wide.shape == (1, 4, 3, 4)
 
 
 def test_taps_of_a_dilated_convolution_are_two_texels_apart():
@@ -63,7 +65,7 @@ def test_taps_of_a_dilated_convolution_are_two_texels_apart():
         block.depthwise.weight.zero_()
         block.depthwise.weight[0, 0, 2, 3] = 1  # the tap right of the middle one
         block.depthwise.bias.zero_()
-    assert block.widen(torch.tensor([[[[1.0, 2.0, 3.0, 4.0]]]])).flatten().tolist() == [3, 4, 0, 0]
+    assert block(torch.tensor([[[[1.0, 2.0, 3.0, 4.0]]]]))[1].flatten().tolist() == [3, 4, 0, 0]
 
 
 def test_windows_past_the_border_are_means_of_what_they_cover():
@@ -141,7 +143,9 @@ def test_the_network_has_1_8_million_parameters_and_the_published_names():
     assert sum(one.numel() for one in network.parameters()) == 1_862_176 + own
     names = list(network.state_dict())
     assert names[:2] == ["stem.weight", "stem.bias"]
-    assert {"blocks.15.project.bias", "pyramid.2.pointwise5.weight", "context.bias", "merge.bias", "low.bias"} <= {*names}
+    assert {"blocks.15.project.bias", "pyramid.2.pointwise5.weight", "context.bias", "merge.bias", "low.bias"} <= {
+        *names
+    }
     assert len(names) == 2 * (1 + 16 * 3 + 1 + 3 * 4 + 1 + 1 + 1 + 1 + 1) + 1 + 2 * 2
 
 

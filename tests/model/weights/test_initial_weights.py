@@ -228,7 +228,9 @@ def test_mosaic_comes_beside_a_semantic_branch_that_is_kept_and_goes_again(tmp_p
     more = initial_network("small_plain", str(path), seed=4, switches={"class_mosaic": True})
     here = more.state_dict()
     assert all(torch.equal(here[name], there[name]) for name in there)
-    assert {name for name in here if name not in there} == {name for name in here if name.startswith("semantic.mosaic.")}
+    assert {name for name in here if name not in there} == {
+        name for name in here if name.startswith("semantic.mosaic.")
+    }
     assert more.origin == f"plain.safetensors: {len(there)} of {len(here)} tensors kept; MOSAIC drawn with seed 4"
     save(tmp_path / "more.safetensors", more, {})
     less = initial_network("small_plain", str(tmp_path / "more.safetensors"), switches={"class_mosaic": False})
