@@ -56,7 +56,9 @@ def undo(weights: Path, run: Path, out: Path) -> tuple[float, ...]:
     bias = last.bias
     assert isinstance(bias, torch.Tensor)
     shift = -np.log(np.array(data.class_weights))
-    share = 1.0 if model.semantic.mosaic is None else 1 - model.semantic.mosaic.share  # of this layer in the mean of both
+    share = (
+        1.0 if model.semantic.mosaic is None else 1 - model.semantic.mosaic.share
+    )  # of this layer in the mean of both
     with torch.no_grad():
         bias[-len(shift) :] += torch.from_numpy((shift - shift.mean()) / share).to(bias)
     described = f"{header.metadata.get('description', weights.name)}; without the class weights of {run.name}"

@@ -182,8 +182,8 @@ class Mosaic(nn.Module):
         x = relu(self.refine(relu(self.merge(torch.cat((x, middle), 1)))))
         published = relu(self.low(fine)) + enlarge(relu(self.classes(x)), 2, fine)
         own = self.own_low(fine) + enlarge(self.own(x), 2, fine)
-        translated: Tensor = self.translation(published)
-        return translated + own
+        logits: Tensor = self.translation(published) + own
+        return logits
 
     def enlarged(self, images: Float[Tensor, "n 3 h w"]) -> Float[Tensor, "n 3 h2 w2"]:
         """The images at the size that the network reads."""
