@@ -126,11 +126,11 @@ def read_examples(folder: str, network: SemGS, mosaic: Mosaic, photo: bool, new:
             maps = []
             for mirrored in (False, True) if photo else (False,):
                 views = small.map(lambda array: array.flip(-1)) if mirrored else small
-                both = (network.class_maps(views, alone=True).distributions[0], mosaic(views.images).softmax(1))
+                both = (network.class_maps(views, alone=True).distributions, mosaic(views.images).softmax(1))
                 found = torch.cat([interpolate(one, size, mode="area") for one in both])
                 maps.append(found.flip(-1) if mirrored else found)
             first, second = torch.stack(maps).mean(0).clamp(min=1e-6).split(1)
-            plain = network.class_maps(small, alone=True).distributions[0]
+            plain = network.class_maps(small, alone=True).distributions
             known = interpolate(plain, size, mode="area").clamp(min=1e-6).log()
             share = SHARES["photos" if photo else "rooms"]
             taught = among_known(first.log(), second.log(), own, share)
