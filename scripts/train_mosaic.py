@@ -1,4 +1,4 @@
-"""Train MOSAIC on, beside the class branch of the included weights, and write weights with both.
+"""Train MOSAIC on, beside the class branch of weights (--start, by default the included ones), and write weights with both.
 
     python scripts/train_mosaic.py MOSAIC.safetensors TABLE.npy OUT.safetensors --photos DIR [DIR ...] --rooms DIR [DIR ...]
 
@@ -10,8 +10,9 @@ Every layer learns from
 - labels, alone and in the mean of both networks;
 - a teacher: what both networks say before the training. The class branch keeps the probability of the classes that MOSAIC never saw; the rest is divided by a geometric mean
   of both, .6 of MOSAIC in photos and .4 in rooms.
-Images are cropped, rolled, mirrored, recoloured and taken as by other cameras. Two of three photos are first reduced to the size at which SemGS reads them. The result is
-an exponential moving average. Depth, colour and the class branch do not change.
+Images are cropped (rather where there is something that MOSAIC never saw), rolled, mirrored, recoloured and taken as by other cameras. Two of three photos are first reduced to the size at which SemGS reads them. The result is
+the mean of the published weights and of an exponential moving average, with --trained of the latter: that keeps more of what MOSAIC knew. Depth, colour and the class branch do
+not change.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 from torch.nn.functional import avg_pool2d, cross_entropy, grid_sample, interpolate, log_softmax
 
@@ -35,7 +36,6 @@ from semgs.data.views import Views
 from semgs.model.classes.mosaic import Mosaic
 from semgs.model.semgs import SemGS
 from semgs.model.weights.initial_weights import initial_network
-from semgs.model.weights.load import load
 from semgs.model.weights.weights_file import save
 from semgs.training.data.augmentation import recolour
 from semgs.training.data.photo_camera import photograph
@@ -79,6 +79,9 @@ find rare classes likelier than they are."""
 WARMUP = 0.04
 """Share of the steps in which the learning rates rise."""
 
+OFTEN = 0.02
+"""Images of rooms with a larger share of classes that MOSAIC never saw come twice. And of two places for a crop, the one that shows more of them is taken."""
+
 LABELLED = 2000
 """Labelled pixels, at half the size, from which on an image counts fully."""
 
@@ -92,6 +95,7 @@ class Example:
         new: whether the class branch has not seen it.
         full, small: the image at its own size, and as SemGS reads it.
         labels: at its own size, 255 = ignore.
+        unseen: which labels are of classes that MOSAIC never saw.
         known: probabilities of the teacher, then log-probabilities of the class branch.
     """
 
@@ -100,6 +104,7 @@ class Example:
     full: UInt8[Tensor, "1 3 h w"]
     small: UInt8[Tensor, "1 3 h2 w2"]
     labels: UInt8[Tensor, "h w"]
+    unseen: Bool[Tensor, "h w"]
     known: Float[Tensor, "1 channel h4 w4"]
 
 
@@ -115,6 +120,7 @@ def read_examples(folder: str, network: SemGS, mosaic: Mosaic, photo: bool, new:
     """
     assert network.classes is not None
     own = torch.tensor([name not in UNSEEN for name in network.classes.names])
+    rare = torch.nonzero(~own)[:, 0]
     for path in scene_paths(folder):
         scene = open_scene(path.absolute(), needs_cameras=False)
         for index, frame in enumerate(scene.frames):
@@ -134,7 +140,8 @@ def read_examples(folder: str, network: SemGS, mosaic: Mosaic, photo: bool, new:
             known = interpolate(plain, size, mode="area").clamp(min=1e-6).log()
             share = SHARES["photos" if photo else "rooms"]
             taught = among_known(first.log(), second.log(), own, share)
-            yield Example(photo, new, stored(full), stored(small), full.labels[0], torch.cat((taught, known), 1).half())
+            labels, maps = full.labels[0], torch.cat((taught, known), 1).half()
+            yield Example(photo, new, stored(full), stored(small), labels, torch.isin(labels, rare), maps)
 
 
 def among_known(
@@ -164,7 +171,8 @@ def crop(example: Example, rng: np.random.Generator) -> tuple[Tensor, Tensor, Te
     scale = max(float(np.exp(rng.uniform(*np.log(SCALES)))), 1.0001 * SIZE[0] / height, 1.0001 * SIZE[1] / width)
     angle = np.radians(rng.uniform(-ROLL, ROLL)) * int(rng.integers(2))
     half = (SIZE[0] / scale / 2, SIZE[1] / scale / 2)
-    middle = (rng.uniform(half[1], width - half[1]), rng.uniform(half[0], height - half[0]))
+    places = [(rng.uniform(half[1], width - half[1]), rng.uniform(half[0], height - half[0])) for _ in range(2)]
+    middle = max(places, key=lambda place: unseen_around(example, place, half))
     right = (torch.arange(SIZE[1]) + 0.5 - SIZE[1] / 2) / scale * (1 - 2 * int(rng.integers(2)))
     down = ((torch.arange(SIZE[0]) + 0.5 - SIZE[0] / 2) / scale)[:, None]
     x = middle[0] + np.cos(angle) * right - np.sin(angle) * down
@@ -178,6 +186,21 @@ def crop(example: Example, rng: np.random.Generator) -> tuple[Tensor, Tensor, Te
     known = grid_sample(example.known.float(), quarter, padding_mode="border", align_corners=False)
     views = Views.trusted(images=image.clamp(0, 1), cameras=None, depth_range=None)
     return photograph(recolour(views, COLOUR, rng), CAMERA, rng).images, labels, known
+
+
+def unseen_around(example: Example, middle: tuple[float, float], half: tuple[float, float]) -> int:
+    """Labelled pixels of classes that MOSAIC never saw, in a window.
+
+    Args:
+        example: the image.
+        middle: of the window, in pixels of the small image, from the left and from the top.
+        half: half of its height and width, in the same pixels.
+    """
+    ratio = example.unseen.shape[0] / example.small.shape[-2]
+    (left, top), (right, bottom) = (
+        [int(ratio * (place + sign * side)) for place, side in zip(middle, half[::-1], strict=True)] for sign in (-1, 1)
+    )
+    return int(example.unseen[top : bottom + 1, left : right + 1].sum())
 
 
 def loss_of(logits: Tensor, labels: Tensor, known: Tensor, photos: Tensor, new: Tensor) -> Tensor:
@@ -228,7 +251,8 @@ def learn(mosaic: Mosaic, examples: Sequence[Example], steps: int, seed: int) ->
         seed: of the order and the crops.
     """
     pools = [[one for one in examples if one.photo and one.new is new] for new in (False, True)]
-    pools = [pool for pool in pools if pool] + [[one for one in examples if not one.photo]]
+    rooms = [one for one in examples if not one.photo]
+    pools = [pool for pool in pools if pool] + [rooms + [one for one in rooms if one.unseen.float().mean() > OFTEN]]
     counts = [4 // (len(pools) - 1)] * (len(pools) - 1) + [4]
     optimiser = torch.optim.AdamW(parameter_groups(mosaic), betas=(0.9, 0.99))
     average = deepcopy(mosaic)
@@ -270,14 +294,14 @@ def main() -> None:
     parser.add_argument("out", type=Path, metavar="OUT.safetensors")
     parser.add_argument("--photos", nargs="+", required=True, metavar="DIR")
     parser.add_argument("--rooms", nargs="+", required=True, metavar="DIR")
+    parser.add_argument("--start", default="small")
     parser.add_argument("--steps", type=int, default=1000)
+    parser.add_argument("--trained", type=float, default=0.6)
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     began = time.process_time()
-    network = load("small")
-    assert network.semantic is not None
-    network.semantic.mosaic = None
-    both = initial_network("small", "small", switches={"class_mosaic": True}, backbone=str(given.mosaic))
+    network = initial_network("small", given.start, switches={"class_mosaic": False})
+    both = initial_network("small", given.start, switches={"class_mosaic": True}, backbone=str(given.mosaic))
     assert both.semantic is not None
     assert both.semantic.mosaic is not None
     mosaic = both.semantic.mosaic.requires_grad_()
@@ -291,7 +315,11 @@ def main() -> None:
     ]
     print(f"{len(examples)} images, {time.process_time() - began:.0f} core-seconds", flush=True)
     enlargement, mosaic.enlargement = mosaic.enlargement, 1.0
-    both.semantic.mosaic = learn(mosaic, examples, given.steps, given.seed)
+    published = deepcopy(mosaic.state_dict())
+    average = learn(mosaic, examples, given.steps, given.seed)
+    trained = average.state_dict()
+    average.load_state_dict({name: one.lerp(trained[name], given.trained) for name, one in published.items()})
+    both.semantic.mosaic = average
     both.semantic.mosaic.enlargement = enlargement
     save(
         given.out,

@@ -52,15 +52,16 @@ def undo(weights: Path, run: Path, out: Path) -> tuple[float, ...]:
         raise InputError(weights, f"the classes of {run.name}", found)
     model = load(weights)
     assert model.semantic is not None
+    if model.semantic.mosaic is not None:
+        raise InputError(
+            weights, "weights without MOSAIC, whose classes are not the mean of two networks", "some with it"
+        )
     *_, last = model.semantic.class_layers()
     bias = last.bias
     assert isinstance(bias, torch.Tensor)
     shift = -np.log(np.array(data.class_weights))
-    share = (
-        1.0 if model.semantic.mosaic is None else 1 - model.semantic.mosaic.share
-    )  # of this layer in the mean of both
     with torch.no_grad():
-        bias[-len(shift) :] += torch.from_numpy((shift - shift.mean()) / share).to(bias)
+        bias[-len(shift) :] += torch.from_numpy(shift - shift.mean()).to(bias)
     described = f"{header.metadata.get('description', weights.name)}; without the class weights of {run.name}"
     kept = {key: value for key, value in header.metadata.items() if key not in OWN_KEYS | {TEMPERATURES, SCORES}}
     save(out, model, kept | {"description": described})

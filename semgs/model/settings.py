@@ -144,7 +144,7 @@ class MobileNet:
 
 @dataclass(frozen=True)
 class MosaicBeside:
-    """MOSAIC beside the refinement: the classes of each view are the geometric mean of what both find.
+    """MOSAIC beside the refinement: the classes of each view are the geometric mean of what both find, among those that MOSAIC knows.
 
     Attributes:
         share: of MOSAIC in the mean.

@@ -241,8 +241,13 @@ MODEL = (
     ),
     Mutant(
         "the share of MOSAIC is that of the other network", "semgs/model/classes/mosaic.py",
-        "(1 - self.share) * others + self.share * logits", "self.share * others + (1 - self.share) * logits",
+        "(1 - self.share) * first + self.share * second", "self.share * first + (1 - self.share) * second",
         ("tests/model/classes/test_mosaic.py::test_the_mean_is_geometric",),
+    ),
+    Mutant(
+        "classes that MOSAIC does not know lose to those that it knows", "semgs/model/classes/mosaic.py",
+        "mean - total + mass", "mean - total",
+        ("tests/model/classes/test_mosaic.py::test_classes_that_the_second_network_does_not_know_stay_as_likely_as_they_were",),
     ),
     Mutant(
         "a class is translated into shares of what it may come from", "semgs/model/classes/mosaic.py",

@@ -61,7 +61,7 @@ DEPTH = 64
 """Channels of the finest wide map, of the decoder and of each half of a level of the context."""
 
 
-OWN_LAYERS = ("translation.", "own.", "own_low.")
+OWN_LAYERS = ("translation.", "own.", "own_low.", "mixture.")
 """Beginnings of the names of tensors that the published file lacks."""
 
 SMALLEST = 1e-9
@@ -135,18 +135,49 @@ class Translation(nn.Module):
         return translated.clamp(min=SMALLEST).log()
 
 
+class GeometricMean(nn.Module):
+    """The geometric mean of two class distributions, among the classes that the second network knows; the first one alone decides how likely the
+    others are.
+
+    Args:
+        classes: number of classes; the second network knows all of them at first.
+        share: of the second network.
+    """
+
+    def __init__(self, classes: int, share: float) -> None:
+        super().__init__()
+        self.share = share
+        self.register_buffer("known", torch.ones(classes, dtype=torch.bool))
+
+    @outside_autocast
+    def forward(
+        self, first: Float[Tensor, "n class h w"], second: Float[Tensor, "n class h w"]
+    ) -> Float[Tensor, "n class h w"]:
+        """Log-probabilities, from logits of both networks.
+
+        With the probabilities p and q, those of known classes are p^(1 - w) q^w, scaled to the sum that p has over them; all others are p.
+        """
+        first, second = (
+            maps.to(torch.promote_types(maps.dtype, torch.float32)).log_softmax(1) for maps in (first, second)
+        )
+        known = self.get_buffer("known")[:, None, None]
+        mean = (1 - self.share) * first + self.share * second
+        mass, total = (maps.masked_fill(~known, -torch.inf).logsumexp(1, keepdim=True) for maps in (first, mean))
+        return torch.where(known, mean - total + mass, first)
+
+
 class Mosaic(nn.Module):
     """The network (1.9 million parameters), and how its classes join those of another one.
 
     Args:
         classes: number of classes of its logits.
-        share: of its logits in `mean`.
+        share: in the mean of both (`mixture`).
         enlargement: of its images, relative to those that the MobileNet reads (`downsample`).
     """
 
     def __init__(self, classes: int, share: float = 0.5, enlargement: float = 1.6) -> None:
         super().__init__()
-        self.share, self.enlargement = share, enlargement
+        self.enlargement = enlargement
         self.stem = SameConv2d(3, STEM, 3, stride=2)
         widths = (STEM, *(block.outputs for block in LAYOUT))
         self.blocks = nn.ModuleList(InvertedResidual(*sizes) for sizes in zip(widths[:-1], LAYOUT, strict=True))
@@ -164,6 +195,7 @@ class Mosaic(nn.Module):
             else:
                 nn.init.kaiming_normal_(parameter, nonlinearity="relu")
         self.translation = Translation(PUBLISHED, classes)
+        self.mixture = GeometricMean(classes, share)
         self.own = SameConv2d(DEPTH, classes)
         self.own_low = SameConv2d(DEPTH, classes)
         for layer in (self.own, self.own_low):
@@ -192,15 +224,9 @@ class Mosaic(nn.Module):
             return interpolate(images, (height, width), mode="area")
         return interpolate(images, (height, width), mode="bilinear", align_corners=False)
 
-    def mean(
-        self, others: Float[Tensor, "n class h w"], logits: Float[Tensor, "n class h w"]
-    ) -> Float[Tensor, "n class h w"]:
-        """The mean of another network's logits and its own: the geometric mean of both distributions."""
-        return (1 - self.share) * others + self.share * logits
-
     def class_layers(self) -> tuple[nn.Module, ...]:
-        """Layers that predict classes."""
-        return self.translation, self.own, self.own_low
+        """Layers that depend on the classes."""
+        return self.translation, self.mixture, self.own, self.own_low
 
     def pretrained_layers(self) -> tuple[nn.Module, ...]:
         """Layers that the published weights have."""

@@ -131,12 +131,13 @@ class SemanticBranch(nn.Module):
         return upsample(classifier(single.evidence), self.upsampler.factor, self.upsampler.pixel_centres)
 
     def _mean(self, logits: Float[Tensor, "n class h w"], single: ViewFeatures) -> Float[Tensor, "n class h w"]:
-        """The mean of logits and the second network's; without one, the logits."""
+        """The mean of both networks' distributions, from their logits; without a second network, the logits."""
         if self.mosaic is None or single.second is None:
             return logits
         corners = not self.upsampler.pixel_centres
         second = interpolate(single.second, logits.shape[-2:], mode="bilinear", align_corners=corners)
-        return self.mosaic.mean(logits, second)
+        mean: Tensor = self.mosaic.mixture(logits, second)
+        return mean
 
     @property
     def shares_cnn(self) -> bool:

@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from semgs.model.classes.mosaic import (
     Block,
     ContextLevel,
+    GeometricMean,
     InvertedResidual,
     Mosaic,
     Translation,
@@ -110,12 +111,32 @@ def test_a_fresh_translation_knows_nothing():
     torch.testing.assert_close(found, torch.full((1, 5, 2, 3), log(1 / 5)))
 
 
+def as_logits(*probabilities: float) -> Tensor:
+    """A texel with this distribution, as logits that are not normalised [1 class 1 1]."""
+    return torch.tensor(probabilities).log().reshape(1, -1, 1, 1) + 3
+
+
 def test_the_mean_is_geometric():
-    network = Mosaic(2, share=0.25)
-    ours, theirs = torch.tensor([0.5, 0.5]), torch.tensor([16 / 17, 1 / 17])
-    maps = (ours.log().reshape(1, 2, 1, 1), theirs.log().reshape(1, 2, 1, 1))
+    mean = GeometricMean(2, share=0.25)
     # 16^(1/4) = 2, so the first class is twice as likely as the second.
-    torch.testing.assert_close(network.mean(*maps).softmax(1).flatten(), torch.tensor([2 / 3, 1 / 3]))
+    found = mean(as_logits(0.5, 0.5), as_logits(16 / 17, 1 / 17)).exp().flatten()
+    torch.testing.assert_close(found, torch.tensor([2 / 3, 1 / 3]))
+
+
+def test_classes_that_the_second_network_does_not_know_stay_as_likely_as_they_were():
+    mean = GeometricMean(3, share=0.5)
+    mean.known[2] = False
+    # The roots of .4 x .1 and .1 x .4 are alike, so each gets half of the first network's .5; the rest is as it was.
+    found = mean(as_logits(0.4, 0.1, 0.5), as_logits(0.1, 0.4, 0.5)).exp().flatten()
+    torch.testing.assert_close(found, torch.tensor([0.25, 0.25, 0.5]))
+
+
+def test_half_precision_is_not_used_for_the_mean():
+    mean = GeometricMean(3, share=0.5)
+    first, second = torch.randn(1, 3, 2, 4), torch.randn(1, 3, 2, 4)
+    with torch.autocast("cpu", torch.bfloat16):
+        found = mean(first, second)
+    assert torch.equal(found, mean(first, second))
 
 
 @pytest.mark.parametrize(
@@ -146,7 +167,7 @@ def test_the_network_has_1_8_million_parameters_and_the_published_names():
     assert {"blocks.15.project.bias", "pyramid.2.pointwise5.weight", "context.bias", "merge.bias", "low.bias"} <= {
         *names
     }
-    assert len(names) == 2 * (1 + 16 * 3 + 1 + 3 * 4 + 1 + 1 + 1 + 1 + 1) + 1 + 2 * 2
+    assert len(names) == 2 * (1 + 16 * 3 + 1 + 3 * 4 + 1 + 1 + 1 + 1 + 1) + 1 + 1 + 2 * 2
 
 
 def one_network(**changes: object) -> SemGS:
@@ -176,7 +197,7 @@ def test_depth_and_colour_do_not_know_the_second_network():
 def test_with_no_share_the_classes_are_those_without_it():
     views = posed_views(2, (32, 48))
     model = one_network()
-    model.semantic.mosaic.share = 0.0
+    model.semantic.mosaic.mixture.share = 0.0
     joined = [model.class_maps(views, alone).distributions for alone in (False, True)]
     model.semantic.mosaic = None
     for alone, found in zip((False, True), joined, strict=True):
@@ -187,7 +208,7 @@ def test_with_all_of_the_share_the_classes_are_its_own():
     views = posed_views(2, (32, 48))
     model = one_network()
     mosaic = model.semantic.mosaic
-    mosaic.share = 1.0
+    mosaic.mixture.share = 1.0
     own = mosaic(views.images).softmax(1)
     assert own.shape == (2, 20, 13, 20)  # 51 x 77 pixels
     found = model.class_maps(views, True).distributions
@@ -210,7 +231,7 @@ def test_its_layers_are_pretrained_but_for_those_of_the_classes():
     model = one_network()
     parts, pretrained = model.parts(), model.pretrained_parameters()
     own = {name for name in parts["classes"] if name.startswith("semantic.mosaic.")}
-    assert {name.split(".")[2] for name in own} == {"translation", "own", "own_low"}
+    assert {name.split(".")[2] for name in own} == {"translation", "mixture", "own", "own_low"}
     theirs = {name for name in model.state_dict() if name.startswith("semantic.mosaic.")}
     assert theirs - own <= pretrained
     assert not own & pretrained
