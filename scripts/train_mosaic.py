@@ -321,7 +321,12 @@ def main() -> None:
     published = deepcopy(mosaic.state_dict())
     average = learn(mosaic, examples, given.steps, given.seed)
     trained = average.state_dict()
-    average.load_state_dict({name: one.lerp(trained[name], given.trained) for name, one in published.items()})
+    average.load_state_dict(
+        {
+            name: one.lerp(trained[name], given.trained) if one.is_floating_point() else one
+            for name, one in published.items()
+        }
+    )
     both.semantic.mosaic = average
     assert both.classes is not None
     for name in STILL_UNKNOWN:
