@@ -124,7 +124,13 @@ class SemanticBranch(nn.Module):
         logits = raw[:, SHAPE:]
         if self.refinement.classifier is not None:
             logits = logits + self._own_logits(self.refinement.classifier, single)
-        return torch.cat((raw[:, :SHAPE], self._mean(logits, single)), dim=1)
+        layout = (
+            torch.channels_last if raw.is_contiguous(memory_format=torch.channels_last) else torch.contiguous_format
+        )
+        mean = self._mean(logits, single).contiguous(
+            memory_format=layout
+        )  # in another format, shapes would round otherwise
+        return torch.cat((raw[:, :SHAPE], mean), dim=1)
 
     def _own_logits(self, classifier: nn.Conv2d, single: ViewFeatures) -> Float[Tensor, "n class h w"]:
         """The refinement's logits at the Gaussians' scale."""

@@ -192,6 +192,11 @@ def test_depth_and_colour_do_not_know_the_second_network():
         else:
             assert torch.equal(found[0].scales, found[1].scales)
             assert torch.equal(found[0].features, found[1].features) == (part == "colour")
+    model.semantic.mosaic = None
+    with torch.no_grad():
+        without = model(views)
+    assert torch.equal(without.gaussians.semantic.scales, after.gaussians.semantic.scales)
+    assert torch.equal(without.gaussians.semantic.quaternions, after.gaussians.semantic.quaternions)
 
 
 def test_with_no_share_the_classes_are_those_without_it():
