@@ -154,7 +154,7 @@ class MosaicBeside:
         ValueError: the share is not in 0..1, or the enlargement not in 1..4.
     """
 
-    share: float = 0.5
+    share: float = 0.4
     enlargement: float = 1.6
 
     def __post_init__(self) -> None:

@@ -175,7 +175,7 @@ class Mosaic(nn.Module):
         enlargement: of its images, relative to those that the MobileNet reads (`downsample`).
     """
 
-    def __init__(self, classes: int, share: float = 0.5, enlargement: float = 1.6) -> None:
+    def __init__(self, classes: int, share: float = 0.4, enlargement: float = 1.6) -> None:
         super().__init__()
         self.enlargement = enlargement
         self.stem = SameConv2d(3, STEM, 3, stride=2)

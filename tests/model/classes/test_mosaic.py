@@ -246,7 +246,7 @@ def test_its_layers_are_pretrained_but_for_those_of_the_classes():
 def test_the_switch_is_there_and_back():
     with_it = preset("small_plain", class_mosaic=True).settings
     assert switches_of(with_it).class_mosaic
-    assert with_it.semantic.mosaic == MosaicBeside(share=0.5, enlargement=1.6)
+    assert with_it.semantic.mosaic == MosaicBeside(share=0.4, enlargement=1.6)
     assert type(with_it).from_json(with_it.as_json()) == with_it
     assert not switches_of(preset("small_plain").settings).class_mosaic
 
