@@ -46,9 +46,7 @@ the addresses at Flickr that COCO states.
 """
 """Heading of the labelled photos."""
 
-TUM = (
-    "CC BY 4.0, TUM RGB-D benchmark (Sturm, Engelhard, Endres, Burgard, Cremers, IROS 2012), frames of these sequences, reduced"
-)
+TUM = "CC BY 4.0, TUM RGB-D benchmark (Sturm, Engelhard, Endres, Burgard, Cremers, IROS 2012), frames of these sequences, reduced"
 """Heading of the photos from that benchmark."""
 
 COCO_LICENCES = {
