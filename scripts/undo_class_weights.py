@@ -52,6 +52,10 @@ def undo(weights: Path, run: Path, out: Path) -> tuple[float, ...]:
         raise InputError(weights, f"the classes of {run.name}", found)
     model = load(weights)
     assert model.semantic is not None
+    if model.semantic.mosaic is not None:
+        raise InputError(
+            weights, "weights without MOSAIC, whose classes are not the mean of two networks", "some with it"
+        )
     *_, last = model.semantic.class_layers()
     bias = last.bias
     assert isinstance(bias, torch.Tensor)

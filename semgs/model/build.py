@@ -11,6 +11,7 @@ from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.model.attention.swin import MultiViewSwin
 from semgs.model.attention.transformer import CameraTransformer
 from semgs.model.classes.mobilenet import CUE_WIDTHS, MobileNetRefinement
+from semgs.model.classes.mosaic import Mosaic
 from semgs.model.classes.refinement import ClassRefinement, ResidualRefinement
 from semgs.model.classes.semantic import SHAPE, SemanticBranch
 from semgs.model.gaussians.heads import Decoder, DepthRefinement, MVSplatDecoder, PaperDecoder
@@ -100,7 +101,10 @@ def _semantic_branch(settings: NetworkSettings, semantic: SemanticSettings, clas
     if refinement.classifier is not None:
         for parameter in head[-1].parameters():
             parameter.data[SHAPE:] = 0
-    return SemanticBranch(cnn, refinement, transformer, upsampler, head)
+    mosaic = None
+    if semantic.mosaic is not None:
+        mosaic = Mosaic(classes, semantic.mosaic.share, semantic.mosaic.enlargement)
+    return SemanticBranch(cnn, refinement, transformer, upsampler, head, mosaic)
 
 
 def _refinement(settings: TwoBlocks | MobileNet, channels: int, classes: int) -> ClassRefinement:

@@ -62,8 +62,8 @@ def small_plain() -> NetworkSettings:
 
 
 def small() -> NetworkSettings:
-    """The network of the included weights: `small_plain` with a class backbone, on whose classes views agree, instead of the semantic transformer, and with more
-    layers in depth."""
+    """The network of the included weights without their second network for classes (`class_mosaic`): `small_plain` with a class backbone, on whose classes views agree,
+    instead of the semantic transformer, and with more layers in depth."""
     changes = {
         "class_backbone": True, "class_fusion": True, "semantic_transformer": False, "cost_filter": 16, "depth_cue": True, "depth_upsampling": "convex",
     }  # fmt: skip

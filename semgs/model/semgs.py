@@ -284,7 +284,7 @@ class SemGS(nn.Module):
 
     def pretrained_parameters(self) -> set[str]:
         """Names of the parameters that can start from published weights; they should then learn at a lower rate."""
-        return set() if self.semantic is None else self._parameter_names(*self.semantic.refinement.pretrained_layers())
+        return set() if self.semantic is None else self._parameter_names(*self.semantic.pretrained_layers())
 
     def _parameter_names(self, *layers: nn.Module) -> set[str]:
         """Names of the parameters of some layers."""

@@ -143,11 +143,34 @@ class MobileNet:
 
 
 @dataclass(frozen=True)
+class MosaicBeside:
+    """MOSAIC beside the refinement: the classes of each view are the geometric mean of what both find, among those that MOSAIC knows.
+
+    Attributes:
+        share: of MOSAIC in the mean.
+        enlargement: of its images relative to those that the MobileNet reads; it was made for larger ones.
+
+    Raises:
+        ValueError: the share is not in 0..1, or the enlargement not in 1..4.
+    """
+
+    share: float = 0.4
+    enlargement: float = 1.6
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.share <= 1:
+            raise ValueError(f"the share of MOSAIC is {self.share}; expected 0..1")
+        if not 1 <= self.enlargement <= 4:
+            raise ValueError(f"the enlargement of MOSAIC's images is {self.enlargement}; expected 1..4")
+
+
+@dataclass(frozen=True)
 class SemanticSettings:
     """The semantic branch.
 
     Attributes:
         transformer, refinement: its parts.
+        mosaic: a second network for the classes of each view; None for none.
         compares_views: whether the head reads the transformer's features; else there is no transformer, and it reads those of single views.
         own_cnn: its own shallow CNN; else it shares that of the colour branch (ablation *Sh-Layer*).
         hidden: width between the two layers of the semantic head.
@@ -156,6 +179,7 @@ class SemanticSettings:
 
     transformer: TransformerSettings = field(default_factory=lambda: TransformerSettings(blocks=3))
     refinement: TwoBlocks | MobileNet = field(default_factory=TwoBlocks)
+    mosaic: MosaicBeside | None = None
     compares_views: bool = True
     own_cnn: bool = False
     hidden: int = 54

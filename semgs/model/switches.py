@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from semgs.model.settings import MobileNet, MVSplatHeads, NetworkSettings, PaperHeads, TwoBlocks
+from semgs.model.settings import MobileNet, MosaicBeside, MVSplatHeads, NetworkSettings, PaperHeads, TwoBlocks
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,8 @@ class Switches:
     """Classify each view with a MobileNetV2 on the image, which can start from published weights (not in the paper), instead of the paper's
     two residual blocks. Train it with --supervision pictures first, the only stage in which its batch norms measure. With --init, all other
     layers are kept."""
+    class_mosaic: bool = False
+    """Classify each view with a second network as well, MOSAIC, on enlarged images (not in the paper): classes are the geometric mean of both."""
     class_fusion: bool = False
     """Outside training, let input views agree on the classes of points that several of them see (not in the paper). It has no weights."""
     cost_filter: int = 0
@@ -67,6 +69,7 @@ def switches_of(settings: NetworkSettings) -> Switches:
         camera_aware_semantic=semantic.transformer.camera_aware,
         semantic_transformer=semantic.compares_views,
         class_backbone=isinstance(semantic.refinement, MobileNet),
+        class_mosaic=semantic.mosaic is not None,
         class_fusion=semantic.fusion,
         depth_cue=colour.depth.cue,
     )
@@ -119,4 +122,6 @@ def switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkSe
         )
         if now.class_backbone != before.class_backbone:
             semantic = replace(semantic, refinement=MobileNet() if now.class_backbone else TwoBlocks())
+        if now.class_mosaic != before.class_mosaic:
+            semantic = replace(semantic, mosaic=MosaicBeside() if now.class_mosaic else None)
     return replace(settings, colour=colour, semantic=semantic)

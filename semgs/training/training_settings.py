@@ -45,7 +45,7 @@ class TrainingSettings(Rates, SupervisionSettings, Schedule, DataSettings):
     checkpoint."""
     backbone: str = ""
     """Published MobileNetV2 weights to start the class backbone from (with --network.class-backbone): an ImageNet classifier or a
-    segmentation network, as safetensors; see docs/train.md."""
+    segmentation network, as safetensors; or MOSAIC's (with --network.class-mosaic). See docs/train.md."""
     semantic_branch: SemanticBranch = "kept"
     """Keep the semantic branch of the initial weights, or reinitialise it and keep depth and colour."""
     network: Switches = field(default_factory=Switches)

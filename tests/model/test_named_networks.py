@@ -9,6 +9,7 @@ from networks import preset
 from semgs.model import networks
 from semgs.model.layers.conventions import Conventions
 from semgs.model.settings import MVSplatHeads, PaperHeads
+from semgs.model.switches import switched
 from semgs.model.weights.load import shipped
 from semgs.model.weights.weights_file import read_header
 
@@ -33,8 +34,8 @@ def test_the_paper_word_by_word_is_base_in_all_else():
     assert back == base
 
 
-def test_small_is_the_network_of_the_included_weights():
-    assert networks.small() == read_header(shipped("small")).settings
+def test_small_is_the_network_of_the_included_weights_but_for_their_second_network_for_classes():
+    assert switched(networks.small(), {"class_mosaic": True}) == read_header(shipped("small")).settings
 
 
 def test_the_paper_word_by_word_has_the_parameters_of_its_heads():

@@ -240,6 +240,31 @@ MODEL = (
         ("tests/model/sweep/test_depth_cue.py::test_depth_sees_the_cues_that_the_class_branch_gives_and_never_teaches_it",),
     ),
     Mutant(
+        "the share of MOSAIC is that of the other network", "semgs/model/classes/mosaic.py",
+        "(1 - self.share) * first + self.share * second", "self.share * first + (1 - self.share) * second",
+        ("tests/model/classes/test_mosaic.py::test_the_mean_is_geometric",),
+    ),
+    Mutant(
+        "classes that MOSAIC does not know lose to those that it knows", "semgs/model/classes/mosaic.py",
+        "mean - total + mass", "mean - total",
+        ("tests/model/classes/test_mosaic.py::test_classes_that_the_second_network_does_not_know_stay_as_likely_as_they_were",),
+    ),
+    Mutant(
+        "a class is translated into shares of what it may come from", "semgs/model/classes/mosaic.py",
+        "self.weight.softmax(0)", "self.weight.softmax(1)",
+        ("tests/model/classes/test_mosaic.py::test_a_translation_divides_the_probability_of_each_known_class",),
+    ),
+    Mutant(
+        "means at the border count what is not there", "semgs/model/classes/mosaic.py",
+        "ceil_mode=True, count_include_pad=False", "ceil_mode=True, divisor_override=side * side",
+        ("tests/model/classes/test_mosaic.py::test_windows_past_the_border_are_means_of_what_they_cover",),
+    ),
+    Mutant(
+        "MOSAIC reads images as small as the MobileNet does", "semgs/model/classes/mosaic.py",
+        "round(self.enlargement * side)", "round(side)",
+        ("tests/model/classes/test_mosaic.py::test_images_are_enlarged_relative_to_those_of_the_mobilenet",),
+    ),
+    Mutant(
         "cues join depth a level too late", "semgs/model/sweep/unet.py",
         "if isinstance(block, Downsample):", "if isinstance(block, CrossViewAttention):",
         ("tests/model/sweep/test_depth_cue.py",),

@@ -14,6 +14,7 @@ from golden import fill_golden
 from semgs.files.errors import InputError
 from semgs.model.build import build
 from semgs.model.networks import small
+from semgs.model.switches import switched
 from semgs.model.weights.weights_file import read_header, read_tensors, save
 from semgs.training import presets
 from semgs.training.run.run_folder import claim_folder
@@ -41,6 +42,13 @@ def test_a_class_that_counted_twice_loses_ln_2_to_all_others(tmp_path: Path):
     assert read_header(tmp_path / "new.safetensors").metadata == {
         "data": "none", "description": "old; without the class weights of run",
     }  # fmt: skip
+
+
+def test_a_mean_of_two_networks_is_refused(tmp_path: Path):
+    claim_folder(tmp_path / "run", replace(presets.small(), class_weights=(1.0, 2.0, *18 * (1.0,))))
+    save(tmp_path / "old.safetensors", build(switched(small(), {"class_mosaic": True})), {})
+    with pytest.raises(InputError, match="weights without MOSAIC"):
+        UNDO(tmp_path / "old.safetensors", tmp_path / "run", tmp_path / "new.safetensors")
 
 
 def test_a_class_that_did_not_count_cannot_be_given_back(tmp_path: Path):

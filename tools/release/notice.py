@@ -30,12 +30,12 @@ the public domain, ours, Apache-2.0, MIT or BSD-3-Clause; `semgs rooms --assets`
 
 
 NETWORKS = """
-The class branch of the weights of SemGS was trained on, every layer, from the MobileNetV2 of a published segmentation network, and learned what
-another one says of rooms. Both are Apache-2.0; their weights were dequantised, renamed and transposed, and are not in this package.
+The class branch of the weights of SemGS was trained on, every layer, from the MobileNetV2 of a published segmentation network and from another such network,
+MOSAIC, and learned what MOSAIC says of rooms. Both are Apache-2.0; their weights were dequantised, renamed and transposed (a change), then trained on (another).
 
 Apache-2.0 (MLCommons Association License), github.com/mlcommons/mobile_open@86a873714efd
   - start: vision/deeplab/models_and_code/checkpoints/quantize_aware_training/freeze_qat.tflite (DeepLabv3+ on MobileNetV2, ADE20K's 31 commonest classes)
-  - teacher: vision/mosaic/models_and_checkpoints/R4/mobile_segmenter_r4_quant_argmax_uint8.tflite (MOSAIC, the same classes)
+  - start and teacher: vision/mosaic/models_and_checkpoints/R4/mobile_segmenter_r4_quant_argmax_uint8.tflite (MOSAIC, by Weijun Wang and Andrew Howard, the same classes)
 """
 """Published networks from which the included weights were initialised or distilled."""
 
@@ -45,6 +45,9 @@ Poly Haven's panoramas are CC0. Those under other licences are named here: their
 the addresses at Flickr that COCO states.
 """
 """Heading of the labelled photos."""
+
+TUM = "CC BY 4.0, TUM RGB-D benchmark (Sturm, Engelhard, Endres, Burgard, Cremers, IROS 2012), frames of these sequences, reduced"
+"""Heading of the photos from that benchmark."""
 
 COCO_LICENCES = {
     4: "CC BY 2.0",
@@ -94,6 +97,8 @@ def photos(listed: Any) -> str:
     for number, licence in COCO_LICENCES.items():
         if addresses := [address for known, address in coco if known == number]:
             lines += ["", f"{licence}, COCO", *(f"  - {address}" for address in addresses)]
+    if frames := sorted({f"{one['sequence']}" for one in listed if one["set"].startswith("tum")}):
+        lines += ["", TUM, *(f"  - {sequence}" for sequence in frames)]
     return "\n".join([*lines, ""])
 
 

@@ -6,6 +6,8 @@ the convolutions, as in the published files, so the backbone has no norms. Its p
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
@@ -50,10 +52,14 @@ class SameConv2d(nn.Conv2d):
         kernel: side of the kernel.
         stride: step between two positions, in texels.
         groups: as for `nn.Conv2d`.
+        dilation: step between two taps of the kernel, in texels; more than 1 only with stride 1.
     """
 
-    def __init__(self, inputs: int, outputs: int, kernel: int = 1, stride: int = 1, groups: int = 1) -> None:
-        super().__init__(inputs, outputs, kernel, stride, kernel // 2 if stride == 1 else 0, groups=groups)
+    def __init__(
+        self, inputs: int, outputs: int, kernel: int = 1, stride: int = 1, groups: int = 1, dilation: int = 1
+    ) -> None:
+        padding = dilation * (kernel // 2) if stride == 1 else 0
+        super().__init__(inputs, outputs, kernel, stride, padding, dilation, groups)
 
     def forward(self, x: Float[Tensor, "n inputs h w"]) -> Float[Tensor, "n outputs h2 w2"]:
         """The convolved map."""
@@ -199,11 +205,15 @@ class MobileNetRefinement(ClassRefinement):
 
 def downsample(images: Float[Tensor, "n 3 h w"], shrink: int) -> Float[Tensor, "n 3 h_small w_small"]:
     """Images downsampled by the integer that brings their shorter side closest to `SIDE`, to multiples of `shrink`; small ones are unchanged."""
-    times = round(min(images.shape[-2:]) / SIDE)
-    if times <= 1:
-        return images
-    height, width = (shrink * -(-side // (shrink * times)) for side in images.shape[-2:])
-    return interpolate(images, size=(height, width), mode="area")
+    size = downsampled_size(images.shape[-2:], shrink)
+    return images if size == images.shape[-2:] else interpolate(images, size=size, mode="area")
+
+
+def downsampled_size(size: Sequence[int], shrink: int) -> tuple[int, int]:
+    """The (height, width) of `downsample`'s result for images of that size [px]."""
+    times = max(1, round(min(size) / SIDE))
+    height, width = (side if times == 1 else shrink * -(-side // (shrink * times)) for side in size)
+    return height, width
 
 
 def conv_norm_relu(conv: nn.Conv2d) -> nn.Sequential:

@@ -27,15 +27,18 @@ class ViewFeatures:
         features: for the transformer.
         evidence: for the refinement's own classifier, if it has one.
         cue_maps: maps from which `ClassRefinement.cues` makes depth's cues, if it makes any.
+        second: class logits of a second network, at its own resolution; None if there is none.
     """
 
     features: Float[Tensor, "n c h4 w4"]
     evidence: Float[Tensor, "n k h4 w4"]
     cue_maps: tuple[Tensor, ...] = ()
+    second: Float[Tensor, "n class h2 w2"] | None = None
 
     def __getitem__(self, at: slice) -> ViewFeatures:
         """The same of some of the views, without `cue_maps`."""
-        return ViewFeatures(self.features[at], self.evidence[at])
+        second = None if self.second is None else self.second[at]
+        return ViewFeatures(self.features[at], self.evidence[at], second=second)
 
 
 class ClassRefinement(nn.Module, ABC):

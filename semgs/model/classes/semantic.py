@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
+from torch.nn.functional import interpolate
 
 from semgs.model.attention.transformer import CameraTransformer
+from semgs.model.classes.mosaic import Mosaic
 from semgs.model.classes.refinement import ClassRefinement, ViewFeatures
 from semgs.model.layers.branch_head import Head, PlainUpsampler, Upsampler, upsample
 from semgs.model.layers.cnn import FeatureCNN
@@ -46,6 +48,7 @@ class SemanticBranch(nn.Module):
         transformer: over all views; None for a head that reads features of single views.
         upsampler: to the Gaussians' scale.
         head: on the image and the upsampled features.
+        mosaic: a second network for the classes of each view, which are then a mean; None for none.
     """
 
     def __init__(
@@ -55,6 +58,7 @@ class SemanticBranch(nn.Module):
         transformer: CameraTransformer | None,
         upsampler: Upsampler | PlainUpsampler,
         head: Head,
+        mosaic: Mosaic | None = None,
     ) -> None:
         super().__init__()
         self.cnn = cnn
@@ -62,6 +66,7 @@ class SemanticBranch(nn.Module):
         self.transformer = transformer
         self.upsampler = upsampler
         self.head = head
+        self.mosaic = mosaic
 
     def forward(self, single: ViewFeatures, inputs: NetworkInput) -> Attributes:
         """Apply the transformer, if there is one, to all views; return a function that applies the head to some of them.
@@ -76,9 +81,10 @@ class SemanticBranch(nn.Module):
         return lambda at: self._attributes(inputs.small[at], features[at], single[at])
 
     def single_view_logits(self, single: ViewFeatures, inputs: NetworkInput) -> Float[Tensor, "n class h w"]:
-        """Class logits of single views: those of the refinement, or else those of the head without the transformer."""
+        """Class logits of single views: those of the refinement, or else those of the head without the transformer; with a second network,
+        the mean of both."""
         if self.refinement.classifier is not None:
-            return self._own_logits(self.refinement.classifier, single)
+            return self._mean(self._own_logits(self.refinement.classifier, single), single)
         unchanged = None if self.transformer is None else single.features
         return self._attributes(inputs.small, unchanged, single)[:, SHAPE:]
 
@@ -105,22 +111,39 @@ class SemanticBranch(nn.Module):
             return own
 
         single: ViewFeatures = self.refinement(inputs.images, shallow_features)
-        return single
+        return single if self.mosaic is None else replace(single, second=self.mosaic(inputs.images))
 
     def _attributes(
         self, small: Float[Tensor, "n 3 h w"], transformed: Float[Tensor, "n c h4 w4"] | None, single: ViewFeatures
     ) -> Float[Tensor, "n channel h w"]:
-        """The output of the head, plus the refinement's own logits if it has any."""
+        """The output of the head, plus the refinement's own logits if it has any; with a second network, the mean of its and these logits."""
         features = (single.features,) if transformed is None else (transformed, single.features)
         raw: Tensor = self.head(beside(small, self.upsampler(*features)))
-        if self.refinement.classifier is None:
+        if self.refinement.classifier is None and single.second is None:
             return raw
-        own = self._own_logits(self.refinement.classifier, single)
-        return torch.cat((raw[:, :SHAPE], raw[:, SHAPE:] + own), dim=1)
+        logits = raw[:, SHAPE:]
+        if self.refinement.classifier is not None:
+            logits = logits + self._own_logits(self.refinement.classifier, single)
+        layout = (
+            torch.channels_last if raw.is_contiguous(memory_format=torch.channels_last) else torch.contiguous_format
+        )
+        mean = self._mean(logits, single).contiguous(
+            memory_format=layout
+        )  # in another format, shapes would round otherwise
+        return torch.cat((raw[:, :SHAPE], mean), dim=1)
 
     def _own_logits(self, classifier: nn.Conv2d, single: ViewFeatures) -> Float[Tensor, "n class h w"]:
         """The refinement's logits at the Gaussians' scale."""
         return upsample(classifier(single.evidence), self.upsampler.factor, self.upsampler.pixel_centres)
+
+    def _mean(self, logits: Float[Tensor, "n class h w"], single: ViewFeatures) -> Float[Tensor, "n class h w"]:
+        """The mean of both networks' distributions, from their logits; without a second network, the logits."""
+        if self.mosaic is None or single.second is None:
+            return logits
+        corners = not self.upsampler.pixel_centres
+        second = interpolate(single.second, logits.shape[-2:], mode="bilinear", align_corners=corners)
+        mean: Tensor = self.mosaic.mixture(logits, second)
+        return mean
 
     @property
     def shares_cnn(self) -> bool:
@@ -131,12 +154,18 @@ class SemanticBranch(nn.Module):
         """Layers of the branch on which the classes depend; with `alone`, on which `single_view_logits` depends."""
         if not alone:
             return (self,)
-        cnn = () if self.cnn is None else (self.cnn,)
+        others = [layer for layer in (self.cnn, self.mosaic) if layer is not None]
         if self.refinement.classifier is not None:
-            return (*cnn, *self.refinement.evidence_layers())
-        return (*cnn, self.refinement, self.upsampler, self.head)
+            return (*others, *self.refinement.evidence_layers())
+        return (*others, self.refinement, self.upsampler, self.head)
 
     def class_layers(self) -> tuple[nn.Module, ...]:
-        """Layers that predict classes: the head's last and the refinement's, if it has one."""
+        """Layers that predict classes: the head's last, the refinement's and those of the second network, if it has them."""
         own = self.refinement.classifier
-        return (self.head[-1],) if own is None else (self.head[-1], own)
+        second = () if self.mosaic is None else self.mosaic.class_layers()
+        return (self.head[-1], *second) if own is None else (self.head[-1], *second, own)
+
+    def pretrained_layers(self) -> tuple[nn.Module, ...]:
+        """Layers that can start from published weights."""
+        second = () if self.mosaic is None else self.mosaic.pretrained_layers()
+        return (*self.refinement.pretrained_layers(), *second)

@@ -130,6 +130,8 @@ def _numbers(work: Work, chunks: Chunks) -> dict[str, float]:
 
     # The shallow and the transformed features of each branch.
     known = features * ((4 if s.semantic else 2) + s.colour.depth.cosine_cost)
+    if s.semantic is not None and s.semantic.mosaic is not None:
+        known += texels * s.semantic.mosaic.enlargement**2 * work.classes
     cost = known + _cost(work, texels, chunks)
     # The cost, the distribution, its largest probability and its spread.
     known += 2 * texels * s.colour.depth.candidates + 2 * gaussians
@@ -168,7 +170,7 @@ def _attention(transformer: TransformerSettings, features: float, views: int) ->
 
 
 def _semantic(settings: NetworkSettings, features: float, views: int) -> float:
-    """The transformer of the semantic branch or its refinement, whichever is larger."""
+    """The transformer of the semantic branch, its refinement or its second network, whichever is largest."""
     if settings.semantic is None:
         return 0.0
     refinement = 0.0
@@ -176,6 +178,10 @@ def _semantic(settings: NetworkSettings, features: float, views: int) -> float:
         # The widest maps of the backbone, at half the image: 16 channels in, 96 before and after padding; 96 out at 1/4.
         refinement = features / settings.channels * (4 * (16 + 2 * 96) + 96)
     semantic = settings.semantic
+    if semantic.mosaic is not None:
+        # Its images, twice, and its widest maps: at half of them 32 channels in, 96 before and after padding; 96 out at 1/4.
+        widest = 2 * 3 * 16 + 4 * (32 + 2 * 96) + 96
+        refinement = max(refinement, features / settings.channels * semantic.mosaic.enlargement**2 * widest)
     attention = _attention(semantic.transformer, features, views) if semantic.compares_views else 0.0
     return max(attention, refinement)
 

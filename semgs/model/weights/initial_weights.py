@@ -25,7 +25,7 @@ from semgs.model.weights.load import (
     untrained,
 )
 from semgs.model.weights.pretrained import as_large_as
-from semgs.model.weights.published_backbones import is_published, with_backbone
+from semgs.model.weights.published_backbones import is_mosaic, is_published, with_backbone
 from semgs.model.weights.weights_file import fill, is_ours, read_header, read_tensors
 
 SEMANTIC_SHAPE = ("class_backbone",)
@@ -37,11 +37,17 @@ FRESH_SHAPE = ("shared_layers", "windows_semantic", "camera_aware_semantic", "se
 MORE_DEPTH = ("cost_filter", "depth_cue", "depth_upsampling")
 """Switches that add layers to depth: from weights without these layers, everything else is kept."""
 
+BESIDE = ("class_mosaic",)
+"""Switches of a network beside the semantic branch: with or without it, everything else is kept."""
+
 NO_WEIGHTS = ("class_fusion",)
 """Switches that no layer depends on: weights with other values are kept whole."""
 
 ADDED = ("colour.depth.filter.", "colour.depth.regressor.cues.", "colour.heads.convex.")
-"""Beginnings of the tensor names of those layers."""
+"""Beginnings of the tensor names of the layers added to depth."""
+
+SECOND = "semantic.mosaic."
+"""Beginning of the tensor names of the network beside the semantic branch."""
 
 
 def initial_network(
@@ -64,11 +70,11 @@ def initial_network(
         classes: the class table to train on.
         own_classes: use weights with another class table, but with a new class head; otherwise they are refused.
         switches: fields of `semgs.model.switches.Switches` that differ from the network of that name. They must agree with the weights,
-            except for the class backbone, for layers added to depth, for switches without layers and, with `fresh_semantics`, for the
+            except for the class backbone, for layers added to depth, for a network beside the semantic branch, for switches without layers and, with `fresh_semantics`, for the
             semantic branch: layers that differ start at random, all others are kept.
         fresh_semantics: always reinitialise the semantic branch.
-        backbone: a file of published MobileNetV2 weights for a network with `class_backbone`; "" keeps that of `init`. With such a file
-            as `init`, everything but the backbone is random.
+        backbone: a file of published MobileNetV2 weights for a network with `class_backbone`, or of MOSAIC's for one with `class_mosaic`; ""
+            keeps those of `init`. With such a file as `init`, everything else is random.
 
     Raises:
         InputError: the weights are missing, unreadable or do not fit; the tensor, class table or switch is named.
@@ -87,7 +93,8 @@ def initial_network(
         )
     _, path = find(init)
     if is_published(path):
-        settings = _switched(NETWORKS[name](), {"class_backbone": True, **requested})
+        added = {"class_mosaic" if is_mosaic(path) else "class_backbone": True}
+        settings = _switched(NETWORKS[name](), {**added, **requested})
         return with_backbone(untrained(settings, seed, classes), path)
     if is_ours(path):
         return _from_weights(name, path, requested, seed, classes, own_classes, fresh_semantics)
@@ -110,11 +117,13 @@ def _from_weights(
     own_branch = (*SEMANTIC_SHAPE, *FRESH_SHAPE) if fresh_semantics else SEMANTIC_SHAPE
     _check_switches(path, requested, switches_of(header.settings), own_branch)
     present = _switched(header.settings, {key: requested[key] for key in NO_WEIGHTS if key in requested})
-    layers = {key: requested[key] for key in (*own_branch, *MORE_DEPTH) if key in requested}
+    layers = {key: requested[key] for key in (*own_branch, *MORE_DEPTH, *BESIDE) if key in requested}
     wanted = _switched(present, layers)
     if header.settings.name != name:
         return load(name, path, classes=classes)  # raises an InputError
-    fresh_semantics |= wanted.semantic != present.semantic
+    fresh_semantics |= (
+        wanted.semantic != _switched(present, {key: layers[key] for key in BESIDE if key in layers}).semantic
+    )
     if not fresh_semantics and header.classes not in (None, classes) and not own_classes:
         raise other_table(path, classes, header.classes, "name the table to train on with --classes FILE")
     fresh_classes = header.classes != classes
@@ -134,7 +143,7 @@ def _check_switches(path: Path, requested: Mapping[str, Any], present: Switches,
         own_branch: switches that only change a semantic branch that does not keep its weights.
     """
     for key, value in requested.items():
-        fits = key in (*own_branch, *NO_WEIGHTS) or (
+        fits = key in (*own_branch, *BESIDE, *NO_WEIGHTS) or (
             key in MORE_DEPTH and getattr(present, key) == getattr(Switches, key)
         )
         if getattr(present, key) != value and not fits:
@@ -178,10 +187,15 @@ def _fill_fitting(
         model = untrained(settings, seed, classes)
     random = model.state_dict()
     saved = {
-        name: tensor for name, tensor in read_tensors(path).items() if name in random or not name.startswith(ADDED)
+        name: tensor
+        for name, tensor in read_tensors(path).items()
+        if name in random or not name.startswith((*ADDED, SECOND))
     }
-    fresh = {name: random[name] for name in random if name.startswith(ADDED) and name not in saved}
-    notes = [f"the layers added to depth drawn with seed {seed}"] if fresh else []
+    missing = [name for name in random if name.startswith((*ADDED, SECOND)) and name not in saved]
+    fresh = {name: random[name] for name in missing}
+    notes = [f"the layers added to depth drawn with seed {seed}"] if any(map(_in_depth, missing)) else []
+    if not all(map(_in_depth, missing)):
+        notes.append(f"MOSAIC drawn with seed {seed}")
     if fresh_semantics:
         saved = {name: tensor for name, tensor in saved.items() if not name.startswith("semantic.")}
         fresh |= {name: random[name] for name in semantic_tensors(model)}
@@ -197,6 +211,11 @@ def _fill_fitting(
     kept = len(random) - len(fresh)
     model.origin = "; ".join([f"{path.name}: {kept} of {len(random)} tensors kept", *notes])
     return model
+
+
+def _in_depth(name: str) -> bool:
+    """Whether a tensor is one of the layers added to depth."""
+    return name.startswith(ADDED)
 
 
 def _keep_rows(random: Tensor, saved: Tensor | None, classes: int) -> Tensor:

@@ -159,12 +159,12 @@ def read_checksum(path: str | Path) -> str | None:
         return (file.metadata() or {}).get(CHECKSUM)
 
 
-MEASURED = ("running_mean", "running_var", "num_batches_tracked")
-"""Last parts of the names of a batch norm's statistics, which no gradient changes."""
+MEASURED = ("running_mean", "running_var", "num_batches_tracked", "mixture.known")
+"""Last parts of the names of tensors that no gradient changes: a batch norm's statistics, and which classes a second network knows."""
 
 
 def count_parameters(path: str | Path) -> int:
-    """The number of parameters in a safetensors file, without statistics of norms; its tensors are not read.
+    """The number of parameters in a safetensors file, without those that no gradient changes; its tensors are not read.
 
     Raises:
         InputError: the file cannot be read.

@@ -57,7 +57,7 @@ def what_learns(network: SemGS) -> str:
     told: dict[str, list[str]] = {"learns": [], "keeps its weights": []}
     for part, names in network.parts().items():
         own = names & parameters.keys()
-        title = f"{part} with the class backbone" if backbone and backbone <= own else part
+        title = f"{part} with the class backbone" if backbone & own else part
         if own & learning:
             told["learns"].append(title if own <= learning else f"part of {title}")
         elif own:

@@ -42,6 +42,8 @@ NEVER_MORE, ALWAYS_MORE = 1.2, 1.0
 def model_of(name: str) -> SemGS:
     if name == "convex":
         return fill_golden(preset("small_plain", depth_upsampling="convex"))
+    if name == "mosaic":
+        return fill_golden(preset("small_plain", class_mosaic=True))
     return fill_golden(network(paper_heads=True) if name == "text" else preset(name))
 
 
@@ -89,6 +91,7 @@ def allocated(name: str, views: int, size: tuple[int, int], chunks: Chunks) -> d
         pytest.param("small_plain", 6, (96, 112), WHOLE, marks=pytest.mark.long),
         ("small_plain", 6, (96, 112), Chunks(2, 1)),
         ("convex", 2, (112, 160), WHOLE),
+        ("mosaic", 2, (160, 224), WHOLE),
         pytest.param("convex", 6, (96, 112), Chunks(2, 1), marks=pytest.mark.long),
         pytest.param("base", 2, (64, 96), WHOLE, marks=pytest.mark.long),
         pytest.param("base", 3, (64, 80), Chunks(1, 1), marks=pytest.mark.long),

@@ -27,14 +27,14 @@ def test_other_classes_keep_all_but_the_layers_that_predict_them():
     assert model.classes == FIVE
     other = [name for name in here if here[name].shape != there[name].shape or not torch.equal(here[name], there[name])]
     assert set(other) == model.parts()["classes"]
-    assert len(other) == 4
+    assert len(other) == 4 + 6  # of the head, the backbone's classifier and MOSAIC
     for name in other:
         kept = 7 if name.startswith("semantic.head.") else 0
         assert len(here[name]) == kept + 5
         assert torch.equal(here[name][:kept], there[name][:kept]), (
             "sizes and axes of the Gaussians are those of the weights"
         )
-    assert f"{len(here) - 4} of {len(here)} tensors kept" in model.origin
+    assert f"{len(here) - 10} of {len(here)} tensors kept" in model.origin
     assert f"drawn anew for the 5 classes of five with seed 3: {', '.join(other)}" in model.origin
     again = initial_network("small", "small", seed=3, classes=FIVE, own_classes=True).state_dict()
     assert all(torch.equal(here[name], again[name]) for name in here)
@@ -220,3 +220,20 @@ def test_switches_make_another_network_and_must_be_those_of_the_weights(tmp_path
     assert again.settings == full.settings
     with pytest.raises(InputError, match="weights of a network with windows = 2, found 1"):
         initial_network("small_plain", str(tmp_path / "full.safetensors"), switches={"windows": 2})
+
+
+def test_mosaic_comes_beside_a_semantic_branch_that_is_kept_and_goes_again(tmp_path: Path):
+    path = plain(tmp_path)
+    there = load("small_plain", path).state_dict()
+    more = initial_network("small_plain", str(path), seed=4, switches={"class_mosaic": True})
+    here = more.state_dict()
+    assert all(torch.equal(here[name], there[name]) for name in there)
+    assert {name for name in here if name not in there} == {
+        name for name in here if name.startswith("semantic.mosaic.")
+    }
+    assert more.origin == f"plain.safetensors: {len(there)} of {len(here)} tensors kept; MOSAIC drawn with seed 4"
+    save(tmp_path / "more.safetensors", more, {})
+    less = initial_network("small_plain", str(tmp_path / "more.safetensors"), switches={"class_mosaic": False})
+    assert less.settings == load("small_plain", path).settings
+    assert less.origin == f"more.safetensors: {len(there)} of {len(there)} tensors kept"
+    assert all(torch.equal(less.state_dict()[name], there[name]) for name in there)

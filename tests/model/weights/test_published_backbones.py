@@ -10,9 +10,10 @@ from safetensors.torch import save_file
 
 from semgs.files.errors import InputError
 from semgs.model.classes.mobilenet import MobileNetV2
+from semgs.model.classes.mosaic import OWN_LAYERS, Mosaic
 from semgs.model.weights.initial_weights import initial_network
 from semgs.model.weights.load import load, shipped
-from semgs.model.weights.published_backbones import fill_backbone, is_published
+from semgs.model.weights.published_backbones import fill_backbone, is_mosaic, is_published
 
 
 def published(path: Path, **changes: torch.Tensor | None) -> dict[str, torch.Tensor]:
@@ -116,3 +117,29 @@ def test_a_training_starts_from_a_published_file_alone_or_beside_weights(tmp_pat
     assert all(torch.equal(beside.state_dict()[name], shipped[name]) for name in lent)
     with pytest.raises(InputError, match="expected a network with a MobileNetV2 class backbone, found one without"):
         initial_network("small_plain", "random", backbone=str(path))
+
+
+def test_mosaic_is_filled_from_its_own_file_but_for_the_layers_of_our_classes(tmp_path: Path):
+    path = tmp_path / "mosaic.safetensors"
+    torch.manual_seed(7)
+    theirs = {name: one for name, one in Mosaic(3).state_dict().items() if not name.startswith(OWN_LAYERS)}
+    tensors = {name: torch.randn(one.shape).half() for name, one in theirs.items()}
+    save_file(tensors, path)
+    assert is_published(path)
+    assert is_mosaic(path)
+    model = initial_network("small_plain", "random", seed=2, switches={"class_mosaic": True}, backbone=str(path))
+    own = model.semantic.mosaic.state_dict()
+    assert model.origin.endswith(f"mosaic.safetensors: {len(tensors)} tensors taken for MOSAIC")
+    assert all(torch.equal(own[name], one.float()) for name, one in tensors.items())
+    assert not any(one.any() for name, one in own.items() if name not in tensors and name != "mixture.known")
+    with pytest.raises(InputError, match="expected a network with MOSAIC, found one without"):
+        initial_network("small_plain", "random", backbone=str(path))
+    save_file({**tensors, "more.weight": torch.ones(1)}, path)
+    with pytest.raises(InputError, match="tensors of MOSAIC, found one more"):
+        initial_network("small_plain", str(path))
+
+
+def test_a_mobilenet_is_not_mosaic(tmp_path: Path):
+    published(tmp_path / "start.safetensors", **HEAD)
+    assert not is_mosaic(tmp_path / "start.safetensors")
+    assert not is_mosaic(tmp_path / "nowhere.safetensors")

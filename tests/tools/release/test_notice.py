@@ -8,7 +8,7 @@ import pytest
 
 from semgs.rooms.assets.catalogue import FileSource
 from semgs.rooms.assets.lock import LockEntry, attribution, read_lock
-from tools.release.notice import HEAD, PHOTOS, notice, photos
+from tools.release.notice import HEAD, PHOTOS, TUM, notice, photos
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -36,10 +36,12 @@ def test_photos_are_named_by_licence_with_what_leads_to_their_authors():
         {"set": "openimages_doordetect", "path": "images/b2.jpg"},
         {"set": "polyhaven_hdri_crops", "path": "hdri/c.hdr"},
         {"set": "openimages_doordetect", "path": "images/a1.jpg"},
+        {"set": "tum_rgbd", "path": "9.png", "sequence": "freiburg2_desk"},
+        {"set": "tum_rgbd", "path": "8.png", "sequence": "freiburg2_desk"},
     ]
     assert photos(listed).removeprefix(PHOTOS).splitlines() == [
         "", "CC BY 2.0, Open Images V4, by way of MiguelARD/DoorDetect-Dataset (2 photos)", "  a1 b2",
-        "", "CC BY-SA 2.0, COCO", "  - http://photos.example/9.jpg",
+        "", "CC BY-SA 2.0, COCO", "  - http://photos.example/9.jpg", "", TUM, "  - freiburg2_desk",
     ]  # fmt: skip
 
 
