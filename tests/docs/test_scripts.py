@@ -18,6 +18,20 @@ RUNS = {
     "depth_maps": (("small", "{rooms}", "--bends", "0.1", "--rooms", "2"), "| 2 | inverse 10% | 0."),
     "depth_spread": (("small", "{rooms}"), " | 4 | "),
     "teach": (("{shared}/pretrained/mosaic_ade32.tflite", "{out}", "{rooms}"), "12 images, "),
+    "train_mosaic": (
+        (
+            "{shared}/pretrained/mosaic_ade32.safetensors",
+            "{shared}/pretrained/ade32_to_scannet20.npy",
+            "{out}.safetensors",
+            "--photos",
+            "{photos}",
+            "--rooms",
+            "{rooms}",
+            "--steps",
+            "1",
+        ),
+        "14 images, ",
+    ),
 }
 """Arguments of each script, and a part of what it prints. `attack_app`, `average_weights`, `large_splat` and `undo_class_weights` have tests of their own."""
 
