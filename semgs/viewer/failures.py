@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 import time
+import warnings
 from math import inf
 from pathlib import Path
 
@@ -32,8 +33,9 @@ def tell_failure(error: BaseException) -> None:
 
 
 def quieten_libraries() -> None:
-    """From now on, what libraries log is one line in the terminal, and of the same library one a minute: some log each damaged request."""
+    """From now on, what libraries log or warn of is one line in the terminal, and of the same library one a minute: some do so for each damaged request."""
     logging.lastResort = _OnOneLine(logging.WARNING)
+    warnings.filterwarnings("ignore", module=r"viser\.infra")  # Python keeps each text
 
 
 class _OnOneLine(logging.Handler):

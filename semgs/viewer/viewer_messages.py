@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from semgs.viewer.failures import tell_failure
@@ -22,9 +22,21 @@ POSITIVE = {"fov": math.pi, "near": 1e30, "far": 1e30, "image_height": 1e5, "ima
 """Fields that are numbers above 0 and below these."""
 
 LARGEST, MOST_POINTS = 1e30, 64
-"""Of all numbers, and of the numbers of a place on the screen."""
+"""Of all numbers, and of the places on the screen of a click."""
 
-TAKEN = (CONTROL, "ViewerCameraMessage", "ScenePointerMessage", "SceneNodeClickMessage")
+MOST_WAITING, THREADS = 8, 4
+"""Clicks and presses of buttons are left out while so much work of browsers waits; it is done by so many threads."""
+
+CAMERA, POINTER, NODE_CLICK = "ViewerCameraMessage", "ScenePointerMessage", "SceneNodeClickMessage"
+_RAY = ("ray_origin", "ray_direction", "screen_pos", "modifier")
+FIELDS = {
+    CAMERA: ("wxyz", "position", "fov", "near", "far", "image_height", "image_width", "look_at", "up_direction"),
+    POINTER: ("event_type", *_RAY),
+    NODE_CLICK: ("name", "instance_index", "owner", *_RAY),
+}
+"""What those without a control hold."""
+
+TAKEN = (CONTROL, *FIELDS)
 """Types of messages that the page needs: a control was used, the camera moved, and clicks."""
 
 
@@ -35,9 +47,11 @@ def take_known_messages(server: Any) -> None:
         server: of viser, before a browser has connected.
     """
     controls = server.gui._gui_input_handle_from_uuid
-    receivers = server._websock_server
-    _check_first(receivers, controls)
-    receivers.on_client_connect(lambda connection: _check_first(connection, controls))
+    receivers, threads = server._websock_server, server._thread_executor
+    threads._max_workers = THREADS  # they wait for one another anyway
+    waiting = threads._work_queue.qsize
+    _check_first(receivers, controls, waiting)
+    receivers.on_client_connect(lambda connection: _check_first(connection, controls, waiting))
 
 
 def is_plain(raw: object) -> bool:
@@ -56,10 +70,13 @@ def is_plain(raw: object) -> bool:
         return False
     if not isinstance(fields, dict) or fields.get("type") not in TAKEN:
         return False
-    if fields["type"] != CONTROL:
-        return all(isinstance(name, str) and _has_shape(name, value) for name, value in fields.items())
+    kind = fields.pop("type")
+    if kind != CONTROL:
+        return _is_of_kind(kind, fields)
     updates = fields.get("updates")
-    return isinstance(updates, dict) and set(updates) == {"value"} and _has_shape("value", updates["value"])
+    if set(fields) != {"uuid", "updates"} or not isinstance(updates, dict) or set(updates) != {"value"}:
+        return False
+    return isinstance(updates["value"], bool) or _has_shape("value", updates["value"])
 
 
 def is_known(message: Any, controls: Mapping[str, Any]) -> bool:
@@ -72,25 +89,33 @@ def is_known(message: Any, controls: Mapping[str, Any]) -> bool:
     if type(message).__name__ not in TAKEN:
         return False
     if type(message).__name__ != CONTROL:
-        return all(_has_shape(name, value) for name, value in vars(message).items())
+        return _is_of_kind(type(message).__name__, vars(message))
     control = controls.get(message.uuid) if isinstance(message.uuid, str) else None
     updates = message.updates
     known = control is not None and isinstance(updates, dict) and set(updates) == {"value"}
     return known and _fits(updates["value"], control)
 
 
-def _check_first(receiver: Any, controls: Mapping[str, Any]) -> None:
+def _check_first(receiver: Any, controls: Mapping[str, Any], waiting: Callable[[], int]) -> None:
     """Hand only known messages to what takes them."""
     take = receiver._handle_incoming_message
 
     async def checked(client: int, message: Any) -> None:
         try:
-            if is_known(message, controls):
+            if is_known(message, controls) and not (waiting() >= MOST_WAITING and _is_press(message, controls)):
                 await take(client, message)
         except Exception as error:
             tell_failure(error)
 
     receiver._handle_incoming_message = checked
+
+
+def _is_press(message: Any, controls: Mapping[str, Any]) -> bool:
+    """Whether a message is a click or the press of a button: others say what a control is now, and the last of them counts."""
+    kind = type(message).__name__
+    return kind in (POINTER, NODE_CLICK) or (
+        kind == CONTROL and type(controls.get(message.uuid)).__name__.startswith("GuiButton")
+    )
 
 
 def _fits(value: Any, control: Any) -> bool:
@@ -106,6 +131,22 @@ def _fits(value: Any, control: Any) -> bool:
     return bool(control.min <= value <= control.max)
 
 
+def _is_of_kind(kind: str, fields: Mapping[Any, Any]) -> bool:
+    """Whether a message has the fields of its kind, with values as the page sends them."""
+    if not set(fields) <= set(FIELDS[kind]):
+        return False
+    places = fields.get("screen_pos", ())
+    pairs = (places,) if kind == NODE_CLICK else places
+    if kind != CAMERA and not (_is_list(pairs) and len(pairs) <= MOST_POINTS and all(map(_is_pair, pairs))):
+        return False
+    return all(name == "screen_pos" or _has_shape(name, value) for name, value in fields.items())
+
+
+def _is_pair(value: Any) -> bool:
+    """Whether a value is a place on the screen."""
+    return _is_list(value, 2) and all(map(_is_number, value))
+
+
 def _has_shape(name: str, value: Any) -> bool:
     """Whether a field of a message has a value as the page sends it."""
     if name in VECTORS:
@@ -113,9 +154,6 @@ def _has_shape(name: str, value: Any) -> bool:
             return name.startswith("ray")
         numbers = _is_list(value, VECTORS[name]) and all(map(_is_number, value))
         return numbers and (name not in DIRECTIONS or any(value))
-    if name == "screen_pos":
-        flat = [one for pair in value for one in pair] if _is_list(value) and all(map(_is_list, value)) else value
-        return _is_list(flat) and len(flat) <= MOST_POINTS and all(map(_is_number, flat))
     if name in POSITIVE:
         return _is_number(value) and 0 < value < POSITIVE[name]
     return value is None or _is_number(value) or (isinstance(value, str) and len(value) < 200)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from wall_and_chair import wall_and_chair
 
-from semgs.viewer.viewer_messages import is_known, is_plain
+from semgs.viewer.viewer_messages import _check_first, is_known, is_plain
 from semgs.viewer.window import Window, open_window
 
 messages = pytest.importorskip("viser._messages")
@@ -78,7 +78,19 @@ def test_messages_are_checked_before_viser_reads_them():
     packed = msgspec.msgpack.encode
     usual = {**vars(camera()), "type": "ViewerCameraMessage"}
     assert is_plain(packed(usual))
-    assert is_plain(packed({"type": "GuiUpdateMessage", "uuid": "a", "updates": {"value": 0.5}}))
+    for value in (0.5, 3, True, False, "Colour"):
+        assert is_plain(packed({"type": "GuiUpdateMessage", "uuid": "a", "updates": {"value": value}})), value
+    ray = {"ray_origin": [0, 0, 0], "ray_direction": [0, 0, 1], "modifier": None}
+    node = {"type": "SceneNodeClickMessage", "name": "/a", "instance_index": None, "owner": "", **ray}
+    pointer = {"type": "ScenePointerMessage", "event_type": "click", **ray}
+    assert is_plain(packed({**node, "screen_pos": [0.5, 0.5]}))
+    assert is_plain(packed({**pointer, "screen_pos": [[0.5, 0.5]]}))
+    for places in ([], [1.0], [[0.5, 0.5]], [0.5, 0.5, 0.5], "ab", None, [True, 0.5]):
+        assert not is_plain(packed({**node, "screen_pos": places})), places
+    for places in ([1.0, 2.0], [[1.0]], [[0.5, 0.5, 0.5]], 65 * [[0.5, 0.5]], "ab", None, {"a": [1, 2]}):
+        assert not is_plain(packed({**pointer, "screen_pos": places})), places
+    assert not is_plain(packed({**usual, "screen_pos": [0.5, 0.5]}))
+    assert not is_plain(packed({**usual, "other": 1}))
     for wrong in (
         packed({**usual, "wxyz": "\x1b[31m"}), packed({**usual, "wxyz": [1.0, 0.0, 0.0, 0.0, 0.0]}), packed({**usual, "wxyz": [0, 0, 0, 0]}),
         packed({**usual, "type": "GuiFormSubmitMessage"}), packed({**usual, "type": ["ViewerCameraMessage"]}) [:-1], packed([usual]), packed(3), b"", b"\xc1", "text", None,
@@ -117,6 +129,31 @@ def sent(window: Window, message: Any) -> None:
 def kept(window: Window) -> int:
     """How many messages the server has for browsers that connect later."""
     return len(window._server._websock_server._broadcast_buffer.message_from_id)
+
+
+def test_while_work_waits_clicks_are_left_out_and_what_a_control_is_now_counts():
+    taken: list[Any] = []
+
+    class GuiButtonHandle:
+        value = False
+
+    async def take(client: int, message: Any) -> None:
+        taken.append(message)
+
+    receiver, controls = SimpleNamespace(_handle_incoming_message=take), {**CONTROLS, "button": GuiButtonHandle()}
+    waiting = 7
+    _check_first(receiver, controls, lambda: waiting)
+    click = messages.ScenePointerMessage("click", (0, 0, 0), (0, 0, 1), ((0.5, 0.5),), None)
+    press, slide = (
+        messages.GuiUpdateMessage("button", {"value": True}),
+        messages.GuiUpdateMessage("slider", {"value": 0.5}),
+    )
+    for one in (click, press, slide):
+        asyncio.run(receiver._handle_incoming_message(0, one))
+    waiting = 8
+    for one in (click, press, slide):
+        asyncio.run(receiver._handle_incoming_message(0, one))
+    assert taken == [click, press, slide, slide]
 
 
 def test_a_viewer_keeps_nothing_that_its_page_does_not_send():
