@@ -286,6 +286,11 @@ class SemGS(nn.Module):
         """Names of the parameters that can start from published weights; they should then learn at a lower rate."""
         return set() if self.semantic is None else self._parameter_names(*self.semantic.pretrained_layers())
 
+    def second_parameters(self) -> set[str]:
+        """Names of the parameters of the second network for classes; none without it."""
+        mosaic = None if self.semantic is None else self.semantic.mosaic
+        return set() if mosaic is None else self._parameter_names(mosaic)
+
     def _parameter_names(self, *layers: nn.Module) -> set[str]:
         """Names of the parameters of some layers."""
         own = {id(parameter) for layer in layers for parameter in layer.parameters()}

@@ -52,12 +52,14 @@ def relative_rates(network: SemGS, rates: Rates) -> dict[str, float]:
 
 def what_learns(network: SemGS) -> str:
     """One line that says which parts of a network learn (have parameters that want a gradient) and which keep their weights."""
-    parameters, backbone = dict(network.named_parameters()), network.pretrained_parameters()
+    parameters, second = dict(network.named_parameters()), network.second_parameters()
+    named = {"the class backbone": network.pretrained_parameters() - second, "MOSAIC": second}
     learning = {name for name, parameter in parameters.items() if parameter.requires_grad}
     told: dict[str, list[str]] = {"learns": [], "keeps its weights": []}
     for part, names in network.parts().items():
         own = names & parameters.keys()
-        title = f"{part} with the class backbone" if backbone & own else part
+        inside = [name for name, layers in named.items() if layers & own and part != "classes"]
+        title = f"{part} with {' and '.join(inside)}" if inside else part
         if own & learning:
             told["learns"].append(title if own <= learning else f"part of {title}")
         elif own:

@@ -378,8 +378,8 @@ def test_it_is_told_which_parts_learn(supervision: Supervision, rates: dict[str,
 
 @pytest.mark.parametrize(
     ("shared_rate", "told"),
-    [(0.0, "learns: part of semantic, part of classes; keeps its weights: shared with the class backbone, depth, colour"),
-     (1.0, "learns: shared with the class backbone, part of semantic, part of classes; keeps its weights: depth, colour")],
+    [(0.0, "learns: part of semantic with MOSAIC, part of classes; keeps its weights: shared with the class backbone, depth, colour"),
+     (1.0, "learns: shared with the class backbone, part of semantic with MOSAIC, part of classes; keeps its weights: depth, colour")],
 )  # fmt: skip
 def test_it_is_told_that_a_backbone_that_gives_depth_its_cues_is_shared(shared_rate: float, told: str):
     """With --shared-rate 0, only the decoder behind the backbone learns, whatever --backbone-rate is."""
