@@ -13,6 +13,7 @@ import io
 import json
 import os
 import secrets
+import shutil
 import socket
 import sys
 import threading
@@ -402,6 +403,7 @@ def climb_out_of_rooms(target: Target, report: Report) -> None:
                     status in (400, 404) and target.secret not in answer,
                     (status, answer),
                 )
+    shutil.rmtree(room.parent)  # what was laid out here is not what a room holds
 
 
 def hold_connections(target: Target, report: Report) -> None:
