@@ -62,7 +62,7 @@ MOST_STREAMS, STREAMS_OF_ONE = 300, 2
 """So many answers that last as long as what they tell of are open at once, and so many of one page or upload: the server keeps connections for other answers."""
 
 BODY_SECONDS, BODY_BYTES = 30.0, 4096
-"""A browser that sends nothing of a body for so long is gone; from then on, it has to send so much in a second on average."""
+"""In so long, a browser sends all that is left of a body, or so many bytes a second on average, again and again: a fast start earns no slow end."""
 
 PREFIX = re.compile(r"(/[A-Za-z0-9_.~@-]+)*")
 """Where a proxy may put the page."""
@@ -377,20 +377,21 @@ class _Body:
     """A body as it arrives, in time."""
 
     def __init__(self, receive: Receive) -> None:
-        self._receive, self._began, self._size = receive, time.monotonic(), 0
+        self._receive, self._until, self._size = receive, time.monotonic() + BODY_SECONDS, 0
 
     async def next(self) -> Message:
         """The next part.
 
         Raises:
-            _StopReadingError: it does not come, or all of it comes too slowly.
+            _StopReadingError: too little comes in `BODY_SECONDS`.
         """
-        most = BODY_SECONDS + self._size / BODY_BYTES - (time.monotonic() - self._began)
         try:
-            message = await asyncio.wait_for(self._receive(), min(BODY_SECONDS, max(most, 0.0)))
+            message = await asyncio.wait_for(self._receive(), max(self._until - time.monotonic(), 0.0))
         except TimeoutError as error:
-            raise _StopReadingError(408, "Nothing came for too long.") from error
+            raise _StopReadingError(408, "Too little came for too long.") from error
         self._size += len(message.get("body", b""))
+        if self._size >= BODY_BYTES * BODY_SECONDS:
+            self._until, self._size = time.monotonic() + BODY_SECONDS, 0
         return message
 
 

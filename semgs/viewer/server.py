@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import re
 import socket
@@ -10,6 +11,7 @@ from collections.abc import Awaitable, Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager, redirect_stdout
 from functools import wraps
+from math import inf
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
@@ -42,6 +44,9 @@ EVERY_ADDRESS, EVERY_ADDRESS_6 = "0.0.0.0", "::"
 ANY_PORT = 0
 
 _starting = threading.Lock()
+
+MOST_BROWSERS, SENDING_SECONDS, SENDING_BYTES = 64, 60.0, 64 * 1024
+"""Browsers that are connected at once; one that takes less of what is sent than so much in this time is gone."""
 
 WRONG_VERSION = "This page is of another version. Load it again."
 
@@ -109,15 +114,25 @@ def _guarded_websockets(access: Access) -> Iterator[None]:
     """Servers of the library `websockets` that start inside this block answer only requests that `access` lets in. viser itself has no such check."""
     from websockets.asyncio import server as library
 
-    serve = library.serve
+    serve, browsers = library.serve, 0
 
     @wraps(serve)
     def guarded(
         handler: Callable[..., Any], *args: Any, process_request: Callable[..., Any] | None = None, **options: Any
     ) -> Any:
         async def answered(connection: Any) -> None:
+            nonlocal browsers
+            if browsers >= MOST_BROWSERS:
+                connection.transport.abort()
+                return
             connection.recv = _only_plain(connection.recv)
-            await handler(connection)
+            watch = asyncio.create_task(_end_if_stuck(connection.transport))
+            browsers += 1
+            try:
+                await handler(connection)
+            finally:
+                browsers -= 1
+                watch.cancel()
 
         options["max_size"] = MOST_BYTES
         return serve(answered, *args, process_request=_guarded(access, process_request), **options)
@@ -128,6 +143,18 @@ def _guarded_websockets(access: Access) -> Iterator[None]:
             yield
         finally:
             library.serve = serve  # type: ignore[misc]
+
+
+async def _end_if_stuck(transport: asyncio.WriteTransport) -> None:
+    """End a connection whose browser takes less than `SENDING_BYTES` in `SENDING_SECONDS`: it would hold the whole scene."""
+    before = inf
+    while True:
+        await asyncio.sleep(SENDING_SECONDS)
+        waiting = transport.get_write_buffer_size()
+        if waiting > max(before - SENDING_BYTES, SENDING_BYTES):
+            transport.abort()
+            return
+        before = waiting if waiting > SENDING_BYTES else inf
 
 
 def _only_plain(receive: Callable[[], Awaitable[Any]]) -> Callable[[], Awaitable[Any]]:

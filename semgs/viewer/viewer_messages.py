@@ -133,7 +133,7 @@ def _fits(value: Any, control: Any) -> bool:
 
 def _is_of_kind(kind: str, fields: Mapping[Any, Any]) -> bool:
     """Whether a message has the fields of its kind, with values as the page sends them."""
-    if not set(fields) <= set(FIELDS[kind]):
+    if {*fields, "owner"} != {*FIELDS[kind], "owner"} or (kind != NODE_CLICK and "owner" in fields):
         return False
     places = fields.get("screen_pos", ())
     pairs = (places,) if kind == NODE_CLICK else places

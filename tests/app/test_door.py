@@ -342,22 +342,23 @@ def test_bodies_that_do_not_come_are_given_up(uploads: Path, monkeypatch: pytest
 
 
 def test_bodies_that_come_too_slowly_are_given_up(uploads: Path, monkeypatch: pytest.MonkeyPatch):
-    """0.2 s and 100 bytes a second: of one byte each 0.05 s, the fifth comes too late, and of 100 bytes each 0.05 s none."""
+    """20 bytes each 0.2 s: of one byte each 0.05 s, the fifth comes too late, and of 100 bytes each 0.05 s none; 500 at first earn no slow end."""
     monkeypatch.setattr(door, "BODY_SECONDS", 0.2)
     monkeypatch.setattr(door, "BODY_BYTES", 100)
 
-    def status(part: bytes) -> int:
+    def status(part: bytes, first: bytes = b"") -> int:
         left = 9
 
         async def slowly() -> Any:
             nonlocal left
             left -= 1
             await asyncio.sleep(0.05)
-            return {"type": "http.request", "body": part, "more_body": left > 0}
+            return {"type": "http.request", "body": first if first and left == 8 else part, "more_body": left > 0}
 
         return int(asyncio.run(posted(uploads, UPLOAD, slowly))[0]["status"])
 
     assert status(b"x") == 408
+    assert status(b"x", first=bytes(500)) == 408
     assert status(bytes(100)) == 200
 
 

@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import asyncio
 import socket
 import threading
+from contextlib import suppress
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -9,6 +11,7 @@ import pytest
 from wall_and_chair import wall_and_chair
 
 from semgs.files.errors import InputError
+from semgs.viewer import server
 from semgs.viewer.window import open_window
 
 LISTEN = "0A"
@@ -50,3 +53,32 @@ def test_an_address_of_another_machine_is_refused_at_once():
         open_window(wall_and_chair((4, 5)), host="192.0.2.1"),
     ):
         pass
+
+
+@pytest.mark.parametrize(
+    ("waiting", "ended"),
+    [
+        ([300_000, 300_000], True), ([300_000, 240_000], True), ([300_000, 200_000, 100_000, 60_000, 60_000], False), ([60_000, 60_000, 60_000], False),
+        ([0, 300_000, 0, 300_000, 0], False), ([0, 300_000, 310_000], True),
+    ],
+)  # fmt: skip
+def test_a_browser_that_takes_nothing_of_a_scene_is_gone(
+    waiting: list[int], ended: bool, monkeypatch: pytest.MonkeyPatch
+):
+    """Less than 65,536 bytes between two looks, of what is more than that."""
+    monkeypatch.setattr(server, "SENDING_SECONDS", 0.0)
+    looks = iter(waiting)
+
+    class Transport:
+        aborted = False
+
+        def get_write_buffer_size(self) -> int:
+            return next(looks)
+
+        def abort(self) -> None:
+            self.aborted = True
+
+    transport = Transport()
+    with suppress(RuntimeError):  # there are no more looks
+        asyncio.run(server._end_if_stuck(transport))  # type: ignore[arg-type]
+    assert transport.aborted is ended

@@ -91,6 +91,8 @@ def test_messages_are_checked_before_viser_reads_them():
         assert not is_plain(packed({**pointer, "screen_pos": places})), places
     assert not is_plain(packed({**usual, "screen_pos": [0.5, 0.5]}))
     assert not is_plain(packed({**usual, "other": 1}))
+    for field in ("wxyz", "fov", "type"):
+        assert not is_plain(packed({name: value for name, value in usual.items() if name != field})), field
     for wrong in (
         packed({**usual, "wxyz": "\x1b[31m"}), packed({**usual, "wxyz": [1.0, 0.0, 0.0, 0.0, 0.0]}), packed({**usual, "wxyz": [0, 0, 0, 0]}),
         packed({**usual, "type": "GuiFormSubmitMessage"}), packed({**usual, "type": ["ViewerCameraMessage"]}) [:-1], packed([usual]), packed(3), b"", b"\xc1", "text", None,
