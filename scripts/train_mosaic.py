@@ -33,7 +33,7 @@ from torch.nn.functional import avg_pool2d, cross_entropy, grid_sample, interpol
 from semgs.data.resampling import default_size, resized
 from semgs.data.scenes import open_scene, scene_paths
 from semgs.data.views import Views
-from semgs.model.classes.mosaic import Mosaic
+from semgs.model.classes.mosaic import GeometricMean, Mosaic
 from semgs.model.semgs import SemGS
 from semgs.model.weights.initial_weights import initial_network
 from semgs.model.weights.weights_file import save
@@ -124,6 +124,8 @@ def read_examples(folder: str, network: SemGS, mosaic: Mosaic, photo: bool, new:
     assert network.classes is not None
     own = torch.tensor([name not in UNSEEN for name in network.classes.names])
     rare = torch.nonzero(~own)[:, 0]
+    teacher = GeometricMean(len(own), SHARES["photos" if photo else "rooms"])
+    teacher.get_buffer("known").copy_(own)
     for path in scene_paths(folder):
         scene = open_scene(path.absolute(), needs_cameras=False)
         for index, frame in enumerate(scene.frames):
@@ -141,26 +143,9 @@ def read_examples(folder: str, network: SemGS, mosaic: Mosaic, photo: bool, new:
             first, second = torch.stack(maps).mean(0).clamp(min=1e-6).split(1)
             plain = network.class_maps(small, alone=True).distributions
             known = interpolate(plain, size, mode="area").clamp(min=1e-6).log()
-            share = SHARES["photos" if photo else "rooms"]
-            taught = among_known(first.log(), second.log(), own, share)
+            taught = teacher(first.log(), second.log()).exp()
             labels, maps = full.labels[0], torch.cat((taught, known), 1).half()
             yield Example(photo, new, stored(full), stored(small), labels, torch.isin(labels, rare), maps)
-
-
-def among_known(
-    first: Float[Tensor, "1 class h w"], second: Float[Tensor, "1 class h w"], own: Tensor, share: float
-) -> Float[Tensor, "1 class h w"]:
-    """Probabilities: of classes that are not `own` those of the first network; the rest is divided by a geometric mean of both.
-
-    Args:
-        first, second: log-probabilities.
-        own: which classes the second network knows.
-        share: of the second network.
-    """
-    mean = (1 - share) * log_softmax(first[:, own], 1) + share * log_softmax(second[:, own], 1)
-    joined = first.clone()
-    joined[:, own] = log_softmax(mean, 1) + first[:, own].logsumexp(1, keepdim=True)
-    return joined.exp()
 
 
 def stored(views: Views) -> UInt8[Tensor, "1 3 h w"]:

@@ -24,6 +24,8 @@ _CHUNK = struct.Struct("<BQQQQIIQ")
 """Kind and length of a chunk, first and last time, size, checksum, letters of the name of its compression (0: none), and length of its records."""
 MOST_CHUNK = 1 << 28
 """At most so much of a chunk that ends early is read [bytes]."""
+MOST_RECORDS = 10_000_000
+"""More records of a recording that ends early are not read."""
 _UNSTATED = re.compile(rb"^\s*storage_identifier:\s*(''|\"\")?\s*$", re.MULTILINE)
 
 
@@ -69,10 +71,6 @@ class _Completed(io.RawIOBase):
         """Close the file, too."""
         self._file.close()
         super().close()
-
-
-MOST_RECORDS = 10_000_000
-"""More records of a recording that ends early are not read."""
 
 
 def _end_of_records(file: BinaryIO, at: int) -> int:
