@@ -64,6 +64,9 @@ MOST_STREAMS, STREAMS_OF_ONE = 300, 2
 BODY_SECONDS, BODY_BYTES = 30.0, 4096
 """In so long, a browser sends all that is left of a body, or so many bytes a second on average, again and again: a fast start earns no slow end."""
 
+DOWNLOAD_SECONDS = 3600.0
+"""A file of a room is sent within this time. Until then it takes its place on the disk, though the room may be deleted."""
+
 PREFIX = re.compile(r"(/[A-Za-z0-9_.~@-]+)*")
 """Where a proxy may put the page."""
 
@@ -130,6 +133,11 @@ class Door:
             return await self._upload(scope, receive, send, headers)
         if path in (STREAM, PROGRESS):
             return await self._stream(f"{path} {parse_qsl(query)}", scope, receive, send)
+        if path.startswith(PAGES):
+            with suppress(TimeoutError):  # what has begun cannot be answered in another way; the server closes the connection
+                async with asyncio.timeout(DOWNLOAD_SECONDS):
+                    await self._pass(scope, receive, send)
+            return None
         return await self._pass(scope, receive, send)
 
     async def _pass(self, scope: Scope, receive: Receive, send: Send) -> None:

@@ -32,7 +32,7 @@ from typing import Any, Literal
 from semgs.app.limits import Limits
 from semgs.app.plain_errors import plain
 from semgs.app.requests import Request, RoomOptions
-from semgs.app.uploads import GONE, UnusableUploadError, Upload, check_uploads, content_of, link_or_copy
+from semgs.app.uploads import GONE, UnusableUploadError, Upload, check_uploads, content_of, link_or_copy, size_of
 from semgs.files.errors import ERROR_LINE
 from semgs.files.strict_json import parse_json
 from semgs.files.text import counted, printable
@@ -243,8 +243,12 @@ class Jobs:
         """As `submit`, for a page without a job."""
         options.check(self.segmenters, self.depths)
         with self._lock:
-            if len(self._queue) >= self.limits.waiting:
-                raise UnusableUploadError(f"{len(self._queue)} rooms are waiting already. Try again in some minutes.")
+            waiting = [one for job in self._queue for one in job.uploads]
+            full = size_of((*waiting, *uploads)) > self.limits.uploads_bytes and bool(waiting)
+            if len(self._queue) >= self.limits.waiting or full:
+                rooms = counted(len(self._queue), "room")
+                verb = "is" if len(self._queue) == 1 else "are"
+                raise UnusableUploadError(f"{rooms} {verb} waiting already. Try again in some minutes.")
         identifier = secrets.token_hex(10)
         folder = self.folder / identifier
         try:

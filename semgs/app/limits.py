@@ -23,7 +23,7 @@ class Limits:
         memory_bytes: a job may take; if less is free when it starts, nine tenths of that.
         disk_bytes: a job may write.
         waiting: jobs in the queue.
-        uploads, uploads_bytes: number and size of all uploaded files that no job has yet; beyond them, new ones are refused.
+        uploads, uploads_bytes: number and size of all uploaded files that no job has yet; beyond them, new ones are refused. Files of jobs in the queue may have that size once more.
         rooms_bytes: of all results and the uploads kept with them; beyond them, uploads are deleted first, then results, the oldest first.
         kept_seconds: results are deleted afterwards.
         uploads_kept_seconds: uploads of a result are deleted afterwards, or with it; until then, it can be made again.

@@ -15,7 +15,7 @@ import time
 import unicodedata
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
@@ -157,7 +157,7 @@ def check_uploads(uploads: Sequence[Upload], limits: Limits) -> Kind:
             raise UnusableUploadError(
                 f"{one.shown} has {size // MIB:,} MB; at most {limits.file_bytes // MIB:,} MB are accepted."
             )
-    total = sum(one.path.stat().st_size for one in uploads)
+    total = size_of(uploads)
     if total > limits.total_bytes:
         raise UnusableUploadError(
             f"The files have {total // MIB:,} MB together; at most {limits.total_bytes // MIB:,} MB are accepted."
@@ -222,6 +222,11 @@ def link_or_copy(source: Path, target: Path) -> None:
         os.link(source, target)
     except OSError:
         shutil.copyfile(source, target)
+
+
+def size_of(uploads: Iterable[Upload]) -> int:
+    """The size of those uploads that are still there [bytes]."""
+    return sum(one.path.stat().st_size for one in uploads if one.path.is_file())
 
 
 def content_of(folder: Path) -> tuple[int, int]:

@@ -89,7 +89,7 @@ def answer(
     return sent[0]["status"], sent[-1]["body"].decode(), behind.bodies, told
 
 
-async def posted(uploads: Path, path: str, receive: Any, behind: Any = None) -> list[Any]:
+async def posted(uploads: Path, path: str, receive: Any, behind: Any = None, method: str = "POST") -> list[Any]:
     """The messages that answer a request whose body comes from `receive`."""
     sent: list[Any] = []
 
@@ -98,7 +98,7 @@ async def posted(uploads: Path, path: str, receive: Any, behind: Any = None) -> 
 
     scope = {
         "type": "http",
-        "method": "POST",
+        "method": method,
         "path": path,
         "headers": [(b"host", b"localhost"), (b"content-type", FORM.encode())],
         "query_string": b"",
@@ -528,6 +528,26 @@ def test_no_websocket_is_let_in(uploads: Path):
     scope = {"type": "websocket", "path": "/", "headers": [(b"host", b"localhost")], "query_string": b""}
     asyncio.run(Door(Behind(), Access(), uploads, LIMITS, [3])(scope, None, send))  # type: ignore[arg-type]
     assert sent == [{"type": "websocket.close", "code": 1008}]
+
+
+def test_a_file_of_a_room_is_sent_within_an_hour(uploads: Path, monkeypatch: pytest.MonkeyPatch):
+    """While it is sent, it takes its place on the disk, though its room may be deleted."""
+    assert door.DOWNLOAD_SECONDS == 3600
+    monkeypatch.setattr(door, "DOWNLOAD_SECONDS", 0.01)
+    ended = []
+
+    class Slow(Behind):
+        async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+            await send({"type": "http.response.start", "status": 200, "headers": []})
+            try:
+                await asyncio.sleep(60)
+            finally:
+                ended.append(scope["path"])
+
+    path = f"/rooms/{20 * 'a'}/room.zip"
+    sent = asyncio.run(posted(uploads, path, None, Slow(), "GET"))
+    assert [message["type"] for message in sent] == ["http.response.start"]
+    assert ended == [path]
 
 
 def test_few_answers_that_last_are_open_at_once_and_few_of_one_page(

@@ -379,6 +379,21 @@ def test_a_full_queue_refuses_more(start: Callable[..., Jobs]):
         jobs.submit((), example=True)
 
 
+def test_files_of_jobs_that_wait_have_a_limit(start: Callable[..., Jobs], tmp_path: Path):
+    uploads = [photos(tmp_path / f"uploads{number}") for number in range(3)]
+    for one in uploads:
+        one[0].path.write_bytes(bytes(1_000_000))
+    size = sum(path.stat().st_size for one in uploads[:2] for path in (one[0].path, one[1].path))
+    jobs = start(uploads_bytes=size)
+    working = jobs.submit((), asked("sleep"), True)
+    wait(lambda: working.state == "working")
+    first, _ = (jobs.submit(one) for one in uploads[:2])
+    with pytest.raises(UnusableUploadError, match="^2 rooms are waiting already"):
+        jobs.submit(uploads[2])
+    jobs.cancel(first)
+    jobs.submit(uploads[2])
+
+
 def test_a_second_click_on_a_page_makes_no_second_room(start: Callable[..., Jobs]):
     jobs = start()
     with ThreadPoolExecutor(8) as clicks:
