@@ -108,7 +108,7 @@ gpu: setup
 	PYTHON='$(CURDIR)/$(BIN)/python' scripts/gpu.sh test
 
 bench: setup
-	$(BIN)/semgs bench --json bench.json
+	$(BIN)/python -m paper.bench --json bench.json
 
 mutants: setup
 	$(BIN)/python tests/mutants.py
@@ -118,7 +118,7 @@ mutants-auto: setup
 
 audit: setup
 	$(PIP) pip-audit uv
-	$(BIN)/python -m tools.release audit --lock build/requirements.lock
+	$(BIN)/python -m paper.release audit --lock build/requirements.lock
 
 release: setup
 	scripts/release.sh

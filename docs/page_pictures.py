@@ -19,6 +19,7 @@ import torch
 from PIL import Image, ImageDraw
 from scipy.spatial.transform import Rotation
 
+from paper.release.demo import titled
 from semgs import SavedScene, load, occupancy, open_scene, refine
 from semgs.export.scene_objects import place_things, things_of
 from semgs.figures.class_images import class_picture, overlay
@@ -30,7 +31,6 @@ from semgs.rooms.sets.demo_room import demo_scene
 from semgs.scene.upright import axis_direction, up_of, upright
 from semgs.viewer.splat_groups import thing_colours
 from semgs.viewer.viewer_page import scene_page
-from tools.release.demo import titled
 
 IMAGES = Path(__file__).parent / "images"
 INPUTS = (5, 7)

@@ -2,7 +2,7 @@
 # Tests, benchmarks and training on a machine with a CUDA GPU. Downloads nothing.
 #
 #   scripts/gpu.sh test                          the tests marked gpu (under 5 minutes, after gsplat has been compiled once)
-#   scripts/gpu.sh time                          semgs bench, whose rows that end in _cuda run on the GPU
+#   scripts/gpu.sh time                          python -m paper.bench, whose rows that end in _cuda run on the GPU
 #   scripts/gpu.sh train small runs/night 8      train for 8 minutes; to resume, repeat the command
 #   scripts/gpu.sh all                           tests, then times
 #
@@ -37,8 +37,8 @@ marked=$(grep -rl --include='test_*.py' 'mark\.gpu' tests)  # the others need pa
 
 case $task in
     test) "$python" -m pytest -m gpu -rs $marked ;;
-    time) "$python" -m semgs bench ;;
+    time) "$python" -m paper.bench ;;
     train) "$python" -m semgs train "$2" --out "$3" --device cuda --minutes "$4" "${@:5}" ;;
-    all) "$python" -m pytest -m gpu -rs $marked && "$python" -m semgs bench ;;
+    all) "$python" -m pytest -m gpu -rs $marked && "$python" -m paper.bench ;;
     *) echo "unknown task $task: test, time, train or all" >&2; exit 2 ;;
 esac

@@ -16,7 +16,7 @@ read -r -a seeds <<<"${SEEDS:-1 2 3}"
 read -r -a rows <<<"${ROWS:-none shared windows camera full smoothness_sum smoothness_equal}"
 export PYTHONPATH="$PWD${PYTHONPATH:+:$PYTHONPATH}" PYTHONUNBUFFERED=1 OMP_NUM_THREADS=${OMP_NUM_THREADS:-1}
 
-command=("$python" -m semgs ablate "${PRESET:-small_plain}" --stage semantic --out "$out" --steps "$steps" --batch "${BATCH:-8}"
+command=("$python" -m paper.ablate "${PRESET:-small_plain}" --stage semantic --out "$out" --steps "$steps" --batch "${BATCH:-8}"
     --size "${SIZE:-120x160}" --contexts 2 3 --targets 1 --rooms "${ROOMS:-800}" --augmentation.flip --augmentation.colour 0.3
     --class-weights inverse_root_frequency --validate-every "${VALIDATE:-$((steps / 4))}" --validation-scenes "${VALIDATED:-12}")
 train() {  # train SEED ROW WORKERS

@@ -20,7 +20,7 @@ FLOORS = (
     ("segmenters", "objectives", "robotics", "doctor"),
     ("model", "splats", "depth_maps"),
     ("training", "export", "mapping"),
-    ("evaluation", "viewer", "ros", "bench"),
+    ("evaluation", "viewer", "ros"),
     ("reconstruction", "batch", "app"),
     ("cli",),
 )
@@ -245,11 +245,11 @@ def test_the_package_knows_nothing_of_the_repositorys_tools():
     users = [
         name
         for name, path in modules(ROOT).items()
-        if any(one.split(".")[0] == "tools" for one in imported(name, path))
+        if any(one.split(".")[0] in ("tools", "paper") for one in imported(name, path))
     ]
     assert users == []
-    for path in (ROOT / "tools" / "release").glob("*.py"):
-        assert not any(one.startswith("semgs.cli") for one in imported(f"tools.release.{path.stem}", path)), path
+    for path in (ROOT / "paper" / "release").glob("*.py"):
+        assert not any(one.startswith("semgs.cli") for one in imported(f"paper.release.{path.stem}", path)), path
 
 
 def test_imports_point_down_only():
@@ -318,7 +318,7 @@ def test_a_planted_ring_is_found(tmp_path: Path, line: str):
     assert rings(tmp_path, "semgs.data").keys() == {"semgs.data.resampling", "semgs.data.views"}
 
 
-@pytest.mark.parametrize("root", ["semgs", "scripts", "tools"])
+@pytest.mark.parametrize("root", ["semgs", "scripts", "tools", "paper"])
 def test_no_folder_has_more_than_18_modules(root: str):
     folders = [path for path in (ROOT / root).rglob("*") if path.is_dir()]
     assert {str(path): count for path in folders if (count := len(list(path.glob("*.py")))) > MOST_MODULES} == {}

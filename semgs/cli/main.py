@@ -69,8 +69,7 @@ COMMANDS = {
     "evaluate": Command(
         "networks.evaluate:Evaluate", "Score weights, or saved predictions, on a fixed list of frames."
     ),
-    "ablate": Command("networks.ablate:Ablate", "Train and score the variants of the paper's ablation."),
-    "compare": Command("networks.compare:Compare", "Compare reports of evaluate or bench in one table."),
+    "compare": Command("networks.compare:Compare", "Compare reports of evaluate in one table."),
     "weights": Command(
         "networks.weights:Weights", "List the included weights, or describe files: scores, licence, terms."
     ),
@@ -82,10 +81,6 @@ COMMANDS = {
     "segmenters fit": Command(
         "networks.segmenter_fit:FitSegmenter", "Learn on labelled scenes what a segmenter's classes mean."
     ),
-    "figure": Command(
-        "networks.figure:PaperFigure", "Plot the paper's comparison figures for your weights and scenes."
-    ),
-    "bench": Command("networks.bench:Bench", "Measure time and memory on this machine."),
 }
 
 

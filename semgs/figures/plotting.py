@@ -10,7 +10,7 @@ from jaxtyping import UInt8
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as Figure
+    from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
 SIZE = 7.0

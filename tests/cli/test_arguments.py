@@ -7,10 +7,10 @@ import subprocess
 import sys
 
 import pytest
+from paper_commands import main
 
 from semgs.cli.arguments import parse
 from semgs.cli.commands.scenes.reconstruct import Reconstruct
-from semgs.cli.main import main
 from semgs.cli.options.scene_options import SceneOptions
 from semgs.cli.usage_errors import UsageError
 from semgs.data.scene_details import SceneDetails
@@ -50,7 +50,7 @@ def test_a_wrong_value_is_told_alone_on_one_line(encoding: str):
         ),
         (
             "ablate nope --out run --steps 9 --dry-run",
-            "unknown preset 'nope'; expected one of small, small_plain, base, paper, base_text; see semgs ablate --help",
+            "unknown preset 'nope'; expected one of small, small_plain, base, paper, base_text; see python -m paper.ablate --help",
         ),
         ("train --out run --steps 2", "semgs train needs a preset (small, small_plain, base, paper, base_text); see"),
         ("train --init small --out run", "--init must come after small; see semgs train small --help"),
@@ -74,7 +74,10 @@ def test_a_wrong_value_is_told_alone_on_one_line(encoding: str):
         ("doctor scene --intrinsics 1 2 3", "error: --intrinsics: expected 4 values, found 3; see semgs doctor --help"),
         ("doctor scene --intrinsics 1 2 3 x", "error: --intrinsics: expected a number, found 'x'; see"),
         ("doctor scene --intrinsics", "error: --intrinsics: expected 4 values, found none; see"),
-        ("ablate small --out run --seeds", "error: --seeds: expected at least one value, found none; see semgs ablate"),
+        (
+            "ablate small --out run --seeds",
+            "error: --seeds: expected at least one value, found none; see python -m paper.ablate",
+        ),
         ("evaluate small --data x --views --out run", "error: --views: expected at least one value, found none; see"),
         (
             "export scene --as x",

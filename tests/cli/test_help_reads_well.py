@@ -6,9 +6,11 @@ import re
 from pathlib import Path
 
 import pytest
+from paper_commands import COMMANDS as WORKSHOP
+from paper_commands import main
 
 from semgs.cli.help_text import paragraphs
-from semgs.cli.main import COMMANDS, main
+from semgs.cli.main import COMMANDS
 from semgs.training.presets import PRESETS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -35,7 +37,11 @@ def banned_in(text: str) -> list[str]:
     return [phrase for phrase in BANNED if re.search(rf"(?<!\w){re.escape(phrase)}(?!\w)", text.lower())]
 
 
-HELPS = [[], *([name] for name in COMMANDS), *([name, preset] for name in ("train", "ablate") for preset in PRESETS)]
+HELPS = [
+    [],
+    *([name] for name in (*COMMANDS, *WORKSHOP)),
+    *([name, preset] for name in ("train", "ablate") for preset in PRESETS),
+]
 
 
 @pytest.mark.parametrize("arguments", HELPS, ids=" ".join)

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 from blocks import room_of_blocks
+from paper_commands import COMMANDS as WORKSHOP
+from paper_commands import main
 
-from semgs.cli.main import COMMANDS, main
+from semgs.cli.main import COMMANDS
 from semgs.export.ply import save_ply
 from semgs.files.folders import MARK, own_folder
 from semgs.rooms.sets.dataset import RoomSettings, write_dataset
@@ -112,7 +114,6 @@ def test_so_is_a_scene_of_a_data_set_and_one_that_has_the_images(
 
 def test_every_command_that_replaces_its_output_has_a_case() -> None:
     """But demo, whose input is in the package, and view, whose page ends with .html."""
-    replacing = {
-        name for name, command in COMMANDS.items() if "overwrite" in {field.name for field in fields(command.load())}
-    }
+    options = {name: command.load() for name, command in COMMANDS.items()} | WORKSHOP
+    replacing = {name for name, own in options.items() if "overwrite" in {field.name for field in fields(own)}}
     assert replacing == {case.split()[0] for case in CASES} | {"demo", "view"}

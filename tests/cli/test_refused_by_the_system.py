@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from paper_commands import main
 from privileges import permissions_hold
 
 from semgs.cli.arguments import parse
 from semgs.cli.commands.scenes.demo import Demo
-from semgs.cli.main import main
 from semgs.cli.terminal import Printable
 from semgs.cli.usage_errors import line_for
 from semgs.files.folders import lock_folder

@@ -24,11 +24,13 @@ import numpy as np
 import pytest
 import reader_disk
 from float32_cameras import float32_cameras
+from paper_commands import COMMANDS as WORKSHOP
+from paper_commands import main
 from sybil import Document, Example, Region
 from sybil.parsers.markdown import CodeBlockParser
 
 from semgs.cli.arguments import parse
-from semgs.cli.main import COMMANDS, main
+from semgs.cli.main import COMMANDS
 from semgs.data.scenes import open_scenes
 from semgs.data.tables.class_files import read_class_file
 from semgs.depth_maps.exported_network import read_depth_network
@@ -69,7 +71,7 @@ SMALLER = {
     "weights calibrate": "--size 48x64",
     "examples/train_on_a_folder.py": "1 32 48",
     "tests/support/doctor_table.py": "--cases 2",
-    "tools.release": "--data data/rooms --out failures.jpg",
+    "paper.release": "--data data/rooms --out failures.jpg",
 }
 """Options that a command gets here: they replace those of the same name in the line, or are added."""
 
@@ -86,7 +88,7 @@ SMALLER_IN_PYTHON = {
 """The same for blocks of Python."""
 
 SLOW = (
-    "ablate", "app", "batch", "bench", "export-network", "figure", "label", "poses", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
+    "app", "batch", "export-network", "label", "paper.", "poses", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
     "kitchen_colmap", "splat-transform", "mosaic.tflite", "scripts/", "tests/", "tools.", "--protocol neighbours", "eval/other", "eval/segformer",
     "examples/train", "examples/score", "examples/robot", "examples/depth_maps_in", "segmenters fit", "--correspondence", "--weights runs/small", "--html", "--refine",
     "label-splat", "--rerun", "--single", "--features",
@@ -225,6 +227,9 @@ def command_of(words: Sequence[str]) -> tuple[str, list[str]]:
 def parse_semgs(words: Sequence[str]) -> None:
     """Parse the options of a semgs command."""
     name, rest = command_of(words)
+    if name in WORKSHOP:
+        parse(WORKSHOP[name], f"python -m paper.{name}", rest)
+        return
     options = COMMANDS[name].load()
     if name == "batch":
         rest, others = options.split(rest)
@@ -324,6 +329,9 @@ def check_pip(words: Sequence[str]) -> None:
 
 def run_python(words: Sequence[str]) -> None:
     """Run a script, or a module of the repository, with smaller numbers."""
+    if words[0] == "-m" and words[1].removeprefix("paper.") in WORKSHOP:
+        run_semgs([words[1].removeprefix("paper."), *words[2:]])
+        return
     if words[:2] == ["-m", "tools.furniture"]:  # it needs Infinigen, so its options are parsed
         from tools.furniture.__main__ import Furniture
 

@@ -25,7 +25,7 @@ from image_sets import random_numbers, write_image_set
 from safetensors import safe_open
 from safetensors.torch import save_file
 
-from semgs.bench.bench_file import BenchReport, BenchResult, numbers
+from paper.bench.bench_file import BenchReport, BenchResult, numbers
 from semgs.cli.main import main
 from semgs.data.resampling import resized
 from semgs.data.scenes import open_scene

@@ -29,6 +29,7 @@ from doc_examples import (
     slow,
     words_of,
 )
+from paper_commands import COMMANDS as WORKSHOP
 from sybil import Example
 
 from semgs.cli.usage_errors import UsageError
@@ -100,6 +101,8 @@ def test_the_options_of_what_runs_only_in_make_long_are_right(disk: Path):
     for example in CHECKED:
         if example.region.evaluator is shell and name(example) not in QUICK:
             words = words_of(example)
+            if words[:2] == ["python", "-m"] and words[2].removeprefix("paper.") in WORKSHOP:
+                words = ["semgs", words[2].removeprefix("paper."), *words[3:]]
             if words[0] == "semgs" and "--help" not in words:
                 parse_semgs(words[1:])
 
@@ -121,7 +124,7 @@ def test_every_name_that_an_example_a_script_or_a_test_imports_exists():
     programs = [example.parsed for page in PAGES for example in read(page) if example.region.evaluator is python]
     programs += [
         file.read_text()
-        for folder in ("examples", "docs", "scripts", "tests", "tools")
+        for folder in ("examples", "docs", "scripts", "tests", "tools", "paper")
         for file in (reader_disk.ROOT / folder).rglob("*.py")
     ]
     shells = [file.read_text() for file in (reader_disk.ROOT / "scripts").glob("*.sh")]

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from paper.ablate.validation_plot import validation_picture
+from paper.figure.comparison import FigureBlock, PictureRow, comparison
 from semgs.cli.main import main
 from semgs.figures import plotting
 from semgs.figures.class_images import LegendEntry
-from semgs.figures.comparison import FigureBlock, PictureRow, comparison
 from semgs.figures.reliability import ReliabilityPlot, reliability_png
 from semgs.figures.risk_coverage_plot import RiskCurve, risk_coverage_picture
-from semgs.figures.validation_plot import validation_picture
 
 
 @pytest.fixture

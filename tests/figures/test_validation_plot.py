@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from semgs.figures.validation_plot import validation_picture
+from paper.ablate.validation_plot import validation_picture
 from semgs.training.run.log import read_validations
 
 
 def test_a_line_for_each_kind_through_the_means_of_its_runs(monkeypatch: pytest.MonkeyPatch):
     drawn, plain = [], np.zeros((2, 2, 3), np.uint8)
-    monkeypatch.setattr("semgs.figures.validation_plot.render_figure", lambda figure: drawn.append(figure) or plain)
+    monkeypatch.setattr("paper.ablate.validation_plot.render_figure", lambda figure: drawn.append(figure) or plain)
     runs = {"none": [{0: 0.1, 50: 0.3, 100: 0.5}, {0: 0.1, 50: 0.5}], "full": [{0: 0.2, 50: 0.6}], "empty": []}
     assert validation_picture(runs, "mIoU") is plain
     (axes,) = drawn[0].axes

@@ -99,7 +99,7 @@ FORMATS = {
         ),
         Format(
             "evaluation", (evaluation_run,), ("*.json", "predictions/*"), read_evaluation_run,
-            ("semgs/evaluation/tables/evaluation_report.py", "semgs/evaluation/frames/saved.py", "semgs/bench/bench_file.py"),
+            ("semgs/evaluation/tables/evaluation_report.py", "semgs/evaluation/frames/saved.py", "paper/bench/bench_file.py"),
         ),
         Format(
             "segmenters", (segmenter,), ("maps/*", "*.json", "features/*", "scene/transforms.json"), read_segmenter,

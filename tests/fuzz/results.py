@@ -168,7 +168,7 @@ def evaluation_run(folder: Path) -> Path:
 
     from known_scenes import label_map, write_scene
 
-    from semgs.bench.bench_file import FORMAT, VERSION
+    from paper.bench.bench_file import FORMAT, VERSION
     from semgs.files.images.pictures import write_png
 
     scores = sorted((ROOT / "docs/scores").glob("*.json"), key=lambda path: path.stat().st_size)
@@ -190,7 +190,7 @@ def evaluation_run(folder: Path) -> Path:
 
 
 def read_evaluation_run(path: Path, out: Path, changed: Sequence[str]) -> None:
-    from semgs.bench.bench_file import is_bench, read_bench
+    from paper.bench.bench_file import read_bench
     from semgs.evaluation.frames.frame_plan import make_plan
     from semgs.evaluation.frames.protocols import neighbours
     from semgs.evaluation.frames.saved import SavedPredictions, find_view_counts
@@ -206,7 +206,6 @@ def read_evaluation_run(path: Path, out: Path, changed: Sequence[str]) -> None:
                 for form in ("text", "markdown", "latex"):
                     printed(grid, form)  # type: ignore[arg-type]
         elif name == "bench.json":
-            is_bench(path / name)
             read_bench(path / name)
         else:
             plan = make_plan("neighbours", neighbours, [open_scene(path / "scene")], (2,), (36, 48))

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from semgs.bench.workloads import competitors
+from paper.bench.workloads import competitors
 
 SET = """
 import json, os
@@ -24,7 +24,7 @@ from semgs.runtime.threads import adapt_threads, prepare_threads
 if sys.argv[1] == "command":
     prepare_threads()
 import torch
-from semgs.bench.bench_inputs import context_views, load_network, target_camera
+from paper.bench.bench_inputs import context_views, load_network, target_camera
 model, views, camera = load_network("small"), context_views(2, (120, 160)), target_camera((120, 160))
 adapt_threads()
 with torch.no_grad():

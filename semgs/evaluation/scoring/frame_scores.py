@@ -36,7 +36,7 @@ class FrameScores:
         seconds_encode, seconds_render: wall-clock.
         confidences: the labelled and seen pixels by their confidence, as `semgs.objectives.selective` counts them.
         hidden: pixels that count in none of them; not saved.
-        fragments: share of the predicted class map in tiny regions (`semgs.evaluation.scoring.fragments`); not saved, and None unless requested.
+        fragments: share of the predicted class map in tiny regions (`paper.ablate.fragments`); not saved, and None unless requested.
     """
 
     scene: str

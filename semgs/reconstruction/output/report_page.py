@@ -29,10 +29,7 @@ CURVE = (90, 120, 180)
 
 HELD_OUT = "The model did not get these frames: they test the reconstruction. What no input view sees stays empty."
 
-TIME = (
-    "Of this run. The first pass of a process takes longer than the next ones, and kernels are compiled once per installation; "
-    "semgs bench measures the time without both."
-)
+TIME = "Of this run. The first pass of a process takes longer than the next ones, and kernels are compiled once per installation."
 
 ENCODE = "One pass of the network, without reading photos and weights. The first pass of a process, as here, takes longer than the next ones."
 

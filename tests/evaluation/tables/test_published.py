@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from paper.ablate.ablation_rows import ROWS
 from semgs.evaluation.tables.comparison_tables import PAPER
 from semgs.evaluation.tables.published_results import PUBLISHED
-from semgs.training.ablation_rows import ROWS
 
 
 def printed(paper: str, label: str) -> list[list[float]]:

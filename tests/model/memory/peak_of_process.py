@@ -12,8 +12,8 @@ import json
 import sys
 from dataclasses import asdict
 
-from semgs.bench.bench_inputs import load_network
-from semgs.bench.peak_memory import peak_mb
+from paper.bench.bench_inputs import load_network
+from paper.bench.peak_memory import peak_mb
 from semgs.data.choosing.choice import choose_named
 from semgs.data.scenes import open_scene
 from semgs.model.memory import memory_plan

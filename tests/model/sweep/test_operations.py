@@ -7,7 +7,7 @@ import torch
 from networks import preset
 from torch.utils.flop_counter import FlopCounterMode, sdpa_flop_count
 
-from semgs.bench.bench_inputs import context_views
+from paper.bench.bench_inputs import context_views
 
 PER_CHANNEL = 9
 """Of one sample of the plane sweep: four texels weighted and summed, and the product with the reference's channel."""

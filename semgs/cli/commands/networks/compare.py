@@ -1,4 +1,4 @@
-"""`semgs compare`: prints a table of evaluation reports, or of two files of the bench."""
+"""`semgs compare`: prints a table of evaluation reports."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 
 import tyro
 
-from semgs.bench.bench_file import is_bench, read_bench
 from semgs.cli.options.types import optional
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError
@@ -16,17 +15,15 @@ from semgs.files.errors import InputError
 
 @dataclass(frozen=True)
 class Compare:
-    """Compare reports of semgs evaluate, or two files of semgs bench, in one table.
+    """Compare reports of semgs evaluate in one table.
 
-    All reports must have the same frames, size and truth; if not, the error lists the differences. For two files of the bench, the table
-    shows what both measured, and the ratio.
+    All reports must have the same frames, size and truth; if not, the error lists the differences.
 
     Examples
     - semgs compare eval/small/report.json
     - semgs compare eval/*/report.json --format latex
     - semgs compare eval/scannet/report.json --published scannet
     - semgs compare eval/before/report.json eval/after/report.json --layout difference
-    - semgs compare before.json after.json
     """
 
     reports: Annotated[
@@ -59,9 +56,6 @@ class Compare:
             raise UsageError("--published needs --layout paper")
         if self.layout == "difference" and len(self.reports) < 2:
             raise UsageError("--layout difference needs two or more reports")
-        if is_bench(self.reports[0]):
-            print(self._benches())
-            return
         from semgs.evaluation.tables.card import card_grids
         from semgs.evaluation.tables.comparison_tables import check_comparable, data_grid, difference_grids, paper_grid
         from semgs.evaluation.tables.evaluation_report import read_report
@@ -81,18 +75,3 @@ class Compare:
             else:
                 grids = [paper_grid(reports, PUBLISHED[self.published] if self.published else None)]
         print("\n\n".join(printed(grid, self.format) for grid in grids))
-
-    def _benches(self) -> str:
-        """The table of two files of the bench."""
-        if len(self.reports) != 2:
-            raise UsageError(f"{len(self.reports)} files of semgs bench given; expected two to compare")
-        if self.layout != "paper" or self.published:
-            raise UsageError("--layout and --published are for reports of semgs evaluate")
-        from semgs.cli.commands.networks.bench_tables import comparison_table
-
-        benches = [read_bench(path) for path in self.reports]
-        names = [path.stem for path in self.reports]
-        if names[0] == names[1]:
-            names = [str(path) for path in self.reports]
-        with what_the_user_gave():
-            return comparison_table(benches[0], benches[1], names, self.format)

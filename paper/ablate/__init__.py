@@ -1,0 +1,1 @@
+"""The paper's ablation: trains its variants, evaluates them and prints tables."""
