@@ -122,6 +122,7 @@ def mount_page(application: Any, jobs: Jobs, local: bool) -> tuple[Any, list[int
     )
     # Only `launch` sets this, and without it gradio takes any file of this machine for an uploaded one.
     page.has_launched = True
+    page.upload_file_set = Forgetful()
 
     mounted.add_middleware(Streams, queue=page._queue)
     return mounted, [len(function.inputs) for _, function in sorted(page.fns.items())]
@@ -147,15 +148,19 @@ def _restrain(gradio: Any, limits: Limits) -> None:
             super().__init__(*given, **{**options, "max_fields": 0, "max_files": limits.photos + 1})
 
         async def parse(self) -> Any:
+            kept: set[Any] = set()
             try:
-                return await super().parse()
+                form = await super().parse()
+                kept = {value.file for _, value in form.multi_items()}
+                return form
             except BaseException:  # also if the browser goes away, which gradio leaves out
                 if self.upload_progress is not None and self.upload_id is not None:
                     self.upload_progress.stop_tracking(self.upload_id)
-                for file in self._files_to_close_on_error:
+                raise
+            finally:  # also of a form without an end
+                for file in set(self._files_to_close_on_error) - kept:
                     file.close()
                     Path(file.name).unlink(missing_ok=True)
-                raise
 
     class Apart(route_utils.GradioUploadFile):
         """An upload whose path is its own: gradio names it by its content, and the first room would delete what a second user dropped, too."""
@@ -252,6 +257,13 @@ class Newest(defaultdict[str, Any]):
         super().__setitem__(key, value)
         while len(self) > MOST_FOLLOWED:
             del self[next(iter(self))]
+
+
+class Forgetful(set[Any]):
+    """A set that gradio adds the path of each upload to, for a clean-up of its own that this page does not use."""
+
+    def update(self, *_: Any) -> None:
+        """Keep none."""
 
 
 def _theme() -> Any:

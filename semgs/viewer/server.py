@@ -126,6 +126,7 @@ def _guarded_websockets(access: Access) -> Iterator[None]:
                 connection.transport.abort()
                 return
             connection.recv = _only_plain(connection.recv)
+            _take_no_parts(connection.protocol)
             watch = asyncio.create_task(_end_if_stuck(connection.transport))
             browsers += 1
             try:
@@ -166,6 +167,21 @@ def _only_plain(receive: Callable[[], Awaitable[Any]]) -> Callable[[], Awaitable
         return raw
 
     return received
+
+
+def _take_no_parts(protocol: Any) -> None:
+    """Let a connection end where a message comes in parts, as none of our page does: the library keeps the parts, and counts neither them nor those without content."""
+    from websockets.exceptions import ProtocolError
+    from websockets.frames import DATA_OPCODES, OP_CONT
+
+    receive = protocol.recv_frame
+
+    def received(frame: Any) -> None:
+        if frame.opcode in DATA_OPCODES and (frame.opcode == OP_CONT or not frame.fin):
+            raise ProtocolError("a message in parts")
+        receive(frame)
+
+    protocol.recv_frame = received
 
 
 def _guarded(access: Access, answer: Callable[..., Any] | None) -> Callable[..., Any]:

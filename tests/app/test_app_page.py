@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 import time
+from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
@@ -106,3 +107,38 @@ def test_when_a_browser_goes_away_the_task_that_signals_life_to_it_ends_and_no_o
         return [task.cancelled() for task in tasks]
 
     assert asyncio.run(left("a1")) == [True, False]
+
+
+@pytest.mark.parametrize(("end", "kept"), [("--a--\r\n", ["photo"]), ("--a\r\n", ["photo"]), ("", [])])
+def test_an_upload_that_does_not_end_leaves_no_file(
+    end: str, kept: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    gradio = pytest.importorskip("gradio", reason="gradio is not installed; make .venv/app installs it")
+    from gradio import queueing, route_utils, routes
+    from starlette.datastructures import Headers
+
+    for module, names in (
+        (route_utils, ("GradioMultiPartParser", "GradioUploadFile", "traceback")),
+        (queueing, ("traceback",)),
+        (routes, ("traceback",)),
+    ):
+        for name in names:
+            monkeypatch.setattr(module, name, getattr(module, name))
+    monkeypatch.setattr(gradio.File, "_process_single_file", gradio.File._process_single_file)
+    page._restrain(gradio, Limits())
+    body = f'--a\r\nContent-Disposition: form-data; name="files"; filename="a.jpg"\r\n\r\nphoto\r\n{end}'
+
+    async def stream() -> AsyncIterator[bytes]:
+        yield body.encode()
+
+    headers = Headers({"content-type": "multipart/form-data; boundary=a"})
+    parser = route_utils.GradioMultiPartParser(headers, stream(), max_file_size=1000, upload_dir=str(tmp_path))
+    form = asyncio.run(parser.parse())
+    assert len(form.multi_items()) == len(kept)
+    assert [path.read_text() for path in tmp_path.iterdir()] == kept
+
+
+def test_gradio_remembers_no_upload_for_ever():
+    paths = page.Forgetful()
+    paths.update({"a", "b"})
+    assert len(paths) == 0

@@ -9,6 +9,9 @@ from urllib.parse import urlsplit
 
 import pytest
 from wall_and_chair import wall_and_chair
+from websockets.frames import OP_BINARY, OP_CONT, OP_PING, OP_TEXT, Frame, Opcode
+from websockets.protocol import State
+from websockets.server import ServerProtocol
 
 from semgs.files.errors import InputError
 from semgs.viewer import server
@@ -82,3 +85,24 @@ def test_a_browser_that_takes_nothing_of_a_scene_is_gone(
     with suppress(RuntimeError):  # there are no more looks
         asyncio.run(server._end_if_stuck(transport))  # type: ignore[arg-type]
     assert transport.aborted is ended
+
+
+@pytest.mark.parametrize(
+    ("frames", "taken"),
+    [
+        ([(OP_BINARY, b"a", True), (OP_PING, b"", True), (OP_TEXT, b"b", True)], [b"a", b"", b"b"]),
+        ([(OP_BINARY, b"a", True), (OP_BINARY, b"", False), (OP_CONT, b"", False)], [b"a"]),
+        ([(OP_TEXT, b"b", False), (OP_CONT, b"c", True)], []),
+        ([(OP_CONT, b"c", True)], []),
+    ],
+    ids=["whole", "without an end", "in two parts", "an end alone"],
+)
+def test_messages_of_a_page_come_whole(frames: list[tuple[Opcode, bytes, bool]], taken: list[bytes]):
+    """The library would keep parts of a message without end, 65 bytes for each empty one."""
+    protocol = ServerProtocol(state=State.OPEN)
+    server._take_no_parts(protocol)
+    for opcode, content, last in frames:
+        protocol.receive_data(Frame(opcode, content, fin=last).serialize(mask=True))
+    received = [frame for frame in protocol.events_received() if isinstance(frame, Frame)]
+    assert [bytes(frame.data) for frame in received] == taken
+    assert (protocol.close_sent is None) is (len(taken) == len(frames))
