@@ -150,7 +150,7 @@ def _restrain(gradio: Any, limits: Limits) -> None:
         async def parse(self) -> Any:
             kept: set[Any] = set()
             try:
-                form = await super().parse()
+                form: Any = await super().parse()
                 kept = {value.file for _, value in form.multi_items()}
                 return form
             except BaseException:  # also if the browser goes away, which gradio leaves out
