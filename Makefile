@@ -53,7 +53,7 @@ endif
 
 # The pip that comes with Python 3.11 takes more than twice as long as a newer one.
 # setuptools builds yattag, which has no wheel; the one that comes with Python 3.11 is too old for it.
-$(STAMP): pyproject.toml constraints.txt
+$(STAMP): pyproject.toml packages/semgs-rooms/pyproject.toml constraints.txt
 	@test -n '$(PYTHON)' || { echo 'semgs needs Python 3.11 or newer; name one: make setup PYTHON=/path/to/python3' >&2; exit 2; }
 	@if [ -e $(UNFINISHED) ] || { [ -e $(STAMP) ] && [ "$$(cat $(STAMP))" != '$(CURDIR)' ]; } \
 		|| ! $(BIN)/python -m pip --version >/dev/null 2>&1; then rm -rf .venv; fi
@@ -61,7 +61,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@mkdir -p .venv && touch $(UNFINISHED)
 	@[ -x $(BIN)/python ] || $(PYTHON) -m venv .venv
 	$(PIP) pip hatchling editables setuptools
-	$(PIP) --no-build-isolation -e '.[sfm,objects,rerun,ros,usd,exr,phone,raycast,train,onnx,litert,segment,video,viewer,figures,docs,mutants,dev]'
+	$(PIP) --no-build-isolation -e '.[sfm,objects,rerun,ros,usd,exr,phone,raycast,train,onnx,litert,segment,video,viewer,figures,docs,mutants,dev]' -e packages/semgs-rooms
 	@rm -f $(UNFINISHED) && printf '%s' '$(CURDIR)' > $(STAMP)
 
 demo: setup

@@ -63,7 +63,7 @@ WALK = (
 BATCH = (
     Step("semgs train", "settings, from options and presets", "cli/commands/networks/train.py", "TrainingSettings"),
     Step("Check the data", "scenes, classes, terms; RUN/data.json", "training/data/data_check/", "scenes"),
-    Step("Sample", "input and target views of a scene or a new room", "training/data/samples.py  rooms/sets/", "Views"),
+    Step("Sample", "input and target views of a scene or a new room", "training/data/samples.py  training/data/room_source.py", "Views"),
     Step("Augment", "crop, flip, roll, colour; cameras follow", "training/data/augmentation.py", "Views"),
     Step("Batch", "prepared ahead in worker processes", "training/data/batches.py", "Batch"),
     Step("Loss", "of rendered views, labels, images or depth", "training/supervision/", "gradient"),

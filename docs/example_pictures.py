@@ -19,13 +19,13 @@ import numpy as np
 from PIL import Image
 
 from semgs import load, occupancy
+from semgs.data.demo_scene import demo_scene
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20
 from semgs.figures.class_images import true_class_picture
 from semgs.figures.view_images import as_bytes
 from semgs.files.images.colours import depth_limits, depth_picture
-from semgs.rooms.sets.demo_room import demo_scene
 
 ROOT = Path(__file__).resolve().parent.parent
 IMAGES = ROOT / "docs" / "images"

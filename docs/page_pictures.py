@@ -21,13 +21,13 @@ from scipy.spatial.transform import Rotation
 
 from paper.release.demo import titled
 from semgs import SavedScene, load, occupancy, open_scene, refine
+from semgs.data.demo_scene import demo_scene
 from semgs.export.scene_objects import place_things, things_of
 from semgs.figures.class_images import class_picture, overlay
 from semgs.figures.view_images import as_bytes
 from semgs.files.images.colours import depth_limits, depth_picture, heat_picture
 from semgs.geometry.camera_paths import orbit
 from semgs.rendering.rendering import confidence_maps, label_maps
-from semgs.rooms.sets.demo_room import demo_scene
 from semgs.scene.upright import axis_direction, up_of, upright
 from semgs.viewer.splat_groups import thing_colours
 from semgs.viewer.viewer_page import scene_page

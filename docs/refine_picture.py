@@ -11,9 +11,9 @@ import numpy as np
 from PIL import Image
 
 from semgs import load, open_scene, refine
+from semgs.data.demo_scene import demo_scene
 from semgs.figures.view_images import as_bytes
 from semgs.objectives.metrics import psnr
-from semgs.rooms.sets.demo_room import demo_scene
 
 INPUT, BETWEEN = (5, 7), 6
 """Frames: `make demo` chooses these input views too."""

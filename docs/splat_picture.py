@@ -11,6 +11,7 @@ import numpy as np
 from PIL import Image
 
 from semgs import load, open_scene, refine, render
+from semgs.data.demo_scene import demo_scene
 from semgs.figures.class_images import class_picture, overlay
 from semgs.figures.view_images import as_bytes
 from semgs.geometry.gaussians import Gaussians
@@ -19,7 +20,6 @@ from semgs.reconstruction.network_classes import NetworkClasses
 from semgs.reconstruction.result import GivenSplat
 from semgs.reconstruction.splat_labelling import label_splat
 from semgs.rendering.rendering import label_maps
-from semgs.rooms.sets.demo_room import demo_scene
 from semgs.segmenters.labelling import Labelling
 
 PHOTOS, SHOWN = (3, 4, 5, 7), 6

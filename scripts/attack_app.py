@@ -34,7 +34,7 @@ from semgs.app import serving
 from semgs.app.door import is_known
 from semgs.app.jobs import Jobs
 from semgs.app.limits import Limits
-from semgs.rooms.sets.demo_room import demo_scene
+from semgs.data.demo_scene import demo_scene
 from semgs.viewer.server import serving as viewer_serving
 
 LIMITS = Limits(file_bytes=2_000_000, total_bytes=3_000_000, uploads=40, uploads_bytes=20_000_000, photos=5)

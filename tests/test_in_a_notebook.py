@@ -18,10 +18,10 @@ from ply import read_ply
 from posed import posed_views
 
 from semgs import SavedScene, Views, load_scene, open_scene, render, save_ply, save_scene
+from semgs.data.demo_scene import demo_scene
 from semgs.data.scene import Scene
 from semgs.files.images import notebook
 from semgs.rendering.rendering import Rendering
-from semgs.rooms.sets.demo_room import demo_scene
 from semgs.scene.encoding import Encoding
 
 SIZE = (32, 48)

@@ -51,7 +51,7 @@ def test_phrases_are_found_across_lines_and_only_as_whole_words():
 def test_docstrings_and_errors_are_free_of_them():
     found = [
         f"{path.relative_to(ROOT)}:{line}: {', '.join(phrases)}"
-        for folder in ("semgs", "tools", "paper", "scripts")
+        for folder in ("semgs", "packages", "paper", "scripts")
         for path in sorted((ROOT / folder).rglob("*.py"))
         for line, text in written(path)
         if (phrases := banned_in(text))

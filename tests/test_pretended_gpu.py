@@ -14,6 +14,7 @@ from networks import network, preset
 from posed import posed_views
 
 from semgs.data.choosing.choice import choose
+from semgs.data.demo_scene import demo_scene
 from semgs.data.frames import Frame
 from semgs.data.resampling import Fit
 from semgs.data.scene import Scene
@@ -27,7 +28,6 @@ from semgs.evaluation.frames.reading import make_inputs, read_views
 from semgs.export.ply import save_ply
 from semgs.model.semgs import SemGS
 from semgs.reconstruction.pipeline import reconstruct
-from semgs.rooms.sets.demo_room import demo_scene
 from semgs.training import presets
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step

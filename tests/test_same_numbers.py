@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from semgs.data.demo_scene import demo_scene
 from semgs.model.weights.load import load
-from semgs.rooms.sets.demo_room import demo_scene
 from semgs.training.loop import train
 from semgs.training.presets import small_plain
 from semgs.training.run.execution import Execution

@@ -68,7 +68,7 @@ import semgs
 from semgs import Gaussians, Views, open_scene
 from semgs.data.tables.classes import SCANNET20 as TABLE
 from semgs.geometry.gaussians import Appearance
-from semgs.rooms.sets.demo_room import demo_scene
+from semgs.data.demo_scene import demo_scene
 for name in ("ros", "training.loop", "evaluation.scoring.method_scores"):
     importlib.import_module(f"semgs.{name}")
 SCENE = open_scene(demo_scene())

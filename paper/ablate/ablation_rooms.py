@@ -10,9 +10,9 @@ from semgs.cli.progress import show_progress
 from semgs.cli.usage_errors import what_the_user_gave
 
 if TYPE_CHECKING:
-    from semgs.rooms.assets.splits import Split
-    from semgs.rooms.plans.style import Style
     from semgs.training.training_settings import TrainingSettings
+    from semgs_rooms.assets.splits import Split
+    from semgs_rooms.plans.style import Style
 
 TESTED = 48
 """Rooms of a set to evaluate on."""
@@ -44,13 +44,13 @@ def draw_rooms(drawn: Drawn, settings: TrainingSettings, workers: int) -> Path:
         UsageError: the folder has other rooms.
         InputError: the folder or the assets cannot be used.
     """
-    from semgs.rooms.sets.dataset import RoomSettings, write_dataset
     from semgs.training.data.data_settings import VALIDATION_SEED
-    from semgs.training.data.samples import room_library
+    from semgs_rooms.sets.dataset import RoomSettings, write_dataset
+    from semgs_rooms.training_rooms import library
 
     seed = settings.seed if drawn.split == "training" else VALIDATION_SEED
-    library = room_library(settings.assets, drawn.split)
-    rooms = RoomSettings(seed, settings.size, FRAMES, drawn.style, library)
+    own = library(settings.assets, drawn.split)
+    rooms = RoomSettings(seed, settings.size, FRAMES, drawn.style, own)
     with what_the_user_gave(), show_progress("Generating rooms", drawn.scenes) as done:
         write_dataset(drawn.folder, rooms, drawn.scenes, workers=workers, done=done)
     return drawn.folder

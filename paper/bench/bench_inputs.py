@@ -8,6 +8,7 @@ from functools import cache
 
 import torch
 
+from semgs.data.demo_scene import demo_scene
 from semgs.data.scenes import open_scene
 from semgs.data.views import Batch, Views, stack
 from semgs.geometry.cameras import Cameras, back_project
@@ -15,7 +16,6 @@ from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.model.networks import base
 from semgs.model.semgs import SemGS
 from semgs.model.weights.load import load, untrained
-from semgs.rooms.sets.demo_room import demo_scene
 
 TARGET = 5
 """Frame of the included room that is rendered."""

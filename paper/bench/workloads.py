@@ -16,6 +16,7 @@ import torch
 from paper.bench.bench_inputs import context_views, generated_scene, load_network, target_camera, training_batch
 from paper.bench.measure import WHOLE, CannotMeasureError
 from paper.bench.rows import BenchRow
+from semgs.data.demo_scene import demo_scene
 from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Gaussians
@@ -23,7 +24,6 @@ from semgs.model.layers.chunks import Chunks
 from semgs.model.memory.memory_plan import NotEnoughMemoryError
 from semgs.model.semgs import SemGS
 from semgs.rendering.render import render
-from semgs.rooms.sets.demo_room import demo_scene
 from semgs.scene.photo_refinement import refine
 
 Watch = Callable[[str], AbstractContextManager[object]]

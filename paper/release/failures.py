@@ -31,8 +31,8 @@ from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError, input_error
 from semgs.files.images.colours import depth_limits, depth_picture
 from semgs.model.weights.index import SHOWN
-from semgs.rooms.sets.dataset import RoomSettings, write_dataset
 from semgs.training.data.data_settings import VALIDATION_SEED
+from semgs_rooms.sets.dataset import RoomSettings, write_dataset
 
 BEGIN, END = "<!-- failures -->", "<!-- end of failures -->"
 """Markers of the failures in the model card."""

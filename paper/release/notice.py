@@ -106,7 +106,7 @@ def notice(attributions: Sequence[str]) -> str:
     """The text of NOTICE.
 
     Args:
-        attributions: texts of `ATTRIBUTION.md`, from `semgs.rooms.assets.lock.attribution`; works in several of them are listed once.
+        attributions: texts of `ATTRIBUTION.md`, from `semgs_rooms.assets.lock.attribution`; works in several of them are listed once.
 
     Raises:
         ValueError: one of them is malformed or lists no work.

@@ -50,7 +50,7 @@ def import_slow_modules() -> None:
 
 def warm_up() -> None:
     """Reconstruct the included room in small, so that kernels and libraries are loaded before there is a request."""
-    from semgs.rooms.sets.demo_room import demo_scene
+    from semgs.data.demo_scene import demo_scene
 
     progress = os.environ.pop(VARIABLE, None)
     with TemporaryDirectory(prefix="semgs-") as folder, redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
@@ -83,7 +83,7 @@ def work(line: str) -> int:
     os.chdir(work_folder)
     out, extra = Path("out"), Path("files")
     if request.kind == "example":
-        from semgs.rooms.sets.demo_room import demo_scene
+        from semgs.data.demo_scene import demo_scene
 
         prepared, arguments = Prepared(Path("included_room")), options.arguments({})
         prepared.scene.symlink_to(demo_scene())

@@ -37,15 +37,28 @@ class Command:
         place: its module in `semgs.cli.commands`, which does not import torch at module level, and the dataclass in it whose fields are
             the options and whose `run()` is the command: "scenes.demo:Demo".
         summary: its line in `semgs --help`.
+        package: another one that has the module; it may not be installed.
     """
 
     place: str
     summary: str
+    package: str = "semgs.cli.commands"
 
     def load(self) -> type[Any]:
-        """Import the dataclass."""
+        """Import the dataclass.
+
+        Raises:
+            ImportError: the package is not installed; the message says how to install it.
+        """
         module, _, options = self.place.partition(":")
-        return getattr(import_module(f"semgs.cli.commands.{module}"), options)
+        try:
+            return getattr(import_module(f"{self.package}.{module}"), options)
+        except ModuleNotFoundError as error:
+            if error.name != self.package:
+                raise
+            distribution = self.package.replace("_", "-")
+            how = f"pip install -e packages/{distribution} in SemGS's folder"
+            raise ImportError(f"this command needs the package {distribution}: {how}", name=self.package) from error
 
 
 COMMANDS = {
@@ -64,7 +77,7 @@ COMMANDS = {
         "scenes.label_splat:LabelSplat", "Give a splat of another program classes, from its photos."
     ),
     "batch": Command("scenes.batch:Batch", "Run a command for many scenes, several at a time."),
-    "rooms": Command("scenes.rooms:Rooms", "Generate synthetic rooms with labels, depth and poses."),
+    "rooms": Command("rooms_command:Rooms", "Generate synthetic rooms with labels, depth and poses.", "semgs_rooms"),
     "train": Command("networks.train:Train", "Train, or resume training."),
     "evaluate": Command(
         "networks.evaluate:Evaluate", "Score weights, or saved predictions, on a fixed list of frames."

@@ -11,8 +11,8 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
+from semgs.data.bounds.sift import LONGEST_SIDE, mutual_matches, sift
 from semgs.data.cameras.lens import FOCAL, FURTHEST_CENTRE, NORMALISED
-from semgs.data.sift import LONGEST_SIDE, mutual_matches, sift
 from semgs.geometry.cameras import Cameras
 
 CORNER, EDGE = 0.9, (0.25, 0.7)

@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from semgs.data.bounds.sift import LONGEST_SIDE, mutual_matches
 from semgs.data.frames import Frame
 from semgs.data.scene import Scene
-from semgs.data.sift import LONGEST_SIDE, mutual_matches
 from semgs.files.images.pictures import read_grey
 
 ALL_PAIRS = 12

@@ -35,11 +35,11 @@ from semgs.files.atomic import remove_parts
 from semgs.files.errors import input_error
 from semgs.files.images.pictures import write_png
 from semgs.files.paths import typed_path
-from semgs.rooms.assets.lock import verify
 from semgs.runtime.argument_types import check_type
 from semgs.training.data.batches import Portion, training_batches, validation_batches
 from semgs.training.data.data_check.data_check import check_data
 from semgs.training.data.data_settings import DataSettings
+from semgs.training.data.room_source import room_source
 from semgs.training.data.teacher import Teacher
 from semgs.training.engine import launch
 from semgs.training.presets import preset_changes
@@ -131,7 +131,7 @@ def train(
     settings.check_complete()
     execution.share().check(settings.batch)
     for folder in settings.assets:
-        verify(folder)
+        room_source().verify(Path(folder))
     claim_folder(out, settings)
     if has_begun(out):
         record_files(out, settings)  # while there are no other processes, which would wait for the first one

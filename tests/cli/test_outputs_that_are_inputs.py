@@ -14,7 +14,7 @@ from paper_commands import main
 from semgs.cli.main import COMMANDS
 from semgs.export.ply import save_ply
 from semgs.files.folders import MARK, own_folder
-from semgs.rooms.sets.dataset import RoomSettings, write_dataset
+from semgs_rooms.sets.dataset import RoomSettings, write_dataset
 
 CASES = (
     "reconstruct {own} --out {own}",

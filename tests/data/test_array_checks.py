@@ -12,11 +12,11 @@ import pytest
 import torch
 
 from semgs.data import views as views_module
+from semgs.data.demo_scene import demo_scene
 from semgs.data.scenes import open_scene
 from semgs.data.views import Views
 from semgs.files.paths import typed_path
 from semgs.model.weights.load import load
-from semgs.rooms.sets.demo_room import demo_scene
 
 K = np.array([[128.0, 0, 80], [0, 126.0, 60], [0, 0, 1]])
 """Of images of 120x160 (height x width)."""

@@ -125,7 +125,7 @@ def test_lists_that_cannot_be_read_are_refused(tmp_path: Path):
 
 
 def test_scenes_of_a_list_are_opened_and_others_are_not(tmp_path: Path):
-    from semgs.rooms.sets.demo_room import demo_scene
+    from semgs.data.demo_scene import demo_scene
 
     for name in ("a", "b"):
         (tmp_path / "data").mkdir(exist_ok=True)

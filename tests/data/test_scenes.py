@@ -15,12 +15,12 @@ from landmarks import looking
 from PIL import Image
 
 from semgs.data.bounds.depth_range import DepthRange
+from semgs.data.demo_scene import demo_scene
 from semgs.data.resampling import reframed
 from semgs.data.scene_details import USED_BY, SceneDetails
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import write_png
-from semgs.rooms.sets.demo_room import demo_scene
 
 SIZES = [(90, 130), (90, 130), (60, 100), (90, 130)]
 NAMES = ["left/0001.png", "left/0002.png", "right/0002.png", "right/0003.png"]

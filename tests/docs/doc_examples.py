@@ -89,7 +89,7 @@ SMALLER_IN_PYTHON = {
 
 SLOW = (
     "app", "batch", "export-network", "label", "paper.", "poses", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
-    "kitchen_colmap", "splat-transform", "mosaic.tflite", "scripts/", "tests/", "tools.", "--protocol neighbours", "eval/other", "eval/segformer",
+    "kitchen_colmap", "splat-transform", "mosaic.tflite", "scripts/", "tests/", "--protocol neighbours", "eval/other", "eval/segformer",
     "examples/train", "examples/score", "examples/robot", "examples/depth_maps_in", "segmenters fit", "--correspondence", "--weights runs/small", "--html", "--refine",
     "label-splat", "--rerun", "--single", "--features",
 )  # fmt: skip
@@ -159,7 +159,7 @@ def slow(example: Example) -> bool:
         "--help" in words
         or "--ray" in words
         or words[0] in {*CARRIERS, "sbatch", "make", "pip", "python3"}
-        or words[:3] == ["python", "-m", "tools.furniture"]
+        or words[:3] == ["python", "-m", "semgs_rooms.furniture"]
     ):
         return False
     return any(word in words[:2] if word.isalpha() else word in example.parsed for word in SLOW)
@@ -332,10 +332,10 @@ def run_python(words: Sequence[str]) -> None:
     if words[0] == "-m" and words[1].removeprefix("paper.") in WORKSHOP:
         run_semgs([words[1].removeprefix("paper."), *words[2:]])
         return
-    if words[:2] == ["-m", "tools.furniture"]:  # it needs Infinigen, so its options are parsed
-        from tools.furniture.__main__ import Furniture
+    if words[:2] == ["-m", "semgs_rooms.furniture"]:  # it needs Infinigen, so its options are parsed
+        from semgs_rooms.furniture.__main__ import Furniture
 
-        parse(Furniture, "python -m tools.furniture", words[2:])
+        parse(Furniture, "python -m semgs_rooms.furniture", words[2:])
         return
     name = words[1] if words[0] == "-m" else words[0]
     assert words[0] == "-m" or (ROOT / name).is_file(), f"there is no {name}"

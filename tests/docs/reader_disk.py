@@ -27,12 +27,12 @@ from safetensors.torch import save_file
 
 from paper.bench.bench_file import BenchReport, BenchResult, numbers
 from semgs.cli.main import main
+from semgs.data.demo_scene import demo_scene
 from semgs.data.resampling import resized
 from semgs.data.scenes import open_scene
 from semgs.model.weights.index import shipped_folder
-from semgs.rooms.assets.lock import make_lock, write_lock
-from semgs.rooms.sets.demo_room import demo_scene
-from semgs.rooms.sets.room_scenes import write_views
+from semgs_rooms.assets.lock import make_lock, write_lock
+from semgs_rooms.sets.room_scenes import write_views
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT / "docs"))

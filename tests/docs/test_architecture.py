@@ -35,7 +35,7 @@ def test_every_module_exists():
 
 def test_every_module_that_contributing_sends_to_exists():
     text = (DOCS / "CONTRIBUTING.md").read_text("utf-8")
-    paths = re.findall(r"`((?:semgs|tests|scripts|tools|paper)/[^`]*)`", text)
+    paths = re.findall(r"`((?:semgs|tests|scripts|packages|paper)/[^`]*)`", text)
     assert len(paths) > 10
     assert [path for path in paths if not (ROOT / path).exists()] == []
 

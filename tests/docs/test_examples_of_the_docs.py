@@ -124,7 +124,7 @@ def test_every_name_that_an_example_a_script_or_a_test_imports_exists():
     programs = [example.parsed for page in PAGES for example in read(page) if example.region.evaluator is python]
     programs += [
         file.read_text()
-        for folder in ("examples", "docs", "scripts", "tests", "tools", "paper")
+        for folder in ("examples", "docs", "scripts", "tests", "packages", "paper")
         for file in (reader_disk.ROOT / folder).rglob("*.py")
     ]
     shells = [file.read_text() for file in (reader_disk.ROOT / "scripts").glob("*.sh")]

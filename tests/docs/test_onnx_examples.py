@@ -16,10 +16,10 @@ import torch
 from PIL import Image
 
 from semgs import load, load_splat, open_scene
+from semgs.data.demo_scene import demo_scene
 from semgs.data.tables.classes import SCANNET20
 from semgs.data.views import Views
 from semgs.figures.view_images import as_bytes
-from semgs.rooms.sets.demo_room import demo_scene
 
 onnx = pytest.importorskip("onnx", minversion="1.20", reason="the extra onnx is not installed")
 pytest.importorskip("onnxruntime", reason="the extra onnx is not installed")

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from image_sets import random_numbers, write_image_set
 
-from semgs.rooms.sets.dataset import RoomSettings, write_dataset
+from semgs_rooms.sets.dataset import RoomSettings, write_dataset
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from planted_mistakes import PLANTED
 
+from semgs.data.demo_scene import demo_scene
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.doctor.diagnosis import Evidence, diagnose, judge_cameras
 from semgs.doctor.misses import misses
 from semgs.doctor.rig import rig_of
-from semgs.rooms.sets.demo_room import demo_scene
 from semgs.sfm.matches import MOST_MATCHES, Matches, find_matches
 
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from semgs.data.demo_scene import demo_scene
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.doctor.diagnosis import diagnose
 from semgs.doctor.quick import FEATURES, frames_to_test, warnings_of
-from semgs.rooms.sets.demo_room import demo_scene
 
 
 def test_it_warns_of_inverted_poses_and_says_nothing_of_good_ones():

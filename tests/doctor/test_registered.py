@@ -10,12 +10,12 @@ from planted_mistakes import Unregistered
 from test_mistakes import NAMES, seen, walk
 from test_warps import corner, small_walk
 
+from semgs.data.demo_scene import demo_scene
 from semgs.data.scenes import open_scene
 from semgs.doctor.diagnosis import Evidence, diagnose, judge_cameras
 from semgs.doctor.mistakes import BAD_DEPTH
 from semgs.doctor.registered import Zoom, unregistered, zooms_of_matches, zooms_of_warps
 from semgs.doctor.rig import Rig, rig_of
-from semgs.rooms.sets.demo_room import demo_scene
 from semgs.sfm.matches import ZOOMS, Matches, find_matches
 
 

@@ -23,7 +23,7 @@ WARM = {
         "semgs.reconstruction.output.files", "semgs.reconstruction.pipeline", "semgs.export.ply", "semgs.scene.scene_file",
         "semgs.rendering.render", "semgs.model.weights.load",
     ),
-    "rooms": ("semgs.cli.commands.scenes.rooms", "semgs.rooms.sets.dataset"),
+    "rooms": ("semgs_rooms.rooms_command", "semgs_rooms.sets.dataset"),
     "prepare": ("semgs.cli.commands.scenes.prepare", "semgs.data.preparation.prepared_set"),
     "export": (
         "semgs.cli.commands.scenes.export", "semgs.scene.scene_file", "semgs.export.ply", "semgs.export.points", "semgs.export.gltf", "semgs.export.colmap"),
@@ -33,7 +33,7 @@ WARM = {
 
 def warm(names: Iterable[str]) -> None:
     """Import what some commands and all cases need."""
-    own = ("semgs.cli.main", "semgs.rooms.sets.room_scenes", "semgs.scene.scene_file", "semgs.training.run.checkpoints")
+    own = ("semgs.cli.main", "semgs_rooms.sets.room_scenes", "semgs.scene.scene_file", "semgs.training.run.checkpoints")
     for name in names:
         for module in (*own, *WARM[name]):
             import_module(module)

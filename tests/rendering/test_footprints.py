@@ -14,6 +14,7 @@ from posed import posed_views
 from saved_scenes import wall
 
 from semgs import load, open_scene
+from semgs.data.demo_scene import demo_scene
 from semgs.export.gltf import save_gltf
 from semgs.export.ply import save_ply, save_semantic_ply
 from semgs.geometry.cameras import Cameras
@@ -21,7 +22,6 @@ from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.rigid import move_gaussians
 from semgs.mapping.voxels import join_in_voxels
 from semgs.rendering.render import render
-from semgs.rooms.sets.demo_room import demo_scene
 from semgs.scene.scene_file import load_scene, save_scene
 from semgs.splats.load import load_splat
 

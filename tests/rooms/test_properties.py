@@ -10,13 +10,13 @@ pytest.importorskip("embreex")
 
 from semgs.data.tables.classes import SCANNET20
 from semgs.geometry.cameras import back_project, project
-from semgs.rooms.drawing.room import FLAT, build_room
-from semgs.rooms.drawing.shading import look, pixel_directions
-from semgs.rooms.pieces.furniture import LABEL
-from semgs.rooms.pieces.solids import BALL, BOX, CYLINDER, Solids, gather, triangulate
-from semgs.rooms.plans.closeup import draw_closeup
-from semgs.rooms.plans.home import draw_home
-from semgs.rooms.sets.room_stream import generator, sample
+from semgs_rooms.drawing.room import FLAT, build_room
+from semgs_rooms.drawing.shading import look, pixel_directions
+from semgs_rooms.pieces.furniture import LABEL
+from semgs_rooms.pieces.solids import BALL, BOX, CYLINDER, Solids, gather, triangulate
+from semgs_rooms.plans.closeup import draw_closeup
+from semgs_rooms.plans.home import draw_home
+from semgs_rooms.sets.room_stream import generator, sample
 
 SIZE = (18, 24)
 

@@ -21,8 +21,8 @@ import pytest
 pytest.importorskip("embreex")
 
 from semgs.files.images.pictures import read_uint8
-from semgs.rooms.plans.style import STYLES
-from semgs.rooms.sets.room_scenes import DrawnScene, RoomSettings, draw_scene, write_views
+from semgs_rooms.plans.style import STYLES
+from semgs_rooms.sets.room_scenes import DrawnScene, RoomSettings, draw_scene, write_views
 
 SEED, SCENES, FRAMES, SIZE = 3, 3, 2, (48, 64)
 DECIMALS = 9

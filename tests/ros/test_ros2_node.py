@@ -18,12 +18,12 @@ import pytest
 import torch
 
 import semgs
+from semgs.data.demo_scene import demo_scene
 from semgs.data.resampling import resized
 from semgs.data.scenes import open_scene
 from semgs.figures.view_images import as_bytes
 from semgs.files.bags import message_store
 from semgs.geometry.rotations import quaternion_from_matrix
-from semgs.rooms.sets.demo_room import demo_scene
 
 ROOT = Path(__file__).resolve().parents[2]
 NODE = ROOT / "examples" / "ros2_node.py"

@@ -6,6 +6,7 @@ from math import cos, degrees, radians, sin
 import pytest
 import torch
 
+from semgs.data.demo_scene import demo_scene
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20
 from semgs.geometry.cameras import Cameras
@@ -13,7 +14,6 @@ from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.rigid import move_cameras, move_gaussians
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.model.weights.load import load
-from semgs.rooms.sets.demo_room import demo_scene
 from semgs.scene.own_views import lines, own_colours
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import Cues, Up, in_own_frame, up_of, upright

@@ -11,11 +11,11 @@ import torch
 from posed import posed_cameras
 from scipy.spatial.transform import Rotation
 
+from semgs.data.demo_scene import demo_scene
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.rotations import matrix_from_quaternion
-from semgs.rooms.sets.demo_room import demo_scene
 from semgs.sfm import camera_refinement as module
 from semgs.sfm.camera_refinement import MatchedRays, adjusted, epipolar_px, refine_cameras, sightings
 from semgs.sfm.matches import Matches

@@ -11,12 +11,12 @@ import torch
 from node_tools import splat_transform
 
 import semgs
+from semgs.data.demo_scene import demo_scene
 from semgs.export.ply import save_ply
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.rigid import move_gaussians
 from semgs.geometry.rotations import covariance
 from semgs.objectives.metrics import psnr
-from semgs.rooms.sets.demo_room import demo_scene
 from semgs.splats.load import load_splat
 
 pytestmark = pytest.mark.long

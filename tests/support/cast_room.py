@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 
 from semgs.data.raycast import Raycaster
-from semgs.rooms.pieces.solids import SHELL, gather, triangulate
-from semgs.rooms.plans.worlds import furnish
-from semgs.rooms.sets.room_stream import generator
+from semgs_rooms.pieces.solids import SHELL, gather, triangulate
+from semgs_rooms.plans.worlds import furnish
+from semgs_rooms.sets.room_stream import generator
 
 SEED, INDEX = 5, 1
 EYES = (

@@ -30,7 +30,7 @@ def compile_all() -> None:
 def compile_part(part: str) -> None:
     """Call what needs the kernels of a part."""
     if part == "rooms":
-        from semgs.rooms.sets.room_stream import sample
+        from semgs_rooms.sets.room_stream import sample
 
         for index in range(3):
             sample(4, index, size=(48, 64), contexts=2, targets=1)

@@ -12,10 +12,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from semgs.data.demo_scene import demo_scene
 from semgs.data.resampling import resized
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
-from semgs.rooms.sets.demo_room import demo_scene
 
 SIZE = (48, 64)
 

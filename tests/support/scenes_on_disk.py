@@ -11,7 +11,7 @@ import torch
 from posed import posed_views
 
 from semgs.data.views import Views
-from semgs.rooms.sets.room_scenes import write_views
+from semgs_rooms.sets.room_scenes import write_views
 
 SIZE = (24, 32)
 TABLE = {

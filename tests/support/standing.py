@@ -3,7 +3,7 @@
 import numpy as np
 
 from semgs.data.raycast import Raycaster
-from semgs.rooms.pieces.solids import Piece, gather, triangulate
+from semgs_rooms.pieces.solids import Piece, gather, triangulate
 
 
 class Standing:

@@ -27,7 +27,6 @@ from semgs.model.networks import named_switches
 from semgs.model.weights.load import data_terms, load
 from semgs.model.weights.weights_file import read_header, save
 from semgs.objectives.loss_weights import LossWeights
-from semgs.rooms.sets.room_stream import RoomSamples, sample
 from semgs.training.data import batches
 from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.data.batches import validation_batches
@@ -37,6 +36,7 @@ from semgs.training.run.checkpoints import newest_checkpoint
 from semgs.training.run.execution import Execution
 from semgs.training.run.run_folder import record_assets
 from semgs.training.training_settings import TrainingSettings
+from semgs_rooms.sets.room_stream import RoomSamples, sample
 
 SETTINGS = TrainingSettings(
     model="small_plain",
@@ -295,8 +295,8 @@ def test_scenes_that_serve_several_samples_are_kept_in_the_folder_of_the_run(
     settings = TrainingSettings(
         model="small_plain", steps=3, batch=2, size=(16, 24), contexts=(2, 3), targets=1, scene_reuse=2
     )
-    monkeypatch.setattr("semgs.rooms.sets.pool.FRAMES", 5)
-    monkeypatch.setattr("semgs.rooms.sets.pool.WINDOW", 3)
+    monkeypatch.setattr("semgs_rooms.sets.pool.FRAMES", 5)
+    monkeypatch.setattr("semgs_rooms.sets.pool.WINDOW", 3)
     whole = batches_of(settings, tmp_path / "one")
     (last,) = batches_of(settings, tmp_path / "two", start=2)
     assert torch.equal(whole[2].context.images, last.context.images)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from semgs.data.bounds.sift import LONGEST_SIDE, mutual_matches, sift
 from semgs.data.frames import Frame
-from semgs.data.sift import LONGEST_SIDE, mutual_matches, sift
 from semgs.files.images.pictures import read_grey
 
 EPIPOLAR_TOLERANCE_PX = 1.5

@@ -14,14 +14,13 @@ from semgs.data.scenes import scene_paths
 from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Batch, stack
 from semgs.files.errors import InputError
-from semgs.rooms.sets.pool import FRAMES, PooledSamples
-from semgs.rooms.sets.room_stream import RoomSamples
 from semgs.runtime.workers import settle_worker
 from semgs.training.data.data_check.data_check import RunData
 from semgs.training.data.data_settings import VALIDATION_SEED, DataSettings, view_counts
 from semgs.training.data.data_sources import Source
 from semgs.training.data.image_schedule import ImageSchedule
-from semgs.training.data.samples import Folder, Form, Mixture, Samples, TrainingSample, room_library
+from semgs.training.data.room_source import RoomSamples, room_source
+from semgs.training.data.samples import Folder, Form, Mixture, Samples, TrainingSample
 from semgs.training.data.teacher import Teacher
 from semgs.training.run.execution import Share
 
@@ -88,7 +87,7 @@ def training_batches(
     """The portions of steps start, start + 1, ..., in order.
 
     It has its own loader instead of `semgs.runtime.workers.outcomes`, because its workers prepare `AHEAD` steps ahead.
-    Assets are not checked here; `semgs.rooms.assets.lock.verify` does that.
+    Assets are not checked here; `RoomSource.verify` does that.
 
     Args:
         settings: of the data.
@@ -109,23 +108,23 @@ def training_batches(
     length = steps * settings.batch
     contexts, targets = view_counts(settings, single_images)
     weights = [float(source.weight) for source in settings.sources if not source.is_rooms]
-    rooms: RoomSamples | PooledSamples | None = None
+    rooms: RoomSamples | None = None
     live = [source for source in settings.sources if source.is_rooms]
     if live:
         weights.insert(0, float(sum(source.weight for source in live)))
-        library = room_library(settings.assets, "training")
-        rooms = RoomSamples(
-            settings.seed, settings.size, contexts, targets, length, group=settings.batch, library=library
+        generator = room_source()
+        rooms = generator.samples(
+            settings.seed, settings.size, contexts, targets, length=length, group=settings.batch, assets=settings.assets
         )
         if settings.scene_reuse > 1:
-            if (most := contexts[1] + targets) > FRAMES:
+            if (most := contexts[1] + targets) > generator.MOST_VIEWS:
                 raise InputError(
-                    "--scene-reuse", f"at most {FRAMES} input and target views, which is what a room has", f"{most}",
+                    "--scene-reuse", f"at most {generator.MOST_VIEWS} input and target views, which is what a room has", f"{most}",
                     advice="give fewer --contexts or --targets, or leave it out",
                 )  # fmt: skip
             # Only some of the samples show rooms, so a room stays in the pool for that many more.
             served = max(1, round(settings.scene_reuse * sum(weights) / weights[0]))
-            rooms = PooledSamples(pool, rooms, served, ahead=(AHEAD * workers + 2) * settings.batch)
+            rooms = generator.pooled(pool, rooms, served, ahead=(AHEAD * workers + 2) * settings.batch)
     mixture = Mixture(rooms, data.folders, tuple(weights))
     form = Form(
         settings.size, contexts, targets, data.classes, settings.frames, settings.augmentation,
@@ -158,8 +157,15 @@ def validation_batches(settings: DataSettings, classes: ClassTable, single_image
     form = Form(settings.size, (fewest, fewest), targets, classes, settings.frames)
     source = Source.parsed(settings.validation)
     if source.is_rooms:
-        library = room_library(settings.assets, "validation")
-        rooms = RoomSamples(VALIDATION_SEED, form.size, form.contexts, form.targets, length=count, library=library)
+        rooms = room_source().samples(
+            VALIDATION_SEED,
+            form.size,
+            form.contexts,
+            form.targets,
+            length=count,
+            assets=settings.assets,
+            split="validation",
+        )
         mixture = Mixture(rooms, (), (1.0,))
     else:
         mixture = Mixture(None, (Folder(scene_paths(source.path)),), (1.0,))

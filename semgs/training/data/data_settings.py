@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from semgs.data import demo_scene
 from semgs.data.tables.classes import SCANNET20, ClassTable
-from semgs.rooms.sets import demo_room
 from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.data.data_sources import ROOMS, Source
 from semgs.training.setting_checks import check_values
@@ -81,8 +81,8 @@ class DataSettings:
             frames=(self.frames in get_args(Frames), f"one of {', '.join(get_args(Frames))}"),
             sampling=(self.sampling in get_args(Sampling), f"one of {', '.join(get_args(Sampling))}"),
             seed=(
-                0 <= self.seed < 2**63 and self.seed not in (VALIDATION_SEED, demo_room.SEED),
-                f"0 to 2^63 - 1, and neither {VALIDATION_SEED} nor {demo_room.SEED}, which are the seeds of the validation rooms and the demo",
+                0 <= self.seed < 2**63 and self.seed not in (VALIDATION_SEED, demo_scene.SEED),
+                f"0 to 2^63 - 1, and neither {VALIDATION_SEED} nor {demo_scene.SEED}, which are the seeds of the validation rooms and the demo",
             ),
             scene_reuse=(self.scene_reuse >= 1, "at least 1"),
             validation_scenes=(self.validation_scenes >= 0, "0 or more"),

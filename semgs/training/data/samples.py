@@ -19,13 +19,10 @@ from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.data.views import Views, joined
 from semgs.files.errors import InputError
-from semgs.rooms.assets.asset_library import Library
-from semgs.rooms.assets.splits import Split
-from semgs.rooms.sets.pool import PooledSamples
-from semgs.rooms.sets.room_stream import RoomSamples
 from semgs.training.data.augmentation import Variation, crop_to_size
 from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.data.image_schedule import ImageSchedule, Turn, frame_of
+from semgs.training.data.room_source import RoomSamples
 from semgs.training.data.teacher import Teacher, coordinates
 
 OPEN = 20_000
@@ -77,7 +74,7 @@ class Mixture:
         weights: of the rooms, if there are any, then of each folder.
     """
 
-    rooms: RoomSamples | PooledSamples | None
+    rooms: RoomSamples | None
     folders: tuple[Folder, ...]
     weights: tuple[float, ...]
 
@@ -103,11 +100,6 @@ class Form:
     frames: Literal["covisible", "consecutive"] = "covisible"
     augmentation: Augmentation = field(default_factory=Augmentation)
     halved: int = 0
-
-
-def room_library(assets: Sequence[str], split: Split) -> Library | None:
-    """The assets of one split for generated rooms; they were checked before. None without assets."""
-    return Library(assets, split, check=False) if assets else None
 
 
 class Samples:
@@ -167,11 +159,8 @@ class Samples:
 
     def counts(self, k: int) -> tuple[int, int]:
         """How many input and target views sample k has."""
-        if isinstance(self._rooms, RoomSamples):
-            return self._rooms.counts(k)
         if self._rooms is not None:
-            _, contexts, targets = self._rooms.choice(k)
-            return len(contexts), len(targets)
+            return self._rooms.counts(k)
         fewest, most = self._form.contexts
         return int(self._generator(k // self._group, 1).integers(fewest, most + 1)), self._form.targets
 

@@ -22,9 +22,9 @@ from semgs.model.settings import NetworkSettings
 from semgs.model.weights.initial_weights import changed_switches, initial_network
 from semgs.model.weights.load import DATA_TERMS, SCENES, untrained
 from semgs.model.weights.weights_file import save
-from semgs.rooms.assets.lock import lock_digest
 from semgs.scene.coarse_depth import SHRINK
 from semgs.training.data.data_check.scene_record import RECORD, data_terms_of, scenes_of
+from semgs.training.data.room_source import room_source
 from semgs.training.run.checkpoints import best_checkpoint, has_checkpoints, newest_checkpoint
 from semgs.training.run.differences import find_changes, list_changes
 from semgs.training.state import averaged_weights
@@ -126,7 +126,7 @@ def record_assets(out: Path, folders: Sequence[str]) -> None:
         InputError: the run started with other assets.
     """
     record = out / ASSETS
-    locks = [lock_digest(folder) for folder in folders]
+    locks = [room_source().digest(Path(folder)) for folder in folders]
     if not record.exists():
         if folders:
             write_json(record, locks)

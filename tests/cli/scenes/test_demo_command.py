@@ -14,7 +14,7 @@ def small_demo(room: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     from semgs.model.weights import load as weights
 
     load = weights.load
-    monkeypatch.setattr("semgs.rooms.sets.demo_room.demo_scene", lambda: room)
+    monkeypatch.setattr("semgs.data.demo_scene.demo_scene", lambda: room)
     monkeypatch.setattr(weights, "load", lambda name, _: load(name, "random"))
     return room
 

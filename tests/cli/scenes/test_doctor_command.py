@@ -12,8 +12,8 @@ import pytest
 from PIL import Image
 
 from semgs.cli.main import main
+from semgs.data.demo_scene import demo_scene
 from semgs.data.scenes import open_scene
-from semgs.rooms.sets.demo_room import demo_scene
 
 
 def copied(folder: Path, change: Callable[[dict], object]) -> Path:

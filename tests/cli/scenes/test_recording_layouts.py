@@ -17,7 +17,7 @@ from phone_captures import write_polycam, write_record3d, zipped
 from replicas import write_replica
 
 from semgs.cli.main import main
-from semgs.rooms.sets.demo_room import demo_scene
+from semgs.data.demo_scene import demo_scene
 from semgs.scene.scene_file import load_scene
 
 TESTS = Path(__file__).parents[2] / "data" / "layouts"

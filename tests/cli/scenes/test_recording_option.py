@@ -11,8 +11,8 @@ from turned_cameras import write_scene
 
 import semgs
 from semgs.cli.main import main
+from semgs.data.demo_scene import demo_scene
 from semgs.geometry.cameras import project
-from semgs.rooms.sets.demo_room import demo_scene
 from semgs.scene.own_views import own_images, own_points
 from semgs.viewer.splat_groups import SceneSplats
 

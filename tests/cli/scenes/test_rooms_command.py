@@ -12,7 +12,7 @@ pytest.importorskip("embreex")
 
 from semgs.cli.main import main
 from semgs.files.images.pictures import read_rgb
-from semgs.rooms.sets import sheet
+from semgs_rooms.sets import sheet
 
 SMALL = ["--size", "32x48", "--frames", "2", "--workers", "0"]
 
@@ -79,7 +79,7 @@ def test_a_full_disk_is_one_line(
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device", "x")
 
-    monkeypatch.setattr("semgs.rooms.sets.room_scenes.write_views", full)
+    monkeypatch.setattr("semgs_rooms.sets.room_scenes.write_views", full)
     assert main(["rooms", str(tmp_path / "rooms"), "--scenes", "1", *SMALL]) == 2
     assert "the disk is full" in capsys.readouterr().err
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 import torch
 
+from semgs.data.demo_scene import demo_scene
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError
-from semgs.rooms.sets.demo_room import demo_scene
 
 
 def packed(path: Path, below: str = "", method: int = zipfile.ZIP_STORED) -> Path:

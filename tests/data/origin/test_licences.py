@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from semgs.data.demo_scene import demo_scene
 from semgs.data.origin.licences import ATTRIBUTION, ROOM, terms_of
 from semgs.data.origin.prepared_record import RECORD
 from semgs.data.origin.terms import (  # fmt: skip
@@ -24,7 +25,6 @@ from semgs.data.origin.terms import (  # fmt: skip
 )
 from semgs.data.preparation.archive import Preparation, prepare_scene
 from semgs.data.scenes import open_scene
-from semgs.rooms.sets.demo_room import demo_scene
 
 SMALL = Preparation((24, 32), every=4)
 

@@ -12,6 +12,7 @@ import pytest
 import torch
 from scenes_on_disk import write_labelled, write_table
 
+from semgs.data.demo_scene import demo_scene
 from semgs.data.preparation.archive import Preparation, estimate_bytes, prepare_scene, read_prepared_view
 from semgs.data.preparation.prepared_set import (
     INDEX,
@@ -28,7 +29,6 @@ from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
 from semgs.files.images.pictures import write_png
-from semgs.rooms.sets.demo_room import demo_scene
 
 SMALL = Preparation((48, 64))
 

@@ -15,10 +15,10 @@ from dataclasses import asdict
 from paper.bench.bench_inputs import load_network
 from paper.bench.peak_memory import peak_mb
 from semgs.data.choosing.choice import choose_named
+from semgs.data.demo_scene import demo_scene
 from semgs.data.scenes import open_scene
 from semgs.model.memory import memory_plan
 from semgs.reconstruction.pipeline import reconstruct
-from semgs.rooms.sets.demo_room import demo_scene
 from semgs.runtime.allocator import keep_freed_memory
 from semgs.runtime.free_memory import process_bytes
 

@@ -2,14 +2,14 @@ import pytest
 import torch
 
 from semgs import load, open_scene, render
+from semgs.data.demo_scene import demo_scene
 from semgs.data.resampling import resized
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.model.weights.load import shipped
 from semgs.model.weights.weights_file import read_header
 from semgs.objectives.metrics import confusion_matrix, miou, psnr
 from semgs.rendering.rendering import likeliest
-from semgs.rooms.sets.dataset import RoomSettings, write_dataset
-from semgs.rooms.sets.demo_room import demo_scene
+from semgs_rooms.sets.dataset import RoomSettings, write_dataset
 
 LARGEST = 12e6
 """What may ship [bytes]."""

@@ -10,10 +10,10 @@ from known_scenes import write_scene
 from paper_commands import main
 
 from paper.figure.compared_targets import choose_tasks, label_noise
+from semgs.data.demo_scene import demo_scene
 from semgs.data.scenes import open_scene
 from semgs.evaluation.frames.frame_plan import FramePlan, make_plan
 from semgs.evaluation.frames.protocols import neighbours
-from semgs.rooms.sets.demo_room import demo_scene
 
 
 @pytest.fixture(scope="module")

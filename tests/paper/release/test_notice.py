@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from paper.release.notice import HEAD, PHOTOS, TUM, notice, photos
-from semgs.rooms.assets.catalogue import FileSource
-from semgs.rooms.assets.lock import LockEntry, attribution, read_lock
+from semgs_rooms.assets.catalogue import FileSource
+from semgs_rooms.assets.lock import LockEntry, attribution, read_lock
 
 ROOT = Path(__file__).resolve().parents[3]
 

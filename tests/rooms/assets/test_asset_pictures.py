@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from semgs.files.errors import InputError
-from semgs.rooms.assets.asset_images import decode, fill_gaps, pack, pyramid
-from semgs.rooms.pieces.picture_kernels import LINEAR
+from semgs_rooms.assets.asset_images import decode, fill_gaps, pack, pyramid
+from semgs_rooms.pieces.picture_kernels import LINEAR
 
 
 def levels(size):

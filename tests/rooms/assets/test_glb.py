@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from semgs.files.errors import InputError
-from semgs.rooms.assets.glb import Primitive, read_glb, write_glb
+from semgs_rooms.assets.glb import Primitive, read_glb, write_glb
 
 
 def test_a_mesh_reads_back_as_it_was_written(tmp_path, write_mesh, box_mesh):

@@ -4,8 +4,8 @@ from pathlib import Path
 import pytest
 
 from semgs.files.errors import InputError
-from semgs.rooms.assets.catalogue import FileSource, read_catalogue
-from semgs.rooms.assets.lock import (
+from semgs_rooms.assets.catalogue import FileSource, read_catalogue
+from semgs_rooms.assets.lock import (
     LockEntry,
     attribution,
     lock_digest,

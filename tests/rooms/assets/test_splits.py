@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from semgs.rooms.assets.catalogue import EXCLUDED, read_catalogue, usable
-from semgs.rooms.assets.splits import family, split_images, split_meshes
+from semgs_rooms.assets.catalogue import EXCLUDED, read_catalogue, usable
+from semgs_rooms.assets.splits import family, split_images, split_meshes
 
 REAL = Path(__file__).parents[3].parent / "shared" / "assets"
 
@@ -58,7 +58,7 @@ def test_a_class_of_several_families_has_pieces_to_hold_out():
 
 
 def read_and_name(counts):
-    from semgs.rooms.assets.catalogue import MeshEntry
+    from semgs_rooms.assets.catalogue import MeshEntry
 
     blank = MeshEntry("", "shower curtain", "shower_curtain", "", (1.0, 0.1, 2.0), "ceiling")
     return [replace(blank, name=f"{stem}_{k}") for stem, count in counts.items() for k in range(count)]

@@ -10,20 +10,20 @@ import torch
 pytest.importorskip("embreex")
 
 from semgs.data.tables.classes import IGNORE
-from semgs.rooms.assets.asset_library import Library, open_library
-from semgs.rooms.assets.catalogue import read_catalogue
-from semgs.rooms.assets.coverings import Coverings
-from semgs.rooms.assets.swaps import RULES, Rule, Swaps, fit_scale
-from semgs.rooms.assets.used import UsedAssets
-from semgs.rooms.drawing.room import build_room
-from semgs.rooms.drawing.shading import look
-from semgs.rooms.pieces import fittings, furniture, openings
-from semgs.rooms.pieces import materials as m
-from semgs.rooms.pieces.furniture import LABEL
-from semgs.rooms.pieces.picture_kernels import PANORAMA, VIEW
-from semgs.rooms.pieces.solids import SHELL, Piece, block
-from semgs.rooms.pieces.texture_kernels import KIND, MAPPING, PICTURE
-from semgs.rooms.sets.room_stream import generator, sample
+from semgs_rooms.assets.asset_library import Library, open_library
+from semgs_rooms.assets.catalogue import read_catalogue
+from semgs_rooms.assets.coverings import Coverings
+from semgs_rooms.assets.swaps import RULES, Rule, Swaps, fit_scale
+from semgs_rooms.assets.used import UsedAssets
+from semgs_rooms.drawing.room import build_room
+from semgs_rooms.drawing.shading import look
+from semgs_rooms.pieces import fittings, furniture, openings
+from semgs_rooms.pieces import materials as m
+from semgs_rooms.pieces.furniture import LABEL
+from semgs_rooms.pieces.picture_kernels import PANORAMA, VIEW
+from semgs_rooms.pieces.solids import SHELL, Piece, block
+from semgs_rooms.pieces.texture_kernels import KIND, MAPPING, PICTURE
+from semgs_rooms.sets.room_stream import generator, sample
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,6 @@
 import numpy as np
 
-from semgs.rooms.drawing import light_kernels as kernels
+from semgs_rooms.drawing import light_kernels as kernels
 
 
 def test_the_pixels_of_a_square_all_use_different_numbers():

@@ -3,10 +3,10 @@ import pytest
 
 pytest.importorskip("embreex")
 
-from semgs.rooms.drawing.room import build_room
-from semgs.rooms.drawing.shading import RoomCamera, centres, look, photograph, pixel_directions
-from semgs.rooms.pieces import materials, texture_kernels
-from semgs.rooms.sets.room_stream import generator
+from semgs_rooms.drawing.room import build_room
+from semgs_rooms.drawing.shading import RoomCamera, centres, look, photograph, pixel_directions
+from semgs_rooms.pieces import materials, texture_kernels
+from semgs_rooms.sets.room_stream import generator
 
 CAMERA = RoomCamera(np.array([[41.0, 0, 30.5], [0, 46.0, 25.2], [0, 0, 1]]), (48, 60))
 

@@ -5,11 +5,11 @@ pytest.importorskip("embreex")
 
 from standing import Standing
 
-from semgs.rooms.pieces import cloth
-from semgs.rooms.pieces.furniture import LABEL
-from semgs.rooms.pieces.solids import gather
-from semgs.rooms.pieces.texture_kernels import COLOUR_A
-from semgs.rooms.plans.builder import snug
+from semgs_rooms.pieces import cloth
+from semgs_rooms.pieces.furniture import LABEL
+from semgs_rooms.pieces.solids import gather
+from semgs_rooms.pieces.texture_kernels import COLOUR_A
+from semgs_rooms.plans.builder import snug
 
 
 def forty(maker):

@@ -8,11 +8,11 @@ pytest.importorskip("embreex")
 from standing import Standing
 
 from semgs.data.tables.classes import IGNORE
-from semgs.rooms.pieces import kitchen_and_bath
-from semgs.rooms.pieces.furniture import LABEL
-from semgs.rooms.pieces.solids import gather
-from semgs.rooms.pieces.texture_kernels import COLOUR_A
-from semgs.rooms.plans.builder import snug
+from semgs_rooms.pieces import kitchen_and_bath
+from semgs_rooms.pieces.furniture import LABEL
+from semgs_rooms.pieces.solids import gather
+from semgs_rooms.pieces.texture_kernels import COLOUR_A
+from semgs_rooms.plans.builder import snug
 
 TOWARDS_THE_BACK, DOWN = (0, -1, 0), (0, 0, -1)
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from semgs.rooms.drawing.shading_kernels import barycentric
-from semgs.rooms.pieces import shell_kernels as kernels
-from semgs.rooms.pieces.shells import Shell, corner_normals, place_shells
+from semgs_rooms.drawing.shading_kernels import barycentric
+from semgs_rooms.pieces import shell_kernels as kernels
+from semgs_rooms.pieces.shells import Shell, corner_normals, place_shells
 
 
 def sphere(rows: int, columns: int) -> np.ndarray:

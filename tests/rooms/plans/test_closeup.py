@@ -7,17 +7,17 @@ import pytest
 
 pytest.importorskip("embreex")
 
-from semgs.rooms.drawing.room import build_room
-from semgs.rooms.pieces import materials as m
-from semgs.rooms.pieces import texture_kernels as t
-from semgs.rooms.pieces.furniture import LABEL
-from semgs.rooms.pieces.solids import block
-from semgs.rooms.plans import closeup, dressing, outlines
-from semgs.rooms.plans.builder import Builder
-from semgs.rooms.plans.closeup import draw_closeup, recolour
-from semgs.rooms.plans.floor_plan import FloorPlan
-from semgs.rooms.sets.carried_cameras import LARGE_SUBJECTS
-from semgs.rooms.sets.room_stream import sample
+from semgs_rooms.drawing.room import build_room
+from semgs_rooms.pieces import materials as m
+from semgs_rooms.pieces import texture_kernels as t
+from semgs_rooms.pieces.furniture import LABEL
+from semgs_rooms.pieces.solids import block
+from semgs_rooms.plans import closeup, dressing, outlines
+from semgs_rooms.plans.builder import Builder
+from semgs_rooms.plans.closeup import draw_closeup, recolour
+from semgs_rooms.plans.floor_plan import FloorPlan
+from semgs_rooms.sets.carried_cameras import LARGE_SUBJECTS
+from semgs_rooms.sets.room_stream import sample
 
 RED = (0.5, 0.1, 0.15)
 

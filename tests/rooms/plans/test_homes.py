@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from semgs.data.tables.classes import IGNORE
-from semgs.rooms.pieces import cloth, fittings, furniture
-from semgs.rooms.pieces import small_things as things
-from semgs.rooms.pieces.furniture import LABEL
-from semgs.rooms.plans import home
-from semgs.rooms.plans.builder import Builder, snug
-from semgs.rooms.plans.footprints import rectangle
-from semgs.rooms.plans.outlines import rectangular
+from semgs_rooms.pieces import cloth, fittings, furniture
+from semgs_rooms.pieces import small_things as things
+from semgs_rooms.pieces.furniture import LABEL
+from semgs_rooms.plans import home
+from semgs_rooms.plans.builder import Builder, snug
+from semgs_rooms.plans.footprints import rectangle
+from semgs_rooms.plans.outlines import rectangular
 
 
 def furnished(seed: int, size=(6.5, 5.0, 2.6), kind="living") -> Builder:

@@ -6,10 +6,10 @@ import torch
 
 pytest.importorskip("embreex")
 
-from semgs.rooms.plans.footprints import overlap
-from semgs.rooms.plans.home import draw_home
-from semgs.rooms.plans.other import draw_other
-from semgs.rooms.sets.room_stream import sample
+from semgs_rooms.plans.footprints import overlap
+from semgs_rooms.plans.home import draw_home
+from semgs_rooms.plans.other import draw_other
+from semgs_rooms.sets.room_stream import sample
 
 
 @pytest.fixture(scope="module")

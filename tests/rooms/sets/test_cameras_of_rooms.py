@@ -5,13 +5,13 @@ import pytest
 
 pytest.importorskip("embreex")
 
-from semgs.rooms.drawing.room import build_room
-from semgs.rooms.drawing.shading import RoomCamera, look, pixel_directions
-from semgs.rooms.pieces.furniture import LABEL
-from semgs.rooms.pieces.solids import block, gather
-from semgs.rooms.sets import carried_cameras as cameras
-from semgs.rooms.sets.carried_cameras import USUAL, Habit, draw_camera, draw_habit, draw_path, view_overlap
-from semgs.rooms.sets.room_stream import generator, keep_overlap
+from semgs_rooms.drawing.room import build_room
+from semgs_rooms.drawing.shading import RoomCamera, look, pixel_directions
+from semgs_rooms.pieces.furniture import LABEL
+from semgs_rooms.pieces.solids import block, gather
+from semgs_rooms.sets import carried_cameras as cameras
+from semgs_rooms.sets.carried_cameras import USUAL, Habit, draw_camera, draw_habit, draw_path, view_overlap
+from semgs_rooms.sets.room_stream import generator, keep_overlap
 
 PIXELS = np.stack(np.meshgrid(np.arange(40) + 0.5, np.arange(30) + 0.5), -1).reshape(-1, 2)
 K = np.array([[36.0, 0, 19.0], [0, 35.0, 16.0], [0, 0, 1]])

@@ -14,10 +14,10 @@ from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError
 from semgs.files.folders import LOCK, lock_folder
-from semgs.rooms.assets.asset_library import Library
-from semgs.rooms.assets.lock import make_lock, write_lock
-from semgs.rooms.sets import dataset
-from semgs.rooms.sets.dataset import RoomSettings, claim, write_dataset
+from semgs_rooms.assets.asset_library import Library
+from semgs_rooms.assets.lock import make_lock, write_lock
+from semgs_rooms.sets import dataset
+from semgs_rooms.sets.dataset import RoomSettings, claim, write_dataset
 
 ROOMS = RoomSettings(seed=11, size=(36, 48), frames=3)
 
@@ -136,7 +136,7 @@ def test_a_full_disk_is_told_as_such_and_leaves_no_half_scene(tmp_path, monkeypa
     def full(*_, **__):
         raise OSError(errno.ENOSPC, "No space left on device", "x")
 
-    monkeypatch.setattr("semgs.rooms.sets.room_scenes.write_views", full)
+    monkeypatch.setattr("semgs_rooms.sets.room_scenes.write_views", full)
     with pytest.raises(OSError, match="No space left") as caught:
         write_dataset(tmp_path / "full", ROOMS, 1)
     assert caught.value.errno == errno.ENOSPC

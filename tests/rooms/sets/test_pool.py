@@ -3,10 +3,10 @@ import torch
 
 pytest.importorskip("embreex")
 
-from semgs.rooms.sets import pool
-from semgs.rooms.sets.pool import PooledSamples
-from semgs.rooms.sets.room_scenes import RoomSettings, draw_scene
-from semgs.rooms.sets.room_stream import RoomSamples
+from semgs_rooms.sets import pool
+from semgs_rooms.sets.pool import PooledSamples
+from semgs_rooms.sets.room_scenes import RoomSettings, draw_scene
+from semgs_rooms.sets.room_stream import RoomSamples
 
 SIZE = (24, 32)
 

@@ -7,11 +7,11 @@ import torch
 
 pytest.importorskip("embreex")
 
+from semgs.data.demo_scene import demo_scene
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import back_project, project
-from semgs.rooms.sets.demo_room import demo_scene
-from semgs.rooms.sets.room_scenes import RoomSettings, draw_scene, write_scene
+from semgs_rooms.sets.room_scenes import RoomSettings, draw_scene, write_scene
 
 SETTINGS = RoomSettings(7, (48, 64), frames=4)
 

@@ -6,9 +6,9 @@ pytest.importorskip("embreex")
 
 from semgs.data.tables.classes import IGNORE
 from semgs.geometry.cameras import back_project, project
-from semgs.rooms.drawing.room import build_room
-from semgs.rooms.drawing.shading import look, pixel_directions
-from semgs.rooms.sets.room_stream import RoomSamples, generator, sample
+from semgs_rooms.drawing.room import build_room
+from semgs_rooms.drawing.shading import look, pixel_directions
+from semgs_rooms.sets.room_stream import RoomSamples, generator, sample
 
 SIZE = (48, 64)
 

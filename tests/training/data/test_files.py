@@ -108,7 +108,7 @@ def test_a_mixture_draws_its_sources_by_their_weights_and_stays_a_function_of_k(
         contexts, targets = self.counts(k)
         return views.select(range(contexts)), views.select(range(contexts, contexts + targets))
 
-    monkeypatch.setattr("semgs.training.data.batches.RoomSamples.__getitem__", drawn)
+    monkeypatch.setattr("semgs_rooms.training_rooms.RoomSamples.__getitem__", drawn)
     settings = replace(SETTINGS, data=("rooms=3", f"{scans}=1"), steps=24)
     whole, rest = batches(settings, tmp_path), batches(settings, tmp_path, start=20)
     scenes = [scene for one in whole for scene in one.scenes]
@@ -301,7 +301,7 @@ def test_validation_rooms_have_the_fewest_input_views_of_the_training(tmp_path, 
         contexts, targets = self.counts(k)
         return labelled_views(k).select(range(contexts)), labelled_views(k).select(range(contexts, contexts + targets))
 
-    monkeypatch.setattr("semgs.training.data.batches.RoomSamples.__getitem__", drawn)
+    monkeypatch.setattr("semgs_rooms.training_rooms.RoomSamples.__getitem__", drawn)
     settings = replace(SETTINGS, contexts=(2, 4), validation_scenes=12)
     found = run_validation(settings, tmp_path)
     assert [len(one.context) for one in found] == 12 * [2]
@@ -311,7 +311,7 @@ def test_validation_rooms_have_the_fewest_input_views_of_the_training(tmp_path, 
 def test_a_pool_of_rooms_keeps_those_that_workers_may_still_read(tmp_path, monkeypatch):
     # Three workers with four steps each, the step that is being taken, and one by which processes may differ: 14 steps of 4 scenes.
     made = []
-    monkeypatch.setattr("semgs.training.data.batches.PooledSamples", lambda *args, ahead: made.append(ahead))
+    monkeypatch.setattr("semgs_rooms.training_rooms.pooled", lambda *args, ahead: made.append(ahead))
     monkeypatch.setattr("semgs.training.data.batches.DataLoader", lambda *args, **options: None)
     settings = replace(SETTINGS, scene_reuse=2, batch=4)
     training_batches(settings, run_data(settings, tmp_path), 4, pool=tmp_path / "pool", workers=3)

@@ -11,11 +11,11 @@ import torch
 from scenes_on_disk import write_labelled
 from training_data import run_data, run_portions, run_validation
 
-from semgs.rooms.sets.pool import WINDOW, PooledSamples
-from semgs.rooms.sets.room_stream import RoomSamples
 from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.data.image_schedule import ImageSchedule, Turn, frame_of
 from semgs.training.training_settings import TrainingSettings
+from semgs_rooms.sets.pool import WINDOW, PooledSamples
+from semgs_rooms.sets.room_stream import RoomSamples
 
 SETTINGS = TrainingSettings(
     model="small_plain", steps=5, batch=4, size=(16, 24), supervision="pictures", seed=3,

@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 
 from semgs.cli.main import main
+from semgs.data import demo_scene as demo
 from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError
 from semgs.model.switches import Switches
 from semgs.model.weights.load import load
 from semgs.model.weights.weights_file import read_header
 from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
-from semgs.rooms.sets import demo_room as demo
 from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.data.data_settings import VALIDATION_SEED
 from semgs.training.loop import train

@@ -39,7 +39,7 @@ class Demo:
         Raises:
             InputError: the output folder cannot be used.
         """
-        from semgs.rooms.sets.demo_room import demo_scene
+        from semgs.data.demo_scene import demo_scene
 
         scene = demo_scene()
         overwrite = self.overwrite or _scene_in(self.out) == scene.name

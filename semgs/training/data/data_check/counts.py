@@ -12,10 +12,10 @@ from semgs.data.spread import spread
 from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.files.errors import InputError
-from semgs.rooms.sets.room_stream import RoomSamples
 from semgs.training.data.data_check.open_sources import OpenSource
 from semgs.training.data.data_settings import DataSettings
-from semgs.training.data.samples import Folder, convert_labels, room_library
+from semgs.training.data.room_source import room_source
+from semgs.training.data.samples import Folder, convert_labels
 
 FRAMES_COUNTED = 4
 """Frames of each scene in which classes are counted; of images without cameras, which all show other rooms, every one is."""
@@ -52,9 +52,8 @@ def count_pixels(settings: DataSettings, scenes: Sequence[Scene]) -> list[Pixels
     ]
     if not any(source.is_rooms for source in settings.sources):
         return [*pixels, None]
-    library = room_library(settings.assets, "training")
-    rooms = RoomSamples(settings.seed, COUNTED_SIZE, 2, 0, COUNTED_ROOMS, library=library)
-    return [*pixels, _count_labels([rooms[k][0] for k in range(len(rooms))], classes)]
+    rooms = room_source().samples(settings.seed, COUNTED_SIZE, (2, 2), 0, length=COUNTED_ROOMS, assets=settings.assets)
+    return [*pixels, _count_labels([rooms[k][0] for k in range(COUNTED_ROOMS)], classes)]
 
 
 def any_labelled(settings: DataSettings, scenes: Sequence[Scene]) -> bool:
