@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import os
 import re
 import subprocess
 import sys
@@ -11,20 +12,34 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from turned_cameras import write_scene
 
 import semgs
 
 ROOT = Path(__file__).resolve().parent.parent
 
 
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
-    """The wheel, built without a network."""
-    folder = tmp_path_factory.mktemp("wheel")
+ROOMS = ROOT / "packages" / "semgs-rooms"
+
+
+def built(root: Path, folder: Path) -> zipfile.ZipFile:
+    """A wheel, built without a network."""
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
-    subprocess.run(command, cwd=ROOT, check=True, capture_output=True, timeout=120)
+    subprocess.run(command, cwd=root, check=True, capture_output=True, timeout=120)
     (path,) = folder.glob("*.whl")
     return zipfile.ZipFile(path)
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
+    """That of SemGS."""
+    return built(ROOT, tmp_path_factory.mktemp("wheel"))
+
+
+@pytest.fixture(scope="module")
+def rooms_wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
+    """That of the rooms."""
+    return built(ROOMS, tmp_path_factory.mktemp("rooms_wheel"))
 
 
 def test_the_version_is_the_one_installed_and_cited():
@@ -81,6 +96,53 @@ def test_the_wheel_holds_every_file_of_the_package_and_nothing_else(wheel: zipfi
     assert all(name.startswith("semgs/") and "__pycache__" not in name for name in packed)
 
 
+def test_rooms_are_a_wheel_of_their_own_with_the_same_version(rooms_wheel: zipfile.ZipFile):
+    listed = subprocess.run(["git", "ls-files", "semgs_rooms"], cwd=ROOMS, capture_output=True, text=True, check=False)
+    if listed.returncode:
+        pytest.skip("not a git checkout")
+    packed = {name for name in rooms_wheel.namelist() if ".dist-info/" not in name}
+    assert packed == set(listed.stdout.split())
+    (points,) = [name for name in rooms_wheel.namelist() if name.endswith("entry_points.txt")]
+    assert "rooms = semgs_rooms.training_rooms" in rooms_wheel.read(points).decode()
+    assert points.startswith(f"semgs_rooms-{semgs.__version__}.dist-info/")
+
+
+WITHOUT_ROOMS = """
+import sys
+from importlib import metadata
+class Absent:
+    def find_spec(self, name, *_):
+        if name.split(".")[0] == "semgs_rooms":
+            raise ModuleNotFoundError(name, name="semgs_rooms")
+sys.meta_path.insert(0, Absent())
+usual = metadata.entry_points
+metadata.entry_points = lambda **named: () if named.get("group") == "semgs.rooms" else usual(**named)
+from semgs.cli.main import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "rooms out",
+        "train small --out run --validation-scenes 0",
+        "train small --out run --data scans --contexts 2 2 --losses.semantic 0 --losses.smoothness 0",
+    ],
+)
+def test_what_needs_rooms_says_how_to_install_them(arguments: str, wheel: zipfile.ZipFile, tmp_path: Path):
+    wheel.extractall(tmp_path / "site")
+    write_scene(tmp_path / "scans" / "a")
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_ROOMS, *arguments.split()], cwd=tmp_path, capture_output=True, text=True, check=False,
+        env={**os.environ, "PYTHONPATH": str(tmp_path / "site")},
+    )  # fmt: skip
+    line = done.stderr.splitlines()[-1]
+    assert "semgs-rooms: pip install -e packages/semgs-rooms in SemGS's folder" in line
+    assert line.startswith("semgs: error: ")
+    assert done.returncode == 2
+
+
 def test_the_wheel_holds_the_licence_and_the_command(wheel: zipfile.ZipFile):
     names = wheel.namelist()
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
@@ -98,8 +160,10 @@ def test_what_is_embedded_is_small(wheel: zipfile.ZipFile):
 
 def test_every_requirement_is_pinned():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    rooms = tomllib.loads((ROOMS / "pyproject.toml").read_text())
     extras = project["project"]["optional-dependencies"].values()
     asked = [*project["build-system"]["requires"], *project["project"]["dependencies"], *(r for e in extras for r in e)]
+    asked += [one for one in rooms["project"]["dependencies"] if one != "semgs"]
     pinned = {line.split("==")[0].lower().replace("_", "-") for line in (ROOT / "constraints.txt").read_text().split()}
     names = {re.match(r"[\w.-]+", one)[0].lower().replace("_", "-") for one in asked}
     assert names <= pinned

@@ -57,8 +57,10 @@ class Command:
             if error.name != self.package:
                 raise
             distribution = self.package.replace("_", "-")
-            how = f"pip install -e packages/{distribution} in SemGS's folder"
-            raise ImportError(f"this command needs the package {distribution}: {how}", name=self.package) from error
+            raise ImportError(
+                f"this command needs the package {distribution}: pip install -e packages/{distribution} in SemGS's folder",
+                name=self.package,
+            ) from error
 
 
 COMMANDS = {
