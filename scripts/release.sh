@@ -1,5 +1,5 @@
 #!/bin/sh
-# Build wheel and sdist into dist/, install the wheel into an empty environment away from the repository, run the demo there, and print what an install costs.
+# Build wheel and sdist into dist/, install the wheel into an empty environment away from the repository, run the demo there, print what an install costs, and generate a room with that of semgs-rooms.
 #
 #     make release
 #
@@ -8,6 +8,7 @@ set -eu
 root=$(cd "$(dirname "$0")/.." && pwd)
 rm -rf "$root/dist"
 "$root/.venv/bin/python" -m hatchling build -t wheel -t sdist -d "$root/dist"
+(cd "$root/packages/semgs-rooms" && "$root/.venv/bin/python" -m hatchling build -t wheel -d "$root/dist/rooms")
 away=$(mktemp -d)
 trap 'rm -rf "$away"' EXIT
 "$root/.venv/bin/python" -m venv "$away/venv"
@@ -61,4 +62,6 @@ print(f"on disk, semgs itself          {megabytes({'semgs'}):.1f} MB")
 print(f"semgs --help                   {seconds('-m', 'semgs', '--help'):.2f} s")
 print(f"import semgs, then semgs.load  {seconds('-c', 'import semgs; semgs.load'):.2f} s")
 EOF
-ls -l "$root/dist"
+"$away/venv/bin/python" -m pip install --quiet --disable-pip-version-check -c "$root/constraints.txt" "$root"/dist/rooms/*.whl
+"$away/venv/bin/semgs" rooms rooms --scenes 1 --frames 2 --size 48x64 --workers 0
+ls -l "$root/dist" "$root/dist/rooms"
