@@ -19,6 +19,9 @@ from semgs.files.stored import Stored
 VARIABLE = "SEMGS_CONFINED_TO"
 """The environment variable with the folder."""
 
+INCLUDED = Path(__file__).with_name("demo")
+"""The scene that comes with SemGS."""
+
 LONGEST_NAME, LONGEST_PATH = 255, 4000
 """Bytes of one part of a path, and of all of it; file systems refuse longer ones."""
 
@@ -41,16 +44,16 @@ def named_file(file: str | Stored, folder: Path, name: str) -> Path:
     Raises:
         InputError: the process is confined, and the name leads out of its folder, whether or not there is a file.
     """
-    root = _root()
-    if root is not None and not _leads_inside(root, folder, name):
+    roots = _roots()
+    if roots and not any(_leads_inside(root, folder, name) for root in roots):
         raise InputError(file, EXPECTED, f"{name!r:.60}")
     return folder / name
 
 
 def may_read(path: Path) -> bool:
     """Whether a place may be searched: any, but those outside the folder of a confined process. For places that no file names, such as the folder above."""
-    root = _root()
-    return root is None or _is_inside(root, path)
+    roots = _roots()
+    return not roots or _is_inside(roots, path)
 
 
 def check_inside(path: str | Path, content: object) -> None:
@@ -63,15 +66,15 @@ def check_inside(path: str | Path, content: object) -> None:
     Raises:
         InputError: the process is confined, and a path in the data leads out of its folder.
     """
-    root = _root()
-    if root is not None and not all(_is_inside(root, one) for one in set(_paths_in(content, set()))):
+    roots = _roots()
+    if roots and not all(_is_inside(roots, one) for one in set(_paths_in(content, set()))):
         raise InputError(path, EXPECTED, "one that leads out of it")
 
 
-def _root() -> Path | None:
-    """The folder that this process is confined to, None if it is not."""
+def _roots() -> tuple[Path, ...]:
+    """The folder that this process is confined to, and the included scene, which holds nothing that is not public; empty if it is not confined."""
     folder = os.environ.get(VARIABLE)
-    return _resolved(Path(folder).absolute()) if folder else None
+    return (_resolved(Path(folder).absolute()), _resolved(INCLUDED)) if folder else ()
 
 
 def _leads_inside(root: Path, folder: Path, name: str) -> bool:
@@ -86,7 +89,7 @@ def _leads_inside(root: Path, folder: Path, name: str) -> bool:
         depth += -1 if part == ".." else part not in ("", ".")
         if depth < 0 or len(part.encode(errors="surrogatepass")) > LONGEST_NAME:
             return False
-    return all(_is_inside(root, folder / one) for one in {name, plain})
+    return all(_is_inside((root,), folder / one) for one in {name, plain})
 
 
 @lru_cache(maxsize=256)
@@ -95,12 +98,13 @@ def _resolved(folder: Path) -> Path:
     return folder.resolve()
 
 
-def _is_inside(root: Path, path: Path) -> bool:
-    """Whether a path, with its links resolved, lies in a folder."""
+def _is_inside(roots: tuple[Path, ...], path: Path) -> bool:
+    """Whether a path, with its links resolved, lies in one of some folders."""
     try:
-        return path.resolve().is_relative_to(root)
+        place = path.resolve()
     except (OSError, RuntimeError, ValueError):  # such as a loop of links
         return False
+    return any(place.is_relative_to(root) for root in roots)
 
 
 def _paths_in(content: object, seen: set[int]) -> Iterator[Path]:

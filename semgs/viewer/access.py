@@ -214,4 +214,4 @@ def _cookies(text: str, name: str) -> list[str]:
 
 def _matches(given: str, token: str) -> bool:
     """Whether a token is the right one."""
-    return secrets.compare_digest(given.encode(), token.encode())
+    return secrets.compare_digest(given.encode(errors="surrogatepass"), token.encode())

@@ -201,7 +201,10 @@ def _guarded(access: Access, answer: Callable[..., Any] | None) -> Callable[...,
         if refusal is None and not websocket and any(name in unquote(query) for name in ELSEWHERE):
             refusal = Refusal(303, "", (("location", "./"),))
         if refusal is None:
-            response = answer(connection, request) if answer else None
+            try:
+                response = answer(connection, request) if answer else None
+            except (OSError, ValueError):  # a path that no file can have
+                return Response(404, "Not Found", Headers())
             if response is not None:
                 own = " ".join(f"{scheme}://{place}" for place in _places(headers, access) for scheme in ("ws", "wss"))
                 response.headers["Content-Security-Policy"] = (

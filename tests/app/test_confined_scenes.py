@@ -40,6 +40,7 @@ from known_scenes import write_scene
 from semgs.app.limits import Limits
 from semgs.app.uploads import UNPACKED, UnusableUploadError, Upload, prepare, unpack
 from semgs.data.confined import EXPECTED, VARIABLE, confine_to
+from semgs.data.demo_scene import demo_scene
 from semgs.data.layouts.parts.fields import Fields
 from semgs.data.scenes import LAYOUTS, open_scene
 from semgs.files.errors import InputError
@@ -350,6 +351,16 @@ def test_a_link_out_of_the_scene_is_refused_wherever_it_comes_from(tmp_path: Pat
     shutil.move(scene / "images/a.png", outside / "a.png")
     (scene / "images/a.png").symlink_to(outside / "a.png")
     assert outcome(scene).endswith(f"expected {EXPECTED}, found one that leads out of it")
+
+
+def test_the_included_scene_opens_wherever_a_process_is_confined(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    (tmp_path / "included_room").symlink_to(demo_scene())
+    for scene in (demo_scene(), tmp_path / "included_room"):
+        assert open_scene(scene).read([0]).labels is not None
+    shutil.copytree(demo_scene(), tmp_path.parent / f"{tmp_path.name}_copy")
+    with pytest.raises(InputError, match=EXPECTED):
+        open_scene(tmp_path.parent / f"{tmp_path.name}_copy")
 
 
 def test_a_mesh_opens_no_texture_that_its_header_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

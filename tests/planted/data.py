@@ -410,7 +410,7 @@ DATA = (
     ),
     Mutant(
         "links lead out of a confined folder", "semgs/data/confined.py",
-        "return path.resolve().is_relative_to(root)", "return path.absolute().is_relative_to(root)",
+        "place = path.resolve()", "place = path.absolute()",
         (f"{OF_CONFINED}links_inside_are_followed_and_those_that_lead_outside_are_not",),
     ),
     Mutant(

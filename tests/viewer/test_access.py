@@ -110,7 +110,8 @@ def test_the_token_becomes_a_cookie_and_leaves_the_address():
 
 
 @pytest.mark.parametrize(
-    "query", ["", "token=", "token=a-toke", "token=b&token=a-token", "&" * 50 + "token=a-token", "token=ä"]
+    "query",
+    ["", "token=", "token=a-toke", "token=b&token=a-token", "&" * 50 + "token=a-token", "token=ä", "token=\udcff"],
 )
 def test_without_the_token_nothing_is_served(query: str):
     assert status(PUBLIC, query=query, host="robot") == 403
@@ -237,6 +238,9 @@ def test_the_viewer_gives_its_scene_to_its_own_page_only():
         assert asked(window.url, own, "Origin: http://127.0.0.1:1", *HANDSHAKE).startswith("HTTP/1.1 403")
         assert asked(window.url, "Host: evil.example", *HANDSHAKE).startswith("HTTP/1.1 421")
         assert asked(window.url, "Host: evil.example").startswith("HTTP/1.1 421")
+        assert asked(window.url, own, target=f"/{5000 * 'a'}").startswith(
+            "HTTP/1.1 404"
+        )  # longer than a file's name may be
         assert asked(window.url, own, "Sec-Fetch-Site: cross-site", "Sec-Fetch-Mode: no-cors").startswith(
             "HTTP/1.1 403"
         )
