@@ -19,7 +19,7 @@ from semgs.files.stored import Stored
 VARIABLE = "SEMGS_CONFINED_TO"
 """The environment variable with the folder."""
 
-INCLUDED = Path(__file__).with_name("demo")
+INCLUDED = Path(__file__).resolve().with_name("demo")
 """The scene that comes with SemGS."""
 
 LONGEST_NAME, LONGEST_PATH = 255, 4000
@@ -74,7 +74,7 @@ def check_inside(path: str | Path, content: object) -> None:
 def _roots() -> tuple[Path, ...]:
     """The folder that this process is confined to, and the included scene, which holds nothing that is not public; empty if it is not confined."""
     folder = os.environ.get(VARIABLE)
-    return (_resolved(Path(folder).absolute()), _resolved(INCLUDED)) if folder else ()
+    return (_resolved(Path(folder).absolute()), INCLUDED) if folder else ()
 
 
 def _leads_inside(root: Path, folder: Path, name: str) -> bool:
