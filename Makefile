@@ -12,8 +12,6 @@ unexport PYTHONDONTWRITEBYTECODE
 STAMP := .venv/complete
 # There while something is being installed; where it stays behind, an earlier try was cut short.
 UNFINISHED := .venv/unfinished
-# There when scenezoo is installed too, with open3d and 40 more packages (1.2 GB), which only tests of what it reads need.
-SCENEZOO := .venv/scenezoo
 # There when Ray is installed too (0.2 GB), for the test of a batch on a cluster.
 CLUSTER := .venv/cluster
 # There when the programs of tests/node/package.json are installed, which open exported files in tests. Without npm these tests are skipped.
@@ -90,10 +88,6 @@ test: setup $(APP) $(COMPILED)
 docs: setup
 	$(BIN)/sphinx-build -q -W --keep-going -j auto -b html docs docs/_build/html
 
-$(SCENEZOO): $(STAMP)
-	$(PIP) --no-build-isolation -e '.[scenezoo]'
-	@touch $(SCENEZOO)
-
 $(CLUSTER): $(STAMP)
 	$(PIP) --no-build-isolation -e '.[cluster]'
 	@touch $(CLUSTER)
@@ -101,7 +95,7 @@ $(CLUSTER): $(STAMP)
 $(NODE_PROGRAMS): tests/node/package.json tests/node/package-lock.json
 	@if command -v npm >/dev/null; then npm ci --prefix tests/node --ignore-scripts --no-audit --no-fund && touch $@; fi
 
-long: setup $(SCENEZOO) $(CLUSTER) $(NODE_PROGRAMS) $(APP)
+long: setup $(CLUSTER) $(NODE_PROGRAMS) $(APP)
 	CHECK_TYPES=1 $(BIN)/pytest -m 'long'
 
 gpu: setup

@@ -21,12 +21,6 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
         'if len({camera for camera, _ in names}) != 1 or (len(names) > 1 and not any("rect" in name for _, name in names)):',
         "there is at least one camera, because there are topics",
     ),
-    (
-        "semgs/data/layouts/zoo/shots.py",
-        "labels = scannet20_labels()[np.where((ids < 0) | (ids > len(NAMES)), 0, ids)]",
-        "labels = scannet20_labels()[np.where((ids < 1) | (ids > len(NAMES)), 0, ids)]",
-        "an id of 0 is replaced by 0",
-    ),
     ("semgs/geometry/cameras.py", "if bad.ndim == 0:", "if bad.ndim <= 0:", "arrays have no negative number of axes"),
     (
         "semgs/model/gaussians/placing.py",

@@ -48,10 +48,9 @@ LAYOUT_FLOORS = (
         "metashape",
         "labelled_images",
     ),
-    ("zoo",),
 )
-"""Inside `semgs.data.layouts`: what readers share, formats that other data sets use too, the rest, which know nothing of one another, and what reads
-through another library, with their tables of names."""
+"""Inside `semgs.data.layouts`: what readers share, formats that other data sets use too, and the rest, which know nothing of one another, with their tables
+of names."""
 
 READERS_OF_LAYOUTS = (
     "semgs.data.scenes",
@@ -89,7 +88,7 @@ VERSION = "semgs._version"
 OPTIONAL = (
     "pycolmap", "embreex", "gsplat", "viser", "lightning_fabric", "sklearn", "tensorboard",
     "huggingface_hub", "lpips", "rosbags", "onnxruntime", "ai_edge_litert", "transformers", "yaml", "av", "lzfse", "pillow_heif", "matplotlib",
-    "scenezoo", "open3d", "gradio", "fastapi", "uvicorn", "rerun", "zstandard", "pxr", "OpenEXR", "ray", "onnx", "onnxscript",
+    "gradio", "fastapi", "uvicorn", "rerun", "zstandard", "pxr", "OpenEXR", "ray", "onnx", "onnxscript",
 )  # fmt: skip
 """Libraries that an extra brings: each is imported in one module, inside the function that needs it."""
 

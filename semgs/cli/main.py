@@ -93,9 +93,6 @@ COMMANDS = {
     "export-network": Command(
         "networks.export_network:ExportNetwork", "Write a network as an ONNX file, for programs without PyTorch."
     ),
-    "segmenters fit": Command(
-        "networks.segmenter_fit:FitSegmenter", "Learn on labelled scenes what a segmenter's classes mean."
-    ),
 }
 
 

@@ -19,7 +19,6 @@ USED_BY = {
     "body": "a ROS bag",
     "intrinsics": "RGB-D frames, Replica, a phone's capture or a ROS bag",
     "depth_unit": "RGB-D frames or a transforms.json",
-    "scenezoo": "a data set that scenezoo reads",
     "images": "a COLMAP model",
 }
 """The layouts that use a detail, in words for messages; `unit` is for all."""
@@ -36,13 +35,11 @@ class SceneDetails:
         intrinsics: fx, fy, cx, cy of the full-size images [px], without distortion, the centre of the first pixel at (0.5, 0.5).
             Overrides the files.
         depth_unit: metres per count of the depth maps [m].
-        scenezoo: data sets that scenezoo reads: the data set, the scene, and perhaps its room or camera ("3rscan:SCAN",
-            "structured3d:scene_00000:485142").
         images: COLMAP models: the folder that the names of the images are relative to, if it is not beside the model.
         unit: of lengths, "metric" or "unknown", for any layout. Overrides the files.
 
     Raises:
-        ValueError: a unit is unknown, a number is not finite, or not positive where it must be; or the name of a scene has another form.
+        ValueError: a unit is unknown, or a number is not finite, or not positive where it must be.
     """
 
     camera: str | None = None
@@ -50,7 +47,6 @@ class SceneDetails:
     body: str | None = None
     intrinsics: Sequence[float] | None = None
     depth_unit: float | None = None
-    scenezoo: str | None = None
     images: Path | None = None
     unit: Unit | None = None
 
@@ -63,10 +59,6 @@ class SceneDetails:
             raise ValueError(f"depth_unit is {self.depth_unit}; expected metres per count, such as 0.001")
         if self.unit not in (None, *get_args(Unit)):
             raise ValueError(f"unit is {self.unit!r}; expected metric or unknown")
-        if self.scenezoo is not None and not (2 <= len(parts := self.scenezoo.split(":")) <= 3 and all(parts)):
-            raise ValueError(
-                f"scenezoo is {self.scenezoo!r}; expected DATASET:SCENE or DATASET:SCENE:PART, as in 3rscan:SCAN"
-            )
 
     def only(self, path: Path, layout: str, *takes: str) -> None:
         """Refuse details that a layout does not use, rather than ignore them.

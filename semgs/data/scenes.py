@@ -19,7 +19,6 @@ from semgs.data.layouts.rgbd import frame_folders as rgbd
 from semgs.data.layouts.ros import bag_scene as ros
 from semgs.data.layouts.scannet import scannet_scan as scannet
 from semgs.data.layouts.scannetpp import scannetpp_scan as scannetpp
-from semgs.data.layouts.zoo import zoo_scenes as zoo
 from semgs.data.other_cameras import cameras_beside
 from semgs.data.paper_variants import check_applicable, check_readings
 from semgs.data.scene import Scene
@@ -85,9 +84,6 @@ LAYOUTS = (
 )
 """The known layouts. If a folder has several, the first one counts."""
 
-ZOO = Layout(lambda path: False, zoo.open_zoo, details_used=zoo.DETAILS)
-"""The layout of a scene that the user names by its data set; it is not detected."""
-
 SINGLE_FILES = (".zip", record3d.ENDING, *ros.ENDINGS)
 """Endings of files in a folder that may be scenes."""
 
@@ -114,7 +110,6 @@ def open_scene(
     body: str | None = None,
     intrinsics: Sequence[float] | None = None,
     depth_unit: float | None = None,
-    scenezoo: str | None = None,
     images: str | Path | None = None,
     unit: Unit | None = None,
     needs_labels: bool = True,
@@ -125,7 +120,7 @@ def open_scene(
     Args:
         path: a folder of one of the known layouts, or the file that describes the scene.
         as_peers: names from `semgs.data.paper_variants.READINGS`: read files the way another paper's code does.
-        camera, world, body, intrinsics, depth_unit, scenezoo, images, unit: details that the files may not state, see `semgs.data.scene_details.SceneDetails`.
+        camera, world, body, intrinsics, depth_unit, images, unit: details that the files may not state, see `semgs.data.scene_details.SceneDetails`.
         needs_labels: whether labels that cannot be read are an error; if not, they are left out and a note says why.
         needs_cameras: whether labelled images without cameras are an error.
 
@@ -135,7 +130,7 @@ def open_scene(
         ValueError: a reading is unknown, or a detail is invalid.
     """
     folder = None if images is None else existing_folder(images)
-    details = SceneDetails(camera, world, body, intrinsics, depth_unit, scenezoo, folder, unit)
+    details = SceneDetails(camera, world, body, intrinsics, depth_unit, folder, unit)
     return open_with_details(path, as_peers, details, needs_labels, needs_cameras)
 
 
@@ -200,7 +195,7 @@ def open_scenes(
     """
     check_readings(as_peers)
     details = details or SceneDetails()
-    paths = (typed_path(path),) if details.scenezoo else scene_paths(path, wanted)
+    paths = scene_paths(path, wanted)
     with readable(path):
         known = (_open_known(place, as_peers, details, needs_cameras=needs_cameras) for place in paths)
         scenes = tuple(scene for scene in known if scene is not None)
@@ -259,7 +254,7 @@ def _open_known(
     needs_cameras: bool = True,
 ) -> Scene | None:
     """The scene at a path, None if it has no known layout."""
-    layout = ZOO if details.scenezoo else next((known for known in LAYOUTS if known.recognises(path)), None)
+    layout = next((known for known in LAYOUTS if known.recognises(path)), None)
     if layout is None:
         return None
     scene = layout.scene(without_dots(path), as_peers, details)

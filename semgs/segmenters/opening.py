@@ -19,7 +19,7 @@ from semgs.files.paths import typed_path
 from semgs.runtime.kept import kept
 from semgs.segmenters.class_map_files import RECORD, TABLE, MapFiles, save_table, stems_of
 from semgs.segmenters.class_source import ClassSource, Translated
-from semgs.segmenters.fitting import Fit, read_fit
+from semgs.segmenters.correspondence_files import StatedMeaning, read_correspondence
 from semgs.segmenters.names import Correspondence, scannet20_of
 from semgs.segmenters.networks.exported import open_exported
 from semgs.segmenters.networks.huggingface import open_transformers_model
@@ -126,7 +126,7 @@ def open_class_sources(
     Args:
         name: a folder of class maps (`semgs.segmenters.class_map_files`), or as for `open_segmenter`.
         classes: the table of the answers; None keeps that of class maps, and is "scannet20" for networks and their maps.
-        correspondence: a file of `semgs segmenters fit`, used instead of class names; None for names.
+        correspondence: a file as for `read_correspondence`, used instead of class names; None for names.
         save: new folder for the maps of a network; None for none.
         earlier: folder in which an earlier run may have saved maps; those of the same network are used again.
         words: as for `open_segmenter`.
@@ -137,13 +137,13 @@ def open_class_sources(
         ImportError: the library that runs it is not installed.
         ValueError: a word is empty, or two are equal.
     """
-    fitted = None if correspondence is None else read_fit(correspondence)
+    stated = None if correspondence is None else read_correspondence(correspondence)
     path = typed_path(name)
     if is_map_folder(path) and not words:
-        return lambda scene: _open_files(find_map_folder(path, scene), scene, classes, fitted)
+        return lambda scene: _open_files(find_map_folder(path, scene), scene, classes, stated)
     network = kept(open_network, name, tuple(words))
     table: Table = "own" if words else classes or "scannet20"
-    return lambda scene: _translate(ViewSegmenter(network).source(scene, save, earlier), name, table, fitted)
+    return lambda scene: _translate(ViewSegmenter(network).source(scene, save, earlier), name, table, stated)
 
 
 def is_map_folder(path: Path) -> bool:
@@ -156,20 +156,20 @@ def find_map_folder(folder: Path, scene: Scene) -> Path:
     return folder / scene.name if (folder / scene.name).is_dir() else folder
 
 
-def _open_files(folder: Path, scene: Scene, classes: Table | None, fitted: Fit | None) -> ClassSource:
+def _open_files(folder: Path, scene: Scene, classes: Table | None, stated: StatedMeaning | None) -> ClassSource:
     """Class maps as a source."""
     table = folder if (folder / TABLE).is_file() or not (folder.parent / TABLE).is_file() else folder.parent
     files = MapFiles.opened(folder, scene, table)
-    own = files.made_by is None and fitted is None
-    return _translate(files, folder, classes or ("own" if own else "scannet20"), fitted)
+    own = files.made_by is None and stated is None
+    return _translate(files, folder, classes or ("own" if own else "scannet20"), stated)
 
 
-def _translate(source: ClassSource, name: str | Path, classes: Table, fitted: Fit | None) -> ClassSource:
+def _translate(source: ClassSource, name: str | Path, classes: Table, stated: StatedMeaning | None) -> ClassSource:
     """A source in the table that is wanted."""
-    if fitted is not None:
-        if fitted.theirs != source.classes.names:
-            raise InputError(str(name), f"the classes that {fitted.segmenter} has in the fit", "others")
-        return Translated(source, fitted.correspondence)
+    if stated is not None:
+        if stated.theirs != source.classes.names:
+            raise InputError(str(name), f"the classes that {stated.segmenter} has in the correspondence", "others")
+        return Translated(source, stated.correspondence)
     return source if classes == "own" else Translated(source, _match_names(name, source.classes))
 
 

@@ -66,7 +66,6 @@ SMALLER = {
     "reconstruct": "--size 48x64",
     "render": "--size 32x48 --frames 2",
     "rooms": "--scenes 1 --frames 2 --size 32x48 --workers 0",
-    "segmenters fit": "--size 48x64",
     "train": "--steps 1 --size 32x48 --batch 1 --workers 0 --devices 1 --nodes 1 --accumulate 1",
     "weights calibrate": "--size 48x64",
     "examples/train_on_a_folder.py": "1 32 48",
@@ -90,7 +89,7 @@ SMALLER_IN_PYTHON = {
 SLOW = (
     "app", "batch", "export-network", "label", "paper.", "poses", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
     "kitchen_colmap", "splat-transform", "mosaic.tflite", "scripts/", "tests/", "--protocol neighbours", "eval/other", "eval/segformer",
-    "examples/train", "examples/score", "examples/robot", "examples/depth_maps_in", "segmenters fit", "--correspondence", "--weights runs/small", "--html", "--refine",
+    "examples/train", "examples/score", "examples/robot", "examples/depth_maps_in", "--correspondence", "--weights runs/small", "--html", "--refine",
     "label-splat", "--rerun", "--single", "--features",
 )  # fmt: skip
 """Words of lines that run in `make long` only; in `make test` their options are parsed."""

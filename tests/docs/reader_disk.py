@@ -20,6 +20,7 @@ import scannet_writer
 import splat_files
 import tiny_models
 import torch
+from correspondences import write_correspondence
 from golden import golden_tensor
 from image_sets import random_numbers, write_image_set
 from safetensors import safe_open
@@ -56,7 +57,7 @@ REPORTS = ("before", "after", "segformer", "scannet", "replica", "robot")
 
 PLACEHOLDERS = {
     "SCENE": "room", "RECORDING": "recording", "PHOTOS": "photos", "FILE": "runs/small/weights.safetensors", "FILE.onnx": "segformer.onnx", "DIR": "data/rooms",
-    "SCENES": "scans", "ROOMS": "data/rooms", "ROOMS60": "data/rooms", "TEACHER": "data/teacher", "ASSETS": "assets",
+    "SCENES": "scans", "ROOMS": "data/rooms", "TEACHER": "data/teacher", "ASSETS": "assets",
     "WORK": "work", "SCANNET": "scannet", "W": "runs/small/weights.safetensors", "OUT": "out",
 }  # fmt: skip
 """What a reader puts for the words in capitals."""
@@ -138,7 +139,7 @@ def _write_depth_maps(folder: Path, depths: np.ndarray) -> None:
 
 
 def _write_networks(disk: Path) -> None:
-    """Segmenters that know two classes, what was fitted for them, and weights of a run."""
+    """A segmenter that knows two classes, what these mean, what two mean to another one, and weights of a run."""
     weight = np.array([[20.0, 0, 0], [0, 20, 0]])
     described = {
         "size": "any", "scaling": {"offset": 0, "scale": 255}, "layout": "NCHW", "dtype": "float32", "classes": ["floor", "chair"],
@@ -148,6 +149,8 @@ def _write_networks(disk: Path) -> None:
         disk / "segformer.onnx", weight, np.zeros(2), shape=(1, 3, "height", "width"), outputs={"logits": "float32"}
     )
     (disk / "segformer.json").write_text(json.dumps(described))
+    for network in ("segformer", "mosaic"):
+        write_correspondence(disk / f"{network}.meaning.json", described["classes"], np.eye(20)[[1, 4]])
     for run in ("runs/small", "runs/photos", "runs/scannet", "runs/sharp", "runs/both", "work/runs/scannet", "work/ablation/seed_0/camera/run"):  # fmt: skip
         (disk / run).mkdir(parents=True)
         shutil.copy(shipped_folder() / "small.safetensors", disk / run / "weights.safetensors")
@@ -169,7 +172,7 @@ def _write_answers(disk: Path, labels: np.ndarray) -> None:
 
 
 def _write_results(disk: Path) -> None:
-    """What reconstruct, export, evaluate and fit leave."""
+    """What reconstruct, export and evaluate leave."""
     shutil.copytree(ROOT / "docs" / "scores", disk / "docs" / "scores")
     small = "x".join(map(str, SIZE))
     run("reconstruct", "room", "--out", "out", "--features", "clip")  # of full size, so that the floor is found
@@ -230,9 +233,6 @@ def add_what_long_tests_need(disk: Path, assets: Path) -> None:
         "output": "class numbers",
     }
     (disk / "mosaic.json").write_text(json.dumps(described))
-    for network in ("segformer.onnx", "mosaic.tflite"):
-        fitted = f"{Path(network).stem}.fit.json"
-        run("segmenters", "fit", network, "--data", "scans", "--weights", "small", "--size", "48x64", "--out", fitted)
     (disk / "data" / "teacher" / "wide").mkdir(parents=True)
     np.save(disk / "data" / "teacher" / "wide" / "living.npy", np.full((FRAMES, 6, 8, 31), 1 / 31, np.float16))
     _say_smoothness(disk / "work/ablation/seed_0/camera/run/weights.safetensors", 0.0)

@@ -103,7 +103,7 @@ FORMATS = {
         ),
         Format(
             "segmenters", (segmenter,), ("maps/*", "*.json", "features/*", "scene/transforms.json"), read_segmenter,
-            ("semgs/segmenters/class_map_files.py",  "semgs/segmenters/fitting.py", "semgs/segmenters/features/feature_files.py"),
+            ("semgs/segmenters/class_map_files.py", "semgs/segmenters/correspondence_files.py", "semgs/segmenters/features/feature_files.py"),
         ),
         Format(
             "depth-maps", (depth_maps,), ("maps/*", "*.json"), read_depth_maps,

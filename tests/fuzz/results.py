@@ -217,12 +217,10 @@ def read_evaluation_run(path: Path, out: Path, changed: Sequence[str]) -> None:
 
 
 def segmenter(folder: Path) -> Path:
-    """Maps of both kinds, and the files that describe networks, fits and features."""
-    from dataclasses import asdict
-
+    """Maps of both kinds, and the files that describe networks, what classes mean, and features."""
+    from correspondences import write_correspondence
     from scenes_on_disk import SIZE, TABLE, labelled_views, write_labelled
 
-    from semgs.data.tables.classes import SCANNET20
     from semgs.segmenters.class_map_files import RECORD
 
     write_labelled(folder / "scene", 3, frames=3)
@@ -243,14 +241,8 @@ def segmenter(folder: Path) -> Path:
         "scaling": {"mean": [0.5, 0.4, 0.3], "std": 0.2}, "tensor": "out",
     }  # fmt: skip
     (folder / "network.json").write_text(json.dumps(described))
-    from semgs.segmenters.fitting import FORMAT, VERSION
-
-    table = np.full((3, 20), 0.05).tolist()
     votes = {"theirs": [1.0] * 20, "own": [0.5] * 20, "bias": [0.0] * 20}
-    fit = {
-        "format": FORMAT, "version": VERSION, "segmenter": "net", "theirs": ["a", "b", "c"], "classes": asdict(SCANNET20), "table": table, "votes": votes
-    }  # fmt: skip
-    (folder / "fit.json").write_text(json.dumps(fit))
+    write_correspondence(folder / "meaning.json", ("a", "b", "c"), np.full((3, 20), 0.05), votes=votes)
     features = folder / "features/images"
     features.mkdir(parents=True)
     for index in range(3):
@@ -260,8 +252,8 @@ def segmenter(folder: Path) -> Path:
 
 def read_segmenter(path: Path, out: Path, changed: Sequence[str]) -> None:
     from semgs.segmenters.class_map_files import MadeBy, MapFiles, save_class_map, save_table
+    from semgs.segmenters.correspondence_files import read_correspondence
     from semgs.segmenters.features.feature_files import FeatureFiles
-    from semgs.segmenters.fitting import read_fit, save_fit
     from semgs.segmenters.networks.exported import read_segmenter
 
     for name in changed:
@@ -270,8 +262,8 @@ def read_segmenter(path: Path, out: Path, changed: Sequence[str]) -> None:
             height, width = described.size or (24, 32)
             if height * width < 1 << 16:
                 assert np.isfinite(described.input_of(np.full((height, width, 3), 90, np.uint8))).all()
-        elif name == "fit.json":
-            save_fit(out / "again.json", read_fit(path / name))
+        elif name == "meaning.json":
+            assert np.isfinite(read_correspondence(path / name).correspondence.table).all()
         else:
             scene = open_scene(path / "scene")
             if name.startswith("features"):

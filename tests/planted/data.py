@@ -12,7 +12,6 @@ SCANNETPP = "semgs/data/layouts/scannetpp/devices.py"
 COLMAP = "semgs/data/layouts/colmap/colmap_files.py"
 POLYCAM = "semgs/data/layouts/phones/polycam.py"
 RECORD3D = "semgs/data/layouts/phones/record3d.py"
-ZOO = "semgs/data/layouts/zoo/zoo_scenes.py"
 OF_CONFINED = "tests/data/test_confined.py::test_"
 OF_UPLOADS = "tests/app/test_confined_scenes.py::test_"
 OF_COLMAP = ("tests/data/layouts/colmap/test_colmap_files.py",)
@@ -183,16 +182,6 @@ DATA = (
         of_scannetpp("of_objects_that_share_a_vertex_the_smallest_counts_even_if_it_has_no_label"),
     ),
     Mutant(
-        "a mesh that changed is not read again", "semgs/data/layouts/zoo/zoo_mesh.py",
-        "self.scene, self.files, names", "self.scene, names",
-        ("tests/data/layouts/zoo/test_zoo.py::test_what_was_seen_of_a_mesh_is_kept_until_one_of_its_files_changes",),
-    ),
-    Mutant(
-        "what a mesh shows is kept when ScanNet's table changes", "semgs/data/layouts/zoo/zoo_mesh.py",
-        "tuple(self.table.by_name.items()) if self.table else None", "self.table is not None",
-        ("tests/data/layouts/zoo/test_zoo.py::test_what_a_mesh_shows_depends_on_the_names_in_scannets_table",),
-    ),
-    Mutant(
         "rays are cast through the corners of pixels", "semgs/data/layouts/parts/triangles.py",
         "np.stack((column + 0.5, row + 0.5,", "np.stack((column, row,", of_scannetpp("the_phones_frames_are_read_as_they_were_written"),
     ),
@@ -289,21 +278,6 @@ DATA = (
         "a high blur score means blur", POLYCAM,
         "_sharpness(camera) >= SHARP", "_sharpness(camera) <= SHARP",
         of_layout("phones/polycam", "blurred_frames_and_missing_files_are_left_out_and_counted"),
-    ),
-    Mutant(
-        "half a pixel is added to cx only in what scenezoo reads", ZOO,
-        "    cy = cy + source.half\n", "",
-        ("tests/data/layouts/zoo/test_zoo.py::test_half_a_pixel_is_added_where_the_first_centre_is_0",),
-    ),
-    Mutant(
-        "rows of Matterport3D count from the top", ZOO,
-        "height - cy if source.from_below", "cy if source.from_below",
-        ("tests/data/layouts/zoo/test_zoo.py::test_rows_that_count_from_below_are_turned_round",),
-    ),
-    Mutant(
-        "scenezoo's poses are taken as camera to world", ZOO,
-        "np.linalg.inv(np.asarray(matrix, np.float64))", "np.asarray(matrix, np.float64)",
-        ("tests/data/layouts/zoo/test_zoo.py::test_half_a_pixel_is_added_where_the_first_centre_is_0",),
     ),
     Mutant(
         "the position comes first in Record3D's poses", RECORD3D,

@@ -32,11 +32,6 @@ SEGMENTERS = (
         of_segmenters("labelling", "a_class_that_the_segmenter_cannot_say_gets_a_neutral_vote"),
     ),
     Mutant(
-        "common classes take what a segmenter says", "semgs/segmenters/fitting.py",
-        "frequency**PRIOR_POWER", "frequency**0",
-        of_segmenters("fitting", "the_class_frequency_is_divided_out_by_its_root"),
-    ),
-    Mutant(
         "an exported network's mean is of pixels up to 1", "semgs/segmenters/networks/network_files.py",
         "return (255 * offset, 255 * scale)", "return (offset, 255 * scale)",
         ("tests/segmenters/networks/test_exported.py::test_logits_become_probabilities_by_softmax",),

@@ -33,9 +33,6 @@ class SceneOptions:
     """COLMAP models: the folder that the names of the images are relative to, if it is not beside the model."""
     unit: Annotated[Literal["metric", "unknown"] | None, optional("{metric,unknown}")] = None
     """Whether lengths are metres, if the files do not say so or are wrong about it."""
-    scenezoo: Annotated[str | None, optional("DATASET:SCENE")] = None
-    """A scene of arkitscenes, matterport3d, multiscan, 3rscan or structured3d: SCENE is then the folder of the data set. A third part is
-    the room or the camera: structured3d:scene_00000:485142, arkitscenes:41069021:vga_wide. Needs the extra scenezoo; see docs/data.md."""
     as_peers: Annotated[tuple[str, ...], optional("NAME [NAME ...]")] = ()
     """Read files the way another paper's code does: rows-972 and gsnerf-labels (ScanNet), toolbox-undistortion (ScanNet++),
     row-229.5 (Replica); see docs/data.md."""
@@ -59,6 +56,4 @@ class SceneOptions:
         """
         with what_the_user_gave():
             images = None if self.images is None else existing_folder(self.images, "a folder of images")
-            return SceneDetails(
-                self.camera, self.world, self.body, self.intrinsics, self.depth_unit, self.scenezoo, images, self.unit
-            )
+            return SceneDetails(self.camera, self.world, self.body, self.intrinsics, self.depth_unit, images, self.unit)

@@ -33,7 +33,7 @@ class AnswerOptions:
     words: Annotated[tuple[str, ...], optional("WORD [WORD ...]")] = ()
     """Classes to look for with a text-prompted model: chair mug "power socket". What none of them describes becomes "none of these"."""
     correspondence: Annotated[Path | None, optional("FILE")] = None
-    """What the segmenter's classes mean, from semgs segmenters fit; by default class names decide."""
+    """What the segmenter's classes mean, a file as in docs/segmenters.md; by default class names decide."""
 
     def check(self) -> None:
         """Check what can be checked without importing torch.
@@ -63,7 +63,7 @@ class SegmenterOptions:
     transformers, or hf:OWNER/NAME; see docs/segmenters.md. Its answers are made consistent between the input views."""
     answers: Annotated[AnswerOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=AnswerOptions)
     with_own_classes: bool = False
-    """With --segmenter: the model's own classes vote too. A --correspondence that was fitted with --weights says how much each does."""
+    """With --segmenter: the model's own classes vote too. A --correspondence may say how much each does."""
 
     @property
     def inputs(self) -> tuple[str | Path | None, ...]:
@@ -103,7 +103,7 @@ class SegmenterOptions:
         """
         if self.segmenter is None:
             return None
-        from semgs.segmenters.fitting import read_fit
+        from semgs.segmenters.correspondence_files import read_correspondence
         from semgs.segmenters.labelling import Labelling
         from semgs.segmenters.opening import open_class_sources
 
@@ -111,7 +111,7 @@ class SegmenterOptions:
         opened = open_class_sources(
             self.segmenter, answers.classes, answers.correspondence, save, earlier, answers.words
         )
-        votes = None if answers.correspondence is None else read_fit(answers.correspondence).votes
+        votes = None if answers.correspondence is None else read_correspondence(answers.correspondence).votes
         return lambda scene: Labelling(opened(scene), self.with_own_classes, votes)
 
     def load(self, scene: Scene, folder: Path, out: Path, stages: Stages) -> Labelling | None:

@@ -9,7 +9,6 @@ from semgs.data.layouts import labelled_images
 from semgs.data.layouts.replica import sequence as replica
 from semgs.data.layouts.scannet import scannet_scan as scannet
 from semgs.data.layouts.scannetpp import scannetpp_scan as scannetpp
-from semgs.data.layouts.zoo.data_sets import DATA_SETS, LAYOUT
 from semgs.data.origin.labeller import Labeller
 from semgs.data.origin.prepared_record import read_record
 from semgs.data.origin.terms import FURNISHED, REPLICA, ROOMS, SCANNET, SCANNETPP, Terms
@@ -82,9 +81,6 @@ def _of_layout(layout: str) -> Terms | None:
     """The terms of a data set with a layout of its own."""
     if layout.startswith(scannetpp.LAYOUT):
         return SCANNETPP
-    if layout.startswith(f"{LAYOUT} "):
-        title = next(data.title for data in DATA_SETS if layout == f"{LAYOUT} {data.name}")
-        return Terms(f"{title}: the terms of use of the data set", own=True)
     return {scannet.LAYOUT: SCANNET, replica.LAYOUT: REPLICA}.get(layout)
 
 

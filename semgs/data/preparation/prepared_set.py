@@ -102,20 +102,17 @@ class Reading:
         return {"as_peers": sorted(self.as_peers), "told": json.loads(json.dumps(given))}
 
 
-def find_sources(path: Path, wanted: SceneList | None = None, scenezoo: str | None = None) -> list[SceneSource]:
+def find_sources(path: Path, wanted: SceneList | None = None) -> list[SceneSource]:
     """The scenes at a path, named by their place below it.
 
     Args:
         path: a scene, a folder of scenes, or a folder of such folders.
         wanted: the scenes to take; None for all.
-        scenezoo: the one scene of a data set, as in `semgs.data.scene_details.SceneDetails`; None to look for scenes.
 
     Raises:
         InputError: there is none, or one in `wanted` is missing.
     """
     path = typed_path(path)
-    if scenezoo is not None:
-        return [SceneSource(path, _safe(scenezoo.replace(":", "_")))]
     paths = scene_paths(path)
     if paths == (path,):
         below = [Path(sequence_name(path) if path.is_dir() else path.stem)]

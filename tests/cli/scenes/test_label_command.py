@@ -9,13 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tiny_models
+from correspondences import write_correspondence
 from scenes_on_disk import write_labelled
 
 from semgs.cli.main import main
 from semgs.data.scenes import open_scene
-from semgs.data.tables.classes import SCANNET20
-from semgs.segmenters.fitting import Fit, save_fit
-from semgs.segmenters.names import Correspondence
 
 NAMES = ("wall", "mug")
 
@@ -92,8 +90,8 @@ def test_names_that_are_unknown_are_counted(
 def test_a_correspondence_says_what_the_classes_mean(scans: Path, maps: Path, tmp_path: Path):
     table = np.zeros((2, 20), np.float32)
     table[0, [1, 4]], table[1, 4] = (0.9, 0.1), 1
-    save_fit(tmp_path / "fit.json", Fit("net.onnx", NAMES, Correspondence(table, SCANNET20)))
-    out, options = tmp_path / "out", ("--confidence", "0.65", "--correspondence", tmp_path / "fit.json")
+    meaning = write_correspondence(tmp_path / "meaning.json", NAMES, table)
+    out, options = tmp_path / "out", ("--confidence", "0.65", "--correspondence", meaning)
     assert label(scans, out, "--segmenter", maps, *options) == 0
     scene = open_scene(out / "attic.zip")
     labels = scene.read([1], "native").labels

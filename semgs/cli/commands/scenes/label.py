@@ -79,7 +79,7 @@ class Label:
             from semgs.segmenters.class_source import notes_of
             from semgs.segmenters.relabelling import open_relabelling
 
-            found = find_sources(self.src, read_list(self.scenes) if self.scenes else None, self.reading.scenezoo)
+            found = find_sources(self.src, read_list(self.scenes) if self.scenes else None)
             reading = Reading(self.reading.as_peers, self.reading.asked, needs_labels=False)
             labelled = open_relabelling(
                 self.segmenter, reading, self.answers.classes, self.confidence,

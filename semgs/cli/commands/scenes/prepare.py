@@ -71,9 +71,7 @@ class Prepare:
             from semgs.data.preparation.archive import Preparation
             from semgs.data.scene_lists import read_list
 
-            found = prepared_set.find_sources(
-                self.src, read_list(self.scenes) if self.scenes else None, self.reading.scenezoo
-            )
+            found = prepared_set.find_sources(self.src, read_list(self.scenes) if self.scenes else None)
         reading = prepared_set.Reading(self.reading.as_peers, self.reading.asked)
         workers = usable_cores() if self.workers is None else self.workers
         index = prepared(self.out, found, Preparation(self.size, self.every, version=__version__), reading, workers)

@@ -24,7 +24,6 @@ from scannet_writer import (
     COLOUR_SIZE,
     DEPTH_K,
     DEPTH_SIZE,
-    RAW_OF_LABEL,
     Scan,
     label_zip,
     matrix_text,
@@ -527,33 +526,6 @@ def test_the_command_line_ends_with_2_and_one_line(copied, capsys, tmp_path):
     assert len(told) == 1
     assert "scene0000_00.sens" in told[0]
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("shift", [1000, 5000])
-def test_an_independent_reader_finds_the_same_in_a_recording(written, tmp_path, shift):
-    """scenezoo, which `make long` installs; the centre of its first pixel is at (0, 0), so K differs by half a pixel."""
-    theirs, archive, image = (pytest.importorskip(f"scenezoo.io.{name}") for name in ("sens", "archive", "image"))
-    folder = write_raw(tmp_path, written)
-    finer = replace(written, depths=shift // 1000 * written.depths)
-    (folder / "scene0000_00.sens").write_bytes(sens(finer, shift=float(shift)))
-    views = open_scene(folder).read(range(len(written.posed)), "native")
-    index = theirs.read_sens_index(folder / "scene0000_00.sens")
-    assert np.flatnonzero(np.isfinite(index.camera_to_world).all((1, 2))).tolist() == written.posed
-    np.testing.assert_allclose(
-        views.cameras.world_from_camera.numpy(), index.camera_to_world[written.posed], atol=1e-6, rtol=0
-    )
-    half = np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
-    assert (views.cameras.intrinsics.numpy() - index.color_intrinsic[:3, :3] == half).all()
-    found = theirs.read_sens_frames(index, written.posed, rgb=True, depth=True)
-    assert np.array_equal((views.images * 255).round().byte().permute(0, 2, 3, 1).numpy(), found["rgb"])
-    millimetres = 1000 / index.depth_shift * found["depth"]
-    np.testing.assert_allclose(views.depths.numpy(), np.stack([brought(depth) for depth in millimetres]), atol=5e-4)
-    names = [f"label-filt/{number}.png" for number in written.posed]
-    maps = archive.read_zip_members(folder / "scene0000_00_2d-label-filt.zip", names)
-    label_of_id = np.full(65536, 255, np.uint8)
-    label_of_id[list(RAW_OF_LABEL)] = range(20)
-    assert np.array_equal(views.labels.numpy(), label_of_id[np.stack([image.read_image(maps[name]) for name in names])])
 
 
 def long_recording(path: Path, written: Scan, frames: int, bytes_each: int) -> None:

@@ -1,17 +1,16 @@
-"""`semgs segmenters fit`, and its file in `semgs evaluate`."""
+"""`semgs evaluate --segmenter`: whose classes count, and what a file says that they mean."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from correspondences import write_correspondence
 from PIL import Image
 from scenes_on_disk import write_labelled
 
-from semgs.cli.commands.networks.segmenter_fit import FitSegmenter
 from semgs.cli.main import main
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import IGNORE, SCANNET20
@@ -37,35 +36,11 @@ def renamed(room: Path, tmp_path: Path) -> Path:
     return folder
 
 
-def test_frames_are_spread_over_the_whole_scene(tmp_path: Path):
-    for frames, chosen in ((3, [0, 1, 2]), (7, [0, 2, 4, 6]), (11, [0, 3, 7, 10])):
-        scene = open_scene(write_labelled(tmp_path / str(frames), 8, frames=frames))
-        positions, views = FitSegmenter("x", tmp_path, tmp_path / "fit.json")._read(scene)
-        assert positions == chosen
-        assert len(views) == len(chosen)
-
-
-def test_only_labelled_frames_are_read(tmp_path: Path):
-    """Of eleven frames 1, 4, 6, 7 and 9 have labels: the four that are chosen are spread over these."""
-    scene = open_scene(write_labelled(tmp_path / "room", 8, frames=11))
-    frames = [replace(one, labels=one.labels if at in (1, 4, 6, 7, 9) else None) for at, one in enumerate(scene.frames)]
-    positions, views = FitSegmenter("x", tmp_path, tmp_path / "fit.json")._read(replace(scene, frames=tuple(frames)))
-    assert positions == [1, 4, 7, 9]
-    assert views.labels is not None
-
-
-def test_weights_are_opened_before_anything_is_segmented(room, renamed, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("semgs.segmenters.fitting.fit_correspondence", lambda *given: pytest.fail("it segments"))
-    line = ["segmenters", "fit", str(renamed), "--data", str(room), "--out", str(tmp_path / "fit.json")]
-    assert main([*line, "--weights", "base"]) == 2
-    assert "base" in capsys.readouterr().err.splitlines()[-1]
-
-
 @pytest.mark.long
-def test_a_fit_makes_a_segmenter_of_unknown_names_useful(
+def test_a_correspondence_makes_a_segmenter_of_unknown_names_useful(
     room: Path, renamed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
-    """The evaluation is refused by names; with the fit, accuracy of what is seen is that of true labels, fused and rendered."""
+    """The evaluation is refused by names; with the file, accuracy of what is seen is that of true labels, fused and rendered."""
     evaluate = [
         "evaluate",
         "small",
@@ -80,31 +55,14 @@ def test_a_fit_makes_a_segmenter_of_unknown_names_useful(
     ]
     assert main([*evaluate, "--out", str(tmp_path / "first")]) == 2
     assert "answers in the classes of the labels, scannet20, found things" in capsys.readouterr().err
-    fit = [
-        "segmenters",
-        "fit",
-        str(renamed),
-        "--data",
-        str(room),
-        "--size",
-        "32x48",
-        "--out",
-        str(tmp_path / "fit.json"),
-    ]
-    assert main([*fit, "--weights", "small"]) == 0
-    assert "thing 19             wall 1.00" in capsys.readouterr().out
-    fitted = ["--correspondence", str(tmp_path / "fit.json"), "--with-own-classes"]
-    assert main([*evaluate, *fitted, "--out", str(tmp_path / "second")]) == 0
+    votes = {"theirs": [1.0] * 20, "own": [0.2] * 20, "bias": [0.0] * 20}
+    names = [f"thing {number}" for number in range(20)]
+    meaning = write_correspondence(tmp_path / "meaning.json", names, np.eye(20)[::-1], votes=votes)
+    stated = ["--correspondence", str(meaning), "--with-own-classes"]
+    assert main([*evaluate, *stated, "--out", str(tmp_path / "second")]) == 0
     numbers = json.loads((tmp_path / "second/report.json").read_text())
     assert f"The classes are from {renamed}, and the model; fused over the input views." in numbers["notes"]
     assert "small + segmenter" in capsys.readouterr().out
-
-
-def test_an_existing_file_is_kept(room: Path, renamed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    (tmp_path / "fit.json").write_text("mine")
-    assert main(["segmenters", "fit", str(renamed), "--data", str(room), "--out", str(tmp_path / "fit.json")]) == 2
-    assert "expected a new file" in capsys.readouterr().err
-    assert (tmp_path / "fit.json").read_text() == "mine"
 
 
 def test_the_maps_of_every_scene_must_be_in_the_classes_of_the_labels(
