@@ -80,7 +80,7 @@ def _run(task: Task) -> int:
     # It fills its folder in several steps, so it gets another one until it has succeeded.
     result.parent.mkdir(parents=True, exist_ok=True)
     with staged(result) as part:
-        code = main([str(part) if Path(word) == result else word for word in task.arguments])
+        code = main([str(part) if Path(word).absolute() == result.absolute() else word for word in task.arguments])
         if code == 0:
             shutil.rmtree(result, ignore_errors=True)
             part.rename(result)

@@ -71,7 +71,7 @@ def _matching(word: str) -> list[Path]:
 
 def _word_for(path: Path) -> str:
     """A path as a word of a command line that is neither an option nor a home folder."""
-    return f"./{path}" if str(path).startswith(("-", "~")) else str(path)
+    return str(path.absolute() if str(path).startswith(("-", "~")) else path)
 
 
 def _bytes_of(name: str) -> int:
@@ -209,6 +209,10 @@ class Batch:
         ]
         failed_before = [record for record in skipped if not record.succeeded]
         print(f"{len(skipped) - len(failed_before):,} of {len(tasks):,} scenes are done", flush=True)
+        before = [(task, read_record(self.out, task.name)) for task in left]
+        if redone := sum(bool(one and one.succeeded and one.fingerprint != task.fingerprint) for task, one in before):
+            were = counted(redone, "scene was", "scenes were")
+            print(f"{were} done with other options or other files; the results are replaced", flush=True)
         for record in failed_before:
             print(f"{record.name}: {record.why}")
         if failed_before:
@@ -298,8 +302,10 @@ class Batch:
         self.out.mkdir(parents=True, exist_ok=True)
         if not begun:
             write_json(self.out / SETTINGS, settings)
-        (self.out / FOLDER).mkdir(exist_ok=True)
-        (self.out / PICTURES).mkdir(exist_ok=True)
+        for folder in (self.out / FOLDER, self.out / PICTURES):
+            if folder.exists() and not folder.is_dir():
+                raise InputError(folder, "a folder", "a file", advice="move it away")
+            folder.mkdir(exist_ok=True)
 
     def _given(self) -> list[Path]:
         """The paths that DATA names."""
