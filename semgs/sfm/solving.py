@@ -2,7 +2,7 @@
 
 Features are SIFT. All pairs of photos are matched, of a clip those that are near in time. Then photos are added one by one (incremental mapping); if that
 leaves some out, all are solved at once (global mapping), and the result with more photos counts. Of two photos, incremental mapping is two-view geometry with
-bundle adjustment, and the focal length is held: two photos do not tell it reliably.
+bundle adjustment, and the focal length is held: two photos do not tell it reliably. They are refused if their matches do not determine how the camera moved.
 https://colmap.github.io
 """
 
@@ -128,7 +128,7 @@ def expected_seconds(photos: Sequence[UprightPhoto], ordered: bool, cores: int, 
     finding = SECONDS_PER_PHOTO * count * min(1.0, (longer / LARGEST_SIDE) ** 2)
     matching = SECONDS_PER_PAIR * pairs * min(1.0, (longer / 640) ** 2)
     held = focal_given or count == 2
-    solved = len(STARTS) if _tries_starts(photos, held) else 1
+    solved = len(STARTS) if _tries_starts(photos, held) else len(FIRST_PX) if count == 2 else 1
     solved += _frees_each(photos, ordered, held)
     return 1 + (finding + matching) / cores + solved * SECONDS_PER_CAMERA * count * min(1.0, longer / 1000)
 
