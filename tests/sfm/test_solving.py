@@ -252,6 +252,16 @@ def test_photos_of_other_places_do_not_overlap(tmp_path: Path):
     assert "too little overlap (2 photos); take photos that share at least half" in line
 
 
+def test_a_turn_at_a_focal_length_that_is_guessed_wrong_is_not_taken_for_a_motion(tmp_path: Path):
+    """The guess is 256 px. With it, a turn of 8 degrees at 150 px looks like a motion: without the check, the turn was 5.6 degrees off."""
+    turned = np.stack([np.eye(4)] * 2)
+    turned[1, :3, :3] = cv2.Rodrigues(np.radians([0.0, -8, 0]))[0]
+    taken = take(tmp_path / "photos", turned, focal=lambda index: 150.0)
+    (tmp_path / "scene").mkdir()
+    with pytest.raises(InputError, match="only turned"):
+        write_photo_scene(taken.folder, tmp_path / "scene", PhotoDetails(), lambda line: None)
+
+
 @pytest.mark.long
 def test_a_camera_that_only_turned_is_refused(tmp_path: Path):
     poses = poses_of(3)
