@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 MOST_DEG = 3.5
-"""The direction of the motion has at most this standard deviation. Of 100 pairs of small photos with known cameras, wrong directions had 3.9 and more."""
+"""The direction of the motion has at most this standard deviation. Right directions of 256 px photos had up to 3; most wrong ones had 5 and more."""
 
 LEAST_NOISE_PX = 0.15
 """Matches are not trusted to be more precise than this [px]."""
