@@ -69,9 +69,11 @@ def read_record(out: Path, name: str) -> Record | None:
     """The record of a scene; None if there is none.
 
     Raises:
-        InputError: it is damaged.
+        InputError: it is damaged, or a folder.
     """
     path = out / FOLDER / f"{name}.json"
+    if path.is_dir():
+        raise InputError(path, "the record of a scene", "a folder", advice="delete it to repeat the scene")
     if not path.is_file():
         return None
     try:

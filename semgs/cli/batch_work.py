@@ -9,6 +9,7 @@ import signal
 import traceback
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import replace
+from pathlib import Path
 from time import perf_counter
 
 from semgs.batch.records import FOLDER, PICTURES, Record, write_record
@@ -79,7 +80,7 @@ def _run(task: Task) -> int:
     # It fills its folder in several steps, so it gets another one until it has succeeded.
     result.parent.mkdir(parents=True, exist_ok=True)
     with staged(result) as part:
-        code = main([str(part) if word == str(result) else word for word in task.arguments])
+        code = main([str(part) if Path(word).absolute() == result.absolute() else word for word in task.arguments])
         if code == 0:
             shutil.rmtree(result, ignore_errors=True)
             part.rename(result)

@@ -26,6 +26,8 @@ def is_begun(record: Path, settings: Mapping[str, Any], what: str) -> bool:
     """
     folder = record.parent
     if not record.is_file():
+        if folder.is_symlink() and not folder.exists():
+            raise InputError(folder, f"a new or empty folder, or {what} to resume", "a broken link")
         if folder.exists() and not (folder.is_dir() and all(is_part_of(file, record) for file in folder.iterdir())):
             raise InputError(
                 folder, f"a new or empty folder, or {what} to resume", "something else", advice="name another folder"

@@ -57,16 +57,20 @@ class InputError(ValueError):
 
 @contextmanager
 def readable(path: str | Path) -> Iterator[None]:
-    """Turn errors of the file system (no permission, name too long) into InputErrors.
+    """Turn errors of the file system (no permission, name too long, a link that leads to itself) into InputErrors.
 
     Args:
         path: the path that the user gave, for errors that do not name a file.
 
     Raises:
-        InputError: in place of an OSError.
+        InputError: in place of an OSError, or of the RuntimeError of `Path.resolve` for such a link.
     """
     try:
         yield
+    except RuntimeError as error:
+        if not str(error).startswith("Symlink loop"):
+            raise
+        raise InputError(path, "something that can be read", "a link that leads to itself") from error
     except OSError as error:
         place = path if error.filename is None else str(error.filename)
         raise InputError(place, "something that can be read", error.strerror or str(error)) from error

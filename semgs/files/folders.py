@@ -173,8 +173,9 @@ def _lock_name(target: Path) -> tuple[Path, FileLock | None]:
     while True:
         partial = partial_name(target)
         path = partial.with_suffix(_LOCKED)
-        path.touch(exist_ok=False)
-        lock = FileLock(path)
+        lock = FileLock(
+            path
+        )  # creates the file: where the system has no locks, filelock's own marker must not be there before
         try:
             lock.acquire(timeout=0)
         except Timeout:  # another process has just found the file, and takes it for one of a killed process
@@ -198,7 +199,7 @@ def lock_folder(folder: Path, expected: str, found: str, name: str = LOCK) -> It
         name: the lock file in it. It is created if missing, and stays.
 
     Raises:
-        InputError: another process has it.
+        InputError: another process has it, or the file system fails to lock.
         OSError: the lock file cannot be written.
     """
     lock = FileLock(folder / name)
@@ -210,7 +211,9 @@ def lock_folder(folder: Path, expected: str, found: str, name: str = LOCK) -> It
         pass
     except OSError as error:
         if error.errno not in _NO_LOCKS:
-            raise
+            if error.filename is not None:
+                raise
+            raise InputError(folder, "a folder that can be locked", error.strerror or str(error)) from error
     try:
         yield
     finally:

@@ -2,7 +2,7 @@
 
 Features are SIFT. All pairs of photos are matched, of a clip those that are near in time. Then photos are added one by one (incremental mapping); if that
 leaves some out, all are solved at once (global mapping), and the result with more photos counts. Of two photos, incremental mapping is two-view geometry with
-bundle adjustment, and the focal length is held: two photos do not tell it reliably.
+bundle adjustment, and the focal length is held: two photos do not tell it reliably. They are refused if their matches do not determine how the camera moved.
 https://colmap.github.io
 """
 
@@ -20,6 +20,7 @@ from semgs.data.cameras.lens import Lens
 from semgs.files.errors import InputError
 from semgs.files.paths import check_utf8
 from semgs.files.text import listed
+from semgs.sfm.certainty import MOST_DEG, TURNED, direction_error_deg, matches_of, parallax_px
 from semgs.sfm.lens_groups import BETTER, copy_with_cameras, describe_groups, group_by_focal, may_be_several
 from semgs.sfm.photos import PhotoSet, UprightPhoto
 from semgs.sfm.pycolmap_library import pycolmap
@@ -66,6 +67,10 @@ GUIDED = 800
 
 DISTORTED = 8
 """With at least this many photos, radial distortion is solved for; with fewer it would fit noise."""
+
+FIRST_PX = (4.0, 1.0)
+"""A match of the first two photos may be this far from what fits [px]. COLMAP's 4 px take a small photo's parallax for a plane's or for none, 1 px takes some
+blurred ones apart: of two photos, both are tried, and the better fit counts."""
 
 LEAST_POINTS = 30
 """Fewer points do not hold cameras in place."""
@@ -123,7 +128,7 @@ def expected_seconds(photos: Sequence[UprightPhoto], ordered: bool, cores: int, 
     finding = SECONDS_PER_PHOTO * count * min(1.0, (longer / LARGEST_SIDE) ** 2)
     matching = SECONDS_PER_PAIR * pairs * min(1.0, (longer / 640) ** 2)
     held = focal_given or count == 2
-    solved = len(STARTS) if _tries_starts(photos, held) else 1
+    solved = len(STARTS) if _tries_starts(photos, held) else len(FIRST_PX) if count == 2 else 1
     solved += _frees_each(photos, ordered, held)
     return 1 + (finding + matching) / cores + solved * SECONDS_PER_CAMERA * count * min(1.0, longer / 1000)
 
@@ -161,7 +166,9 @@ def solve(photos: PhotoSet, upright: Sequence[UprightPhoto], focal_given: bool =
         library.set_random_seed(SEED)
         _extract(database, photos.folder, upright)
         _match(database, photos.ordered, min(LARGEST_SIDE, max(max(photo.size) for photo in upright)))
-        if _tries_starts(upright, held):
+        if len(upright) == 2:
+            models = [one for first in FIRST_PX for one in _models(database, photos.folder, work, held, upright, first)]
+        elif _tries_starts(upright, held):
             models = []
             for start in STARTS:
                 _start_at(database, start)
@@ -173,7 +180,7 @@ def solve(photos: PhotoSet, upright: Sequence[UprightPhoto], focal_given: bool =
         if _frees_each(upright, photos.ordered, held):
             equal, groups = _with_several_lenses(database, photos.folder, work, upright, equal)
         model = equal[0] if equal else None
-        if model is None or _median_angle_deg(model) < LEAST_ANGLE_DEG:
+        if model is None or _median_angle_deg(model) < LEAST_ANGLE_DEG or not _shows_motion(model, upright):
             registered = 0 if model is None else model.num_reg_images()
             raise InputError(
                 photos.path, "photos whose cameras can be estimated", *_refusal(database, registered, len(upright))
@@ -303,7 +310,9 @@ def _start_at(database: Path, ratio: float) -> None:
                 opened.update_camera(camera)
 
 
-def _models(database: Path, folder: Path, work: Path, held: bool, upright: Sequence[UprightPhoto]) -> list[Any]:
+def _models(
+    database: Path, folder: Path, work: Path, held: bool, upright: Sequence[UprightPhoto], first_px: float = FIRST_PX[0]
+) -> list[Any]:
     """The models that can be used; none if no camera could be estimated."""
     library, count = pycolmap(), len(upright)
     limits = {photo.name: focal_limits(photo) for photo in upright}
@@ -317,6 +326,7 @@ def _models(database: Path, folder: Path, work: Path, held: bool, upright: Seque
         part.min_focal_length_ratio = min(low for low, _ in limits.values())
         part.max_focal_length_ratio = max(high for _, high in limits.values())
     mapper, triangulation = options.mapper, options.triangulation
+    mapper.init_max_error = first_px
     mapper.init_min_num_inliers, mapper.init_min_tri_angle, mapper.abs_pose_min_num_inliers = 50, 4.0, 15
     triangulation.ignore_two_view_tracks = False
     if held:
@@ -351,6 +361,19 @@ def _plausible(model: Any, limits: Mapping[str, tuple[float, float]]) -> bool:
         if image.has_pose and not low <= camera.params[0] / max(camera.width, camera.height) <= high:
             return False
     return True
+
+
+def _shows_motion(model: Any, upright: Sequence[UprightPhoto]) -> bool:
+    """Whether the matches of two photos determine how the camera moved, and none but a motion explains them; of more photos, True."""
+    if len(upright) != 2:
+        return True
+    matches, (first, second) = matches_of(model), (model.images[number] for number in sorted(model.images))
+    focal, side = model.cameras[first.camera_id].params[0], max(upright[0].size)
+    if upright[0].focal_px is None and parallax_px(matches, focal) < TURNED * side:
+        return False
+    second_from_first = np.eye(4)
+    second_from_first[:3] = (second.cam_from_world() * first.cam_from_world().inverse()).matrix()
+    return direction_error_deg(matches, focal, second_from_first) <= MOST_DEG
 
 
 def _median_angle_deg(model: Any) -> float:

@@ -54,3 +54,11 @@ def test_a_file_and_a_folder_of_something_else_are_refused(tmp_path: Path):
             InputError, match="a new or empty folder, or a set of things to resume, found something else"
         ):
             begun(folder)
+
+
+def test_a_link_that_leads_nowhere_is_no_new_folder(tmp_path: Path):
+    (tmp_path / "out").symlink_to("gone")
+    with pytest.raises(
+        InputError, match="out: expected a new or empty folder, or a set of things to resume, found a broken link"
+    ):
+        begun(tmp_path / "out")

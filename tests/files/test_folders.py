@@ -318,6 +318,27 @@ def test_a_file_system_without_locks_stops_nobody(tmp_path: Path, monkeypatch, n
             (tmp_path / "written").touch()
 
 
+@pytest.mark.parametrize("number", [errno.EIO, errno.EPERM, errno.EINVAL, errno.ESTALE])
+def test_a_file_system_that_fails_to_lock_is_named(tmp_path: Path, monkeypatch, number: int) -> None:
+    monkeypatch.setattr("fcntl.flock", _refused(number))
+    with (
+        pytest.raises(
+            InputError, match=f"{tmp_path.name}: expected a folder that can be locked, found {os.strerror(number)}$"
+        ),
+        lock_folder(tmp_path, "a quiet folder", "a busy one"),
+    ):
+        raise AssertionError("it is not locked")
+
+
+def test_a_folder_below_a_link_that_leads_to_itself_is_one_error(tmp_path: Path) -> None:
+    (tmp_path / "loop").symlink_to("loop")
+    with (
+        pytest.raises(InputError, match="found a link that leads to itself"),
+        own_folder(tmp_path / "loop" / "x", "export"),
+    ):
+        raise AssertionError("there is no such folder")
+
+
 def test_a_failure_in_a_locked_folder_is_told_as_it_is(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="No space left"), lock_folder(tmp_path, "", ""):
         raise OSError(errno.ENOSPC, "No space left")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import signal
 import subprocess
 import sys
@@ -138,3 +140,22 @@ def test_without_locks_outputs_are_written_and_nothing_is_removed(tmp_path: Path
     with own_folder(tmp_path / "out", "export"):
         assert len(names(tmp_path)) == 3
     assert names(tmp_path) == [".out.1a2b3c4d.lock", ".out.1a2b3c4d.part", "out"]
+
+
+@pytest.mark.filterwarnings("ignore:flock not supported")
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS])
+def test_without_locks_a_file_gets_one_temporary_name_and_nothing_stays(tmp_path: Path, monkeypatch, number: int):
+    """ENOSYS is what Lustre says; a marker that was there before made us try names without end."""
+
+    def refused(*given: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("fcntl.flock", refused)
+    tried = []
+    named = folders.partial_name
+    monkeypatch.setattr(folders, "partial_name", lambda target: tried.append(target) or named(target))
+    with staged(tmp_path / "a.txt") as partial:
+        partial.write_text("whole")
+        partial.replace(tmp_path / "a.txt")
+    assert len(tried) == 1
+    assert names(tmp_path) == ["a.txt"]

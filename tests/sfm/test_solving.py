@@ -252,6 +252,33 @@ def test_photos_of_other_places_do_not_overlap(tmp_path: Path):
     assert "too little overlap (2 photos); take photos that share at least half" in line
 
 
+def test_two_photos_are_solved_with_both_thresholds_and_the_better_fit_counts(
+    three: Taken, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    tried, unwatched = list[float](), module._models
+
+    def models(*given: object) -> list[object]:
+        tried.append(given[-1])
+        return unwatched(*given) if given[-1] == 1.0 else []
+
+    monkeypatch.setattr(module, "_models", models)
+    found = solved(take(tmp_path / "two", three.world_from_camera[:2]), tmp_path / "scene", PhotoDetails(FOCAL))
+    assert tried == [4.0, 1.0]
+    motion = np.linalg.inv(found.photos[0].world_from_camera) @ found.photos[1].world_from_camera
+    right = three.world_from_camera[1, :3, 3]
+    assert motion[:3, 3] @ right / np.linalg.norm(motion[:3, 3]) / np.linalg.norm(right) > np.cos(np.radians(5))
+
+
+def test_a_turn_at_a_focal_length_that_is_guessed_wrong_is_not_taken_for_a_motion(tmp_path: Path):
+    """The guess is 256 px. With it, a turn of 8 degrees at 150 px looks like a motion: without the check, the turn was 5.6 degrees off."""
+    turned = np.stack([np.eye(4)] * 2)
+    turned[1, :3, :3] = cv2.Rodrigues(np.radians([0.0, -8, 0]))[0]
+    taken = take(tmp_path / "photos", turned, focal=lambda index: 150.0)
+    (tmp_path / "scene").mkdir()
+    with pytest.raises(InputError, match="only turned"):
+        write_photo_scene(taken.folder, tmp_path / "scene", PhotoDetails(), lambda line: None)
+
+
 @pytest.mark.long
 def test_a_camera_that_only_turned_is_refused(tmp_path: Path):
     poses = poses_of(3)

@@ -121,6 +121,66 @@ def test_a_name_with_brackets_is_that_folder_and_not_a_pattern_for_another(tmp_p
     assert (tmp_path / "out" / "scan1" / "points.ply").is_file()
 
 
+def test_names_that_look_like_options_or_home_folders_are_names(
+    tmp_path: Path, in_this_process: None, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    names = ["-dash", "--out", "~", "new\nline", "Ku\u0308che", "e" * 235]
+    save_walls(tmp_path, len(names))
+    (tmp_path / "scans").mkdir()
+    for k, name in enumerate(names):
+        (tmp_path / f"wall_{k}").rename(tmp_path / "scans" / name)
+    monkeypatch.chdir(tmp_path / "scans")
+    assert main(["batch", "export", ".", "--out", "../out", *TWO_WORKERS, "--as", "points"]) == 0
+    assert "6 of 6 scenes succeeded" in capsys.readouterr().out
+    for name in names:
+        assert (tmp_path / "out" / name / "points.ply").is_file()
+    assert main(["batch", "export", "./-dash", "--out", "../one", *TWO_WORKERS, "--as", "points"]) == 0
+    told = capsys.readouterr().out
+    assert "0 of 1 scenes are done" in told
+    assert "1 of 1 scenes succeeded" in told
+    assert main(["batch", "export", "./-dash", "--out", "../one", *TWO_WORKERS, "--as", "ply"]) == 0
+    assert "1 scene was done with other options or other files; the results are replaced" in capsys.readouterr().out
+
+
+def test_a_name_that_leaves_no_room_for_temporary_names_is_refused_before_any_scene(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    save_walls(tmp_path / "scans", 2)
+    (tmp_path / "scans" / "wall_0").rename(tmp_path / "scans" / ("\u00fc" * 118))
+    assert main(["batch", "export", str(tmp_path / "scans"), "--out", str(tmp_path / "out")]) == 2
+    told = capsys.readouterr()
+    assert told.err.endswith("has a name of 236 bytes; at most 235 fit, so rename the scene\n")
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_in_the_way_of_a_batch_is_one_line(
+    tmp_path: Path, in_this_process: None, capsys: pytest.CaptureFixture[str]
+):
+    save_walls(tmp_path / "scans", 1)
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "gone").symlink_to("nowhere")
+    command = ["batch", "export", str(tmp_path / "scans"), *TWO_WORKERS, "--as", "points", "--out"]
+
+    def refused(out: Path) -> str:
+        capsys.readouterr()
+        assert main([*command, str(out)]) == 2
+        line = capsys.readouterr().err
+        assert line.count("\n") == 1
+        return line
+
+    assert "loop: expected something that can be read, found a link that leads to itself" in refused(tmp_path / "loop")
+    assert "found a broken link" in refused(tmp_path / "gone")
+    out = tmp_path / "out"
+    assert main([*command, str(out)]) == 0
+    (out / "records" / "wall_0.json").unlink()
+    (out / "records" / "wall_0.json").mkdir()
+    assert "wall_0.json: expected the record of a scene, found a folder" in refused(out)
+    shutil.rmtree(out / "pictures")
+    (out / "pictures").touch()
+    assert "pictures: expected a folder, found a file; move it away" in refused(out)
+    assert (out / "wall_0" / "points.ply").is_file()
+
+
 def test_a_list_chooses_among_all_inputs_of_every_command(
     tmp_path: Path, in_this_process: None, capsys: pytest.CaptureFixture[str]
 ):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
@@ -18,9 +19,9 @@ from semgs.cli.arguments import parse
 from semgs.cli.options.types import CountOrAuto, one_word, optional
 from semgs.cli.progress import show_progress
 from semgs.cli.usage_errors import UsageError, what_the_user_gave
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, readable
 from semgs.files.paths import found_at, typed_path
-from semgs.files.text import counted
+from semgs.files.text import counted, shortened
 from semgs.runtime.cores import usable_cores
 
 if TYPE_CHECKING:
@@ -51,6 +52,9 @@ SCENE = "scene.safetensors"
 RESERVED = ("records", "pictures", "batch.json", "index.html", "index.csv", "failures.jsonl")
 """Files and folders in OUT that are no results."""
 
+LONGEST_NAME = 235
+"""Bytes of a scene's name: file systems allow 255, and `.NAME.json.1a2b3c4d.part` is 20 longer."""
+
 SOME_FAILED = 3
 """The exit code if some scenes failed."""
 
@@ -63,6 +67,16 @@ def _matching(word: str) -> list[Path]:
     names may have brackets."""
     path = typed_path(word)
     return [path] if path.exists() else sorted(map(Path, glob(word))) or [path]  # noqa: PTH207 - patterns may begin at the root
+
+
+def _word_for(path: Path) -> str:
+    """A path as a word of a command line that is neither an option nor a home folder."""
+    return str(path.absolute() if str(path).startswith(("-", "~")) else path)
+
+
+def _bytes_of(name: str) -> int:
+    """How long a name is for a file system [bytes]."""
+    return len(os.fsencode(name))
 
 
 def _part_and_parts(text: str) -> tuple[int, int]:
@@ -194,7 +208,11 @@ class Batch:
             record for task in tasks if task.name not in waiting and (record := read_record(self.out, task.name))
         ]
         failed_before = [record for record in skipped if not record.succeeded]
-        print(f"{len(skipped) - len(failed_before)} of {counted(len(tasks), 'scene')} are done", flush=True)
+        print(f"{len(skipped) - len(failed_before):,} of {len(tasks):,} scenes are done", flush=True)
+        before = [(task, read_record(self.out, task.name)) for task in left]
+        if redone := sum(bool(one and one.succeeded and one.fingerprint != task.fingerprint) for task, one in before):
+            were = counted(redone, "scene was", "scenes were")
+            print(f"{were} done with other options or other files; the results are replaced", flush=True)
         for record in failed_before:
             print(f"{record.name}: {record.why}")
         if failed_before:
@@ -211,7 +229,7 @@ class Batch:
         records = [read_record(self.out, task.name) for task in tasks]
         failed = sum(record is not None and not record.succeeded for record in records)
         more = f"; see {self.out / 'failures.jsonl'}" if failed else ""
-        print(f"{len(tasks) - failed} of {counted(len(tasks), 'scene')} succeeded{more}")
+        print(f"{len(tasks) - failed:,} of {len(tasks):,} scenes succeeded{more}")
         print(f"Open {self.out / 'index.html'} in a browser.")
         return SOME_FAILED if failed else 0
 
@@ -263,7 +281,8 @@ class Batch:
         from semgs.files.claims import is_begun
         from semgs.files.folders import check_apart
 
-        out = self.out.resolve()
+        with readable(self.out):
+            out = self.out.resolve()
         for path in paths:
             if out.is_relative_to((path.parent if path.name == CAMERAS else path).resolve()):
                 raise UsageError(f"--out is in the scene {path}; name a folder elsewhere")
@@ -283,8 +302,10 @@ class Batch:
         self.out.mkdir(parents=True, exist_ok=True)
         if not begun:
             write_json(self.out / SETTINGS, settings)
-        (self.out / FOLDER).mkdir(exist_ok=True)
-        (self.out / PICTURES).mkdir(exist_ok=True)
+        for folder in (self.out / FOLDER, self.out / PICTURES):
+            if folder.exists() and not folder.is_dir():
+                raise InputError(folder, "a folder", "a file", advice="move it away")
+            folder.mkdir(exist_ok=True)
 
     def _given(self) -> list[Path]:
         """The paths that DATA names."""
@@ -350,7 +371,7 @@ class Batch:
         """A name for each scene.
 
         Raises:
-            UsageError: a scene is given twice, or has a name that we need.
+            UsageError: a scene is given twice, or has a name that we need or that is too long.
         """
         from semgs.batch.tasks import scene_names
 
@@ -358,6 +379,11 @@ class Batch:
             names = scene_names(paths)
         if taken := set(RESERVED) & {self._result(name) for name in names}:
             raise UsageError(f"the result of a scene would be named {min(taken)}, which we need; rename the scene")
+        longest = max(names, key=_bytes_of)
+        if _bytes_of(longest) > LONGEST_NAME:
+            raise UsageError(
+                f"the scene {shortened(longest, 60)} has a name of {_bytes_of(longest)} bytes; at most {LONGEST_NAME} fit, so rename the scene"
+            )
         return names
 
     def _result(self, name: str) -> str:
@@ -375,7 +401,8 @@ class Batch:
 
     def _form(self, path: Path, name: str) -> list[str]:
         """The arguments for input and output of a scene."""
-        return [word.format(scene=path, out=self.out / self._result(name)) for word in FORMS[self.command]]
+        scene, out = _word_for(path), _word_for(self.out / self._result(name))
+        return [word.format(scene=scene, out=out) for word in FORMS[self.command]]
 
     def _parse(self, path: Path, name: str, options: Sequence[str]) -> Any:
         """The options of the command.
@@ -415,7 +442,7 @@ class Pace:
         self.show(self.finished, words)
         if time() - self.reported >= MINUTE and self.finished < self.total and not sys.stderr.isatty():
             self.reported = time()
-            print(f"{self.finished} of {counted(self.total, 'scene')}, {words}", flush=True)
+            print(f"{self.finished:,} of {self.total:,} scenes, {words}", flush=True)
 
     def _expected_end(self) -> str:
         """When the last scene will be done at this pace."""
