@@ -173,9 +173,9 @@ def _lock_name(target: Path) -> tuple[Path, FileLock | None]:
     while True:
         partial = partial_name(target)
         path = partial.with_suffix(_LOCKED)
-        lock = FileLock(
-            path
-        )  # creates the file: where the system has no locks, filelock's own marker must not be there before
+        path.touch(exist_ok=False)  # where that is impossible, filelock would try for ever
+        path.unlink()  # where the system has no locks, the file itself is filelock's
+        lock = FileLock(path)
         try:
             lock.acquire(timeout=0)
         except Timeout:  # another process has just found the file, and takes it for one of a killed process
