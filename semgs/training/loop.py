@@ -130,8 +130,10 @@ def train(
     execution = execution or Execution()
     settings.check_complete()
     execution.share().check(settings.batch)
-    for folder in settings.assets:
-        room_source().verify(Path(folder))
+    if settings.needs_rooms:
+        rooms = room_source()  # which may not be installed
+        for folder in settings.assets:
+            rooms.verify(Path(folder))
     claim_folder(out, settings)
     if has_begun(out):
         record_files(out, settings)  # while there are no other processes, which would wait for the first one

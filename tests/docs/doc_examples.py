@@ -317,7 +317,7 @@ def check_pip(words: Sequence[str]) -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     pinned = {line.split("==")[0].lower() for line in (ROOT / "constraints.txt").read_text().split()}
     for word in words[1:]:
-        if word == "-e":
+        if word == "-e" or (ROOT / word / "pyproject.toml").is_file():
             continue
         extras = re.fullmatch(r"\.(?:\[(.+)\])?", word)
         if extras is None:

@@ -175,7 +175,9 @@ def _write_results(disk: Path) -> None:
     """What reconstruct, export and evaluate leave."""
     shutil.copytree(ROOT / "docs" / "scores", disk / "docs" / "scores")
     small = "x".join(map(str, SIZE))
-    run("reconstruct", "room", "--out", "out", "--features", "clip", "--refine", "1")  # of full size, so that the floor is found
+    run(
+        "reconstruct", "room", "--out", "out", "--features", "clip", "--refine", "1"
+    )  # of full size, so that the floor is found
     shutil.copytree(disk / "out", disk / "done")
     shutil.copytree(disk / "done", disk / "demo")
     shutil.move(disk / "done", disk / "out" / "office")

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from paper_commands import main
 from PIL import Image
 
 from paper.ablate.validation_plot import validation_picture
 from paper.figure.comparison import FigureBlock, PictureRow, comparison
-from semgs.cli.main import main
 from semgs.figures import plotting
 from semgs.figures.class_images import LegendEntry
 from semgs.figures.reliability import ReliabilityPlot, reliability_png

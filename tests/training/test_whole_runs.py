@@ -27,7 +27,6 @@ from semgs.model.networks import named_switches
 from semgs.model.weights.load import data_terms, load
 from semgs.model.weights.weights_file import read_header, save
 from semgs.objectives.loss_weights import LossWeights
-from semgs.training.data import batches
 from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.data.batches import validation_batches
 from semgs.training.data.data_settings import VALIDATION_SEED
@@ -314,7 +313,7 @@ def test_training_and_validation_rooms_take_different_assets(tmp_path, monkeypat
             splits[seed] = library and library.split
             super().__init__(seed, size, contexts, targets, length, group, library)
 
-    monkeypatch.setattr(batches, "RoomSamples", Watched)
+    monkeypatch.setattr("semgs_rooms.training_rooms.RoomSamples", Watched)
     settings = TrainingSettings(
         model="small_plain", steps=1, size=(16, 24), contexts=(2, 2), validation_scenes=1, assets=(str(tmp_path),)
     )

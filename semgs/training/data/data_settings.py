@@ -89,6 +89,12 @@ class DataSettings:
         )
 
     @property
+    def needs_rooms(self) -> bool:
+        """Whether rooms are generated, to train on or to validate with."""
+        validation = self.validation_scenes > 0 and Source.parsed(self.validation).is_rooms
+        return validation or bool(self.assets) or any(source.is_rooms for source in self.sources)
+
+    @property
     def sources(self) -> tuple[Source, ...]:
         """The sources that `data` names."""
         return tuple(Source.parsed(text) for text in self.data)
