@@ -56,12 +56,15 @@ class Train:
             self.settings.check_complete()
         from rich.console import Console
 
+        from semgs.training.data.room_source import room_source
         from semgs.training.loop import train
         from semgs.training.run.run_folder import claim_folder
 
         execution = self.compute.execution(self.nodes)
         with what_the_user_gave():
             execution.share().check(self.settings.batch)
+        if self.settings.needs_rooms:
+            room_source()  # which may not be installed
         claim_folder(self.out, self.settings)
         try:
             train(self.settings, self.out, execution, console=Console(stderr=True, highlight=False))
