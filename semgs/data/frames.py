@@ -20,7 +20,7 @@ from semgs.data.views import Views
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_rgb
 from semgs.files.stored import Stored
-from semgs.geometry.cameras import Cameras
+from semgs.geometry.cameras import Cameras, writable
 
 
 @final
@@ -86,8 +86,12 @@ class Frame:
         if size is not None:
             view = (reframed if fit == "crop" else resized)(view, size)
         pixels = Pixels(self.lens, view.cameras[0], undistortion(self.lens), fit == "crop")
-        depths = None if self.depth is None else torch.from_numpy(self.depth.read(pixels))[None]
-        labels = None if self.labels is None or classes is None else torch.from_numpy(self.labels.read(pixels))[None]
+        depths = None if self.depth is None else torch.from_numpy(writable(self.depth.read(pixels)))[None]
+        labels = (
+            None
+            if self.labels is None or classes is None
+            else torch.from_numpy(writable(self.labels.read(pixels)))[None]
+        )
         if view.hidden is not None:
             if view.hidden.all():
                 raise InputError(self.picture, "an image of which some pixels are visible", "all are masked or black")

@@ -22,7 +22,7 @@ from semgs.files.arrays import read_array
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_numbers, read_uint8, read_uint16, read_visible
 from semgs.files.stored import Stored
-from semgs.geometry.cameras import Cameras
+from semgs.geometry.cameras import Cameras, writable
 
 ASPECT_TOLERANCE = 0.02
 """Depth and label maps may be smaller than their image, as on phones, if the aspects differ by no more than this fraction."""
@@ -71,7 +71,7 @@ class Pixels:
         if self.crop:
             top, left, height, width = kept_window(self.lens.size, self.camera.size)
             values = values[top : top + height, left : left + width]
-        return nearest(torch.from_numpy(values), self.camera.size).numpy()
+        return nearest(torch.from_numpy(writable(values)), self.camera.size).numpy()
 
 
 @runtime_checkable

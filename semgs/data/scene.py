@@ -6,7 +6,7 @@ import operator
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Literal
 
 import numpy as np
@@ -79,7 +79,9 @@ class Scene:
                 self.path,
                 "at least two usable frames",
                 f"{len(self.frames)} ({listed} listed, {len(self.absent)} without their image)",
-                advice=f"the first missing one is {self.absent[0]}" if self.absent else None,
+                advice=f"the first missing one is {self.absent[0]}{_of_elsewhere(self.absent[0])}"
+                if self.absent
+                else None,
             )
 
     def __repr__(self) -> str:
@@ -250,6 +252,16 @@ class Scene:
         views = [frame.view(near_far, self.classes, size=wanted, fit=fit) for frame in chosen]
         with input_error(self.path, "bounds, colours and depth in range"):
             return self.local(joined(views)).checked()
+
+
+def _of_elsewhere(name: str) -> str:
+    """What to do about a missing file with an absolute path; "" if its path is relative."""
+    absolute = name.startswith("/") or PureWindowsPath(name).drive
+    return (
+        ". If the paths are those of another computer, make them relative to the file that lists them"
+        if absolute
+        else ""
+    )
 
 
 def _wanted(frames: Sequence[Frame], size: Sequence[int] | Literal["native"] | None) -> Sequence[int] | None:

@@ -14,6 +14,7 @@ from torch import Tensor
 from semgs.data.frames import Frame
 from semgs.data.resampling import Fit
 from semgs.depth_maps.depth_source import Meaning
+from semgs.geometry.cameras import writable
 from semgs.segmenters.class_map_files import MadeBy
 from semgs.segmenters.networks.cost import Cost, cost_of_photos
 from semgs.segmenters.photo_maps import resampled
@@ -83,7 +84,7 @@ class PredictedMaps:
             InputError: the photo cannot be read, or the network cannot take it.
         """
         prompt = frame.measured() if self.network.prompted else None
-        values = torch.from_numpy(self.network(frame.read_undistorted(), prompt))[None]
+        values = torch.from_numpy(writable(self.network(frame.read_undistorted(), prompt)))[None]
         return resampled(values, frame, size, fit, undistorted=True)[0]
 
     def cost(self, frames: Sequence[Frame]) -> Cost | None:

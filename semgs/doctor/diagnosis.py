@@ -10,7 +10,7 @@ import numpy as np
 
 from semgs.data.scene import Scene
 from semgs.doctor.misses import CAP_PX, miss, pair_misses, triangulated_depth, triangulated_depths
-from semgs.doctor.mistakes import BAD_DEPTH, DEPTH_UNIT, MILLIMETRES, MISTAKES, Given, Mistake, plausible
+from semgs.doctor.mistakes import ALONG_RAY, BAD_DEPTH, DEPTH_UNIT, MILLIMETRES, MISTAKES, Given, Mistake, plausible
 from semgs.doctor.registered import unregistered
 from semgs.doctor.rig import FileConvention, Rig, rig_of
 from semgs.doctor.warps import DepthView, find_depth_views, warp_error
@@ -89,6 +89,10 @@ class Evidence:
         each = pair_misses(rig, self.matches)[many]
         return len(each) > 0 and float((each > FITS).mean()) >= MOST
 
+    def fits_alone(self, rig: Rig) -> bool:
+        """Whether cameras fit the matches if nothing had been measured."""
+        return len(self.matches) > 0 and miss(rig, self.matches.without_depth()) <= FITS
+
     def depth_error(self, rig: Rig) -> float:
         """By how much depth maps disagree [%]; infinite without depth maps."""
         return warp_error(rig, self.depth_views) if len(self.depth_views) > 1 else np.inf
@@ -139,22 +143,16 @@ class Diagnosis:
     @property
     def distance(self) -> float:
         """The median distance at which the cameras put what both images of a pair show, by parallax alone [the scene's unit]; NaN if they miss the matches."""
-        return triangulated_depth(self.given, self.evidence.matches) if self._fits_alone else np.nan
+        return triangulated_depth(self.given, self.evidence.matches) if self.evidence.fits_alone(self.given) else np.nan
 
     @property
     def depth_ratio(self) -> float:
         """The median of measured depth over the distance by parallax; NaN if the cameras miss the matches, or few have depth."""
-        if not self._fits_alone or not self.evidence.matches.measured:
+        if not self.evidence.matches.measured or not self.evidence.fits_alone(self.given):
             return np.nan
         ratios = self.evidence.matches.depths[:, 0] / triangulated_depths(self.given, self.evidence.matches)
         known = ratios[np.isfinite(ratios)]
         return float(np.median(known)) if len(known) >= MANY else np.nan
-
-    @property
-    def _fits_alone(self) -> bool:
-        """Whether the cameras fit the matches if nothing had been measured."""
-        alone = self.evidence.matches.without_depth()
-        return len(alone) > 0 and miss(self.given, alone) <= FITS
 
     @property
     def finding(self) -> Finding | None:
@@ -186,6 +184,8 @@ class Diagnosis:
         if self.verdict == "slightly wrong":
             if not matched:
                 return f"The cameras or the depth maps are slightly wrong: depth maps disagree by {by}."
+            if self.evidence.fits_alone(self.given):
+                return f"The cameras fit the images. With the measured depth they miss matches by {by}: the depth maps or the distances between cameras are slightly wrong."
             return (
                 f"The cameras are slightly wrong, as from odometry or a rough calibration: they miss matches by {by}. "
                 "Try semgs reconstruct --refine-poses."
@@ -202,6 +202,8 @@ class Diagnosis:
         which = self.finding.mistake.name
         if self.finding.mistake is DEPTH_UNIT:
             which += f" (it fits if it is multiplied by {self.finding.rig.depth_unit:g}; see --depth-unit)"
+        if self.finding.mistake is ALONG_RAY:
+            which += " (divide each depth by |K^-1 (u, v, 1)| of its pixel)"
         return f"{said}. Likely mistake: {which}, {self.amount(self.finding.error)} when corrected{also}."
 
 
@@ -271,11 +273,16 @@ def judge_cameras(
 def _findings(given: Given, evidence: Evidence) -> tuple[Finding, ...]:
     """The mistakes that explain the error of the given cameras, the likeliest first.
 
-    Repeated texture gives wrong matches, so undoing a mistake must not make depth maps disagree.
+    Repeated texture gives wrong matches, so undoing a mistake must not make depth maps disagree. If the cameras fit the matches without depth, it is
+    depth that is wrong, not their focal lengths and principal points.
     """
-    depth_error = evidence.depth_error(given.rig)
+    depth_error, fits_alone = evidence.depth_error(given.rig), evidence.fits_alone(given.rig)
 
     def explains(one: Finding) -> bool:
+        if fits_alone and not (
+            np.array_equal(one.rig.focal, given.rig.focal) and np.array_equal(one.rig.centre, given.rig.centre)
+        ):
+            return False
         before = evidence.error_where(given.rig, one.rig)
         return one.error <= EXPLAINS * before and evidence.depth_error(one.rig) <= depth_error + SLACK_PERCENT
 

@@ -52,8 +52,10 @@ def fixed_transforms(scene: Scene, rig: Rig, folder: Path) -> dict[str, Any]:
     return {"camera_model": "OPENCV", "metric": scene.unit == "metric", "frames": frames}
 
 
-def note_on_depth(scene: Scene) -> str:
-    """Which depth maps of a scene a `transforms.json` cannot list, in a sentence; "" if it can list them all."""
+def note_on_depth(scene: Scene, rig: Rig) -> str:
+    """Which depth maps of a scene a `transforms.json` cannot list, in a sentence; "" if it can list them all, or the correction is to ignore them."""
+    if rig.along_ray:
+        return "The depth maps are not in the new file: it needs z-depth. Divide each depth by |K^-1 (u, v, 1)| of its pixel, and write the maps again."
     missing = sum(frame.depth is not None and _listed(frame.depth) is None for frame in scene.frames)
     if not missing:
         return ""
@@ -86,7 +88,7 @@ def _entry(frame: Frame, rig: Rig, index: int, folder: Path) -> dict[str, Any]:
     if isinstance(frame.mask, MaskMap):
         entry["mask_path"] = _relative(Path(str(frame.mask.path)), folder)
     depth = _listed(frame.depth)
-    if depth is not None and np.isfinite(rig.depth_unit):
+    if depth is not None and np.isfinite(rig.depth_unit) and not rig.along_ray:
         entry["depth_file_path"] = _relative(Path(str(depth.path)), folder)
         entry["depth_unit_scale_factor"] = depth.unit * rig.depth_unit
     return entry

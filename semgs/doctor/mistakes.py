@@ -217,6 +217,11 @@ def _other_depth_unit(given: Given) -> Iterator[Rig]:
             yield replace(given.rig, depth_unit=given.rig.depth_unit * factor)
 
 
+def _along_ray(given: Given) -> Iterator[Rig]:
+    if not np.isnan(given.depth):
+        yield replace(given.rig, along_ray=not given.rig.along_ray)
+
+
 def _without_depth(given: Given) -> Iterator[Rig]:
     if not np.isnan(given.depth):
         yield replace(given.rig, depth_unit=np.nan)
@@ -231,6 +236,8 @@ MILLIMETRES = Mistake("positions in millimetres or centimetres", _millimetres)
 
 DEPTH_UNIT = Mistake("wrong unit of depth", _other_depth_unit)
 
+ALONG_RAY = Mistake("depth along the ray instead of z", _along_ray)
+
 MISTAKES = (
     Mistake("poses inverted (world to camera for camera to world, or the reverse)", _inverted),
     Mistake("OpenGL and OpenCV axes confused", _other_axes),
@@ -242,6 +249,7 @@ MISTAKES = (
     Mistake("cx and cy swapped", _centre_swapped),
     MILLIMETRES,
     DEPTH_UNIT,
+    ALONG_RAY,
     Mistake("images in reverse order", _reversed),
     Mistake("images off by one", _off_by_one),
     Mistake("images sorted as text (10 before 9)", _sorted_otherwise),
@@ -252,6 +260,9 @@ MISTAKES = (
 
 BAD_DEPTH = Mistake("depth maps that do not fit the images (not registered to them, or wrong)", _without_depth)
 """The last resort, because less is asked of cameras without depth: it counts if nothing else explains the data."""
+
+OF_DEPTH = (DEPTH_UNIT, ALONG_RAY, BAD_DEPTH)
+"""Mistakes in depth maps; all others are in the cameras."""
 
 
 def _rewritten(given: Given, change: Callable[[np.ndarray], np.ndarray]) -> Rig:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from semgs.data.frames import Frame
 from semgs.data.scene import Scene
 from semgs.data.spread import spread
 from semgs.doctor.diagnosis import diagnose
+from semgs.doctor.mistakes import OF_DEPTH
 from semgs.files.images.pictures import QUARTER_TURN, read_header
 
 MOST_FRAMES = 6
@@ -36,7 +35,7 @@ def warnings_of(scene: Scene, frames: Sequence[int], *, refined: bool = False) -
     warnings = notes_on_sides([scene.frames[position] for position in tested])
     found = diagnose(scene, tested, FEATURES)
     if found.verdict == "suspicious":
-        wrong = "depth maps" if np.isfinite(found.depth_focal) else "cameras"
+        wrong = "depth maps" if found.finding is not None and found.finding.mistake in OF_DEPTH else "cameras"
         warnings.append(f"The {wrong} may be wrong. {found.sentence} semgs doctor tests all of the scene.")
     if found.verdict == "slightly wrong" and found.evidence.contradicts(found.given) and not refined:
         warnings.append(found.sentence)

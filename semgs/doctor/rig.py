@@ -33,6 +33,7 @@ class Rig:
         centre: (cx, cy) of each frame [px].
         sizes: (width, height) of each frame [px].
         depth_unit: measured depths are multiplied by this.
+        along_ray: whether measured depths are distances along the ray instead of z.
     """
 
     poses: Float64[np.ndarray, "n 4 4"]
@@ -40,6 +41,14 @@ class Rig:
     centre: Float64[np.ndarray, "n 2"]
     sizes: Float64[np.ndarray, "n 2"]
     depth_unit: float = 1.0
+    along_ray: bool = False
+
+    def z_depths(
+        self, depths: Float64[np.ndarray, "*n"], rays: Float64[np.ndarray, "*n 2"]
+    ) -> Float64[np.ndarray, "*n"]:
+        """The z-depth that measured depths on the rays (x, y, 1) stand for: a distance along the ray is z |(x, y, 1)|."""
+        lengths = np.sqrt(1 + (rays**2).sum(-1)) if self.along_ray else 1.0
+        return self.depth_unit * depths / lengths
 
 
 def rig_of(frames: Sequence[Frame]) -> Rig:

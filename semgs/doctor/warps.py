@@ -97,18 +97,19 @@ def _disagreement(rig: Rig, first: DepthView, second: DepthView) -> float:
     motion = (inverse(rig.poses[j : j + 1]) @ rig.poses[i : i + 1])[0]
     if not np.isfinite(motion).all():
         return np.nan
-    rays = np.column_stack(((first.points[:, :2] - rig.centre[i]) / rig.focal[i], np.ones(len(first.points))))
-    there = rig.depth_unit * first.points[:, 2:] * rays @ motion[:3, :3].T + motion[:3, 3]
+    rays = (first.points[:, :2] - rig.centre[i]) / rig.focal[i]
+    depths = rig.z_depths(first.points[:, 2], rays)
+    there = depths[:, None] * np.column_stack((rays, np.ones(len(rays)))) @ motion[:3, :3].T + motion[:3, 3]
     there = there[there[:, 2] > 0]
-    pixels = there[:, :2] / there[:, 2:] * rig.focal[j] + rig.centre[j]
+    rays = there[:, :2] / there[:, 2:]
+    pixels = rays * rig.focal[j] + rig.centre[j]
     column, row, _ = np.floor(np.column_stack((pixels, np.ones(len(pixels)))) @ second.map_from_pixel.T).T
     height, width = second.depths.shape
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
     if inside.sum() < LEAST_INSIDE * len(first.points):
         return CAP_PERCENT
-    met = rig.depth_unit * second.depths[row[inside].astype(np.int64), column[inside].astype(np.int64)].astype(
-        np.float64
-    )
+    met = second.depths[row[inside].astype(np.int64), column[inside].astype(np.int64)].astype(np.float64)
+    met = rig.z_depths(met, rays[inside])
     expected = there[inside, 2]
     known = met > 0
     return (

@@ -19,6 +19,7 @@ from semgs.data.resampling import default_size
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.data.views import INDOOR_DEPTH_RANGE
+from semgs.evaluation.frames.frame_plan import distinct_stems
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.intervals import choose_units, intervals, units_in_words
 from semgs.evaluation.scoring.score_records import encode_scores
@@ -28,7 +29,6 @@ from semgs.evaluation.tables.evaluation_report import EvaluatedMethod
 from semgs.evaluation.tables.score_cells import with_interval
 from semgs.evaluation.tables.table_grid import Cell, Grid, printed
 from semgs.files.atomic import write_json
-from semgs.files.errors import InputError
 from semgs.files.folders import own_folder
 from semgs.files.images.pictures import write_png
 from semgs.files.text import counted
@@ -103,14 +103,10 @@ def score_single_images(
     temperature = None if network.temperatures is None else network.temperatures.gaussians
     scores: list[FrameScores] = []
     for scene in scenes:
-        named: dict[str, str] = {}
-        for index, frame in enumerate(scene.frames):
-            if frame.labels is None:
-                continue
-            stem = Path(frame.name).stem
-            if stem in named:
-                raise InputError(scene.path, "images whose file names differ", f"{named[stem]} and {frame.name}")
-            named[stem] = frame.name
+        labelled_frames = {index: frame for index, frame in enumerate(scene.frames) if frame.labels is not None}
+        stems = distinct_stems({index: frame.name for index, frame in labelled_frames.items()})
+        for index, frame in labelled_frames.items():
+            stem = stems[index]
             view = scene.read([index], size or default_size(frame.lens.size), NO_DEPTH)
             assert view.labels is not None
             distributions = network.classify(view.to(device), alone=True)[0].cpu()

@@ -45,6 +45,11 @@ def read_array(path: Stored, kinds: str = KINDS) -> np.ndarray:
         or length != len(data) - file.tell()
     ):
         found = f"a header of {shape} of {dtype} and {len(data) - file.tell()} bytes"
-        raise InputError(path, "an array of numbers, as long as its header says", found)
+        advice = (
+            "Python objects are not read: stack the arrays, np.stack(list(array)), and save again"
+            if dtype.hasobject
+            else None
+        )
+        raise InputError(path, "an array of numbers, as long as its header says", found, advice=advice)
     with input_error(path, "an array of numbers"):
         return np.frombuffer(data, dtype, offset=file.tell()).reshape(shape, order="F" if in_columns else "C")

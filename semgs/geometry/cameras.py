@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -167,10 +168,12 @@ def as_float64(numbers: Arrays) -> Float64[Tensor, " ..."]:
     return torch.as_tensor(writable(np.asarray(numbers, dtype=np.float64)))
 
 
-def writable(array: np.ndarray) -> np.ndarray:
-    """The array, or a copy if it is read-only, which PyTorch warns about, or has the other order of bytes, which it refuses."""
-    native = array.astype(array.dtype.newbyteorder("="), copy=False)
-    return native if native.flags.writeable else native.copy()
+def writable(numbers: Any) -> Any:
+    """An array, or a copy if it is read-only, which PyTorch warns about, or has the other order of bytes or runs backwards, which it refuses. Anything else as it is."""
+    if not isinstance(numbers, np.ndarray):
+        return numbers
+    native = numbers.astype(numbers.dtype.newbyteorder("="), copy=False)
+    return native if native.flags.writeable and min(native.strides, default=0) >= 0 else native.copy()
 
 
 def inverse_rigid(transforms: Float[Tensor, "*batch 4 4"]) -> Float[Tensor, "*batch 4 4"]:

@@ -16,6 +16,7 @@ from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
 from semgs.files.errors import InputError, input_error
 from semgs.files.paths import typed_path
+from semgs.geometry.cameras import writable
 from semgs.runtime.kept import kept
 from semgs.segmenters.class_map_files import RECORD, TABLE, MapFiles, save_table, stems_of
 from semgs.segmenters.class_source import ClassSource, Translated
@@ -53,7 +54,9 @@ class ViewSegmenter:
     def __call__(self, views: Views) -> Float[Tensor, "v class h w"]:
         """The class distribution of every pixel of views [v], from their images alone."""
         images = (views.images * 255).round().byte().permute(0, 2, 3, 1).cpu().numpy()
-        maps = [resized_map(torch.from_numpy(self.segmenter(image)), views.size, views.size) for image in images]
+        maps = [
+            resized_map(torch.from_numpy(writable(self.segmenter(image))), views.size, views.size) for image in images
+        ]
         distributions = torch.stack(maps)
         return distributions if self.correspondence is None else self.correspondence(distributions)
 

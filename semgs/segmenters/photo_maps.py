@@ -10,6 +10,7 @@ from torch import Tensor
 from semgs.data.frames import Frame
 from semgs.data.resampling import Fit, kept_window, resampling
 from semgs.data.tables.classes import IGNORE
+from semgs.geometry.cameras import writable
 
 
 def to_view(
@@ -25,7 +26,7 @@ def to_view(
     Args:
         probabilities, frame, size, fit, undistorted: as for `resampled`.
     """
-    return normalised(resampled(torch.from_numpy(probabilities), frame, size, fit, undistorted=undistorted))
+    return normalised(resampled(torch.from_numpy(writable(probabilities)), frame, size, fit, undistorted=undistorted))
 
 
 def resampled(

@@ -146,7 +146,8 @@ def _start(path: Path, header: bytes, versions: tuple[int, ...]) -> Packed:
     if magic != MAGIC:
         raise InputError(path, "an SPZ file", f"{magic!r} in place of {MAGIC!r}")
     if version not in versions:
-        raise InputError(path, f"SPZ of version {' or '.join(map(str, versions))}", f"version {version}")
+        wanted = versions if version in VERSIONS else VERSIONS
+        raise InputError(path, f"SPZ of version {' or '.join(map(str, wanted))}", f"version {version}")
     if degree not in COEFFICIENTS:
         raise InputError(path, "harmonics of degree 0 to 3", f"degree {degree}", "header")
     if bits > MOST_BITS:

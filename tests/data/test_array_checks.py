@@ -133,6 +133,18 @@ def test_arrays_that_are_read_only_are_copied_without_a_warning():
     assert torch.equal(made.images, views(K).images)
 
 
+def test_arrays_that_run_backwards_are_copied():
+    """OpenCV's BGR turned to RGB, a reversed sequence, a mirrored map: NumPy gives views with negative strides, which PyTorch refuses."""
+    made = Views.from_arrays(IMAGES[::-1][..., ::-1], POSES[::-1], K[::-1][::-1], (10.0, 0.5)[::-1])
+    expected = views(K).images.flip(0, 1)
+    assert torch.equal(made.images, expected)
+    assert torch.equal(made.cameras.world_from_camera, torch.from_numpy(POSES[::-1].copy()))
+    listed = Views.from_arrays([image[..., ::-1] for image in IMAGES[::-1]], list(POSES[::-1]), K, (0.5, 10.0))
+    assert torch.equal(listed.images, expected)
+    planes = np.ascontiguousarray(np.moveaxis(IMAGES, -1, 1).astype(np.float32) / 255)
+    assert torch.equal(Views.from_arrays(planes[::-1, ::-1], POSES[::-1], K, (0.5, 10.0)).images, expected)
+
+
 # The tests check types at every call; these call what users call, which does not.
 
 

@@ -43,6 +43,16 @@ def test_a_map_is_cropped_and_resized_as_the_picture_is(tmp_path):
     assert stretched.depths[0].tolist() == [[7, 9, 11], [19, 21, 23]]
 
 
+def test_maps_in_memory_may_run_backwards(tmp_path):
+    """Upside down, of the middle columns 1 to 4, the second of each two rows and columns: rows 2 and 0, columns 2 and 4."""
+    labels = np.arange(24, dtype=np.uint8).reshape(4, 6) % 20
+    backwards = frame(tmp_path, depth=InMemory(NUMBERS[::-1]), labels=InMemory(labels[:, ::-1]))
+    view = backwards.view(RANGE, SCANNET20)
+    assert view.depths[0].tolist() == NUMBERS[::-1].tolist()
+    assert view.labels[0].tolist() == labels[:, ::-1].tolist()
+    assert backwards.view(RANGE, size=(2, 2), fit="crop").depths[0].tolist() == [[14, 16], [2, 4]]
+
+
 def test_a_mask_hides_depth_and_labels_of_any_source(tmp_path):
     """127 hides, 128 does not: of two rows the first is hidden."""
     mask = np.repeat(np.array([[127], [127], [128], [255]], np.uint8), 6, axis=1)

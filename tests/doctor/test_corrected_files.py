@@ -79,10 +79,19 @@ def test_a_file_in_a_folder_that_is_a_link_finds_the_images(tmp_path: Path):
     assert views.depths.unique().tolist() == [2.0]
 
 
+def test_depth_along_the_ray_is_left_out_with_a_note_that_says_how_to_correct_it(tmp_path: Path):
+    write_scene(tmp_path / "scene")
+    scene = open_scene(tmp_path / "scene")
+    rig = replace(rig_of(scene.frames), along_ray=True)
+    assert "Divide each depth by |K^-1 (u, v, 1)| of its pixel" in note_on_depth(scene, rig)
+    write_fixed(tmp_path / "fixed.json", scene, rig)
+    assert all("depth_file_path" not in entry for entry in json.loads((tmp_path / "fixed.json").read_text())["frames"])
+
+
 def test_depth_that_a_transforms_json_cannot_describe_is_left_out_with_a_note(tmp_path: Path):
     write_scene(tmp_path / "scene")
     scene = open_scene(tmp_path / "scene")
-    assert note_on_depth(scene) == ""
+    assert note_on_depth(scene, rig_of(scene.frames)) == ""
     first, second = scene.frames
     assert isinstance(first.depth, DepthMap)
     other_camera = DepthThroughLens(first.depth, Lens(SIZE, (40.0, 40.0), (30.0, 20.0)))
@@ -90,7 +99,9 @@ def test_depth_that_a_transforms_json_cannot_describe_is_left_out_with_a_note(tm
     for depths, left_out in (((other_camera, second.depth), 1), ((other_camera, unsure), 2)):
         frames = tuple(replace(frame, depth=depth) for frame, depth in zip((first, second), depths, strict=True))
         changed = replace(scene, frames=frames)
-        assert note_on_depth(changed).startswith(f"The depth maps of {left_out} of 2 frames are not in the new file")
+        assert note_on_depth(changed, rig_of(frames)).startswith(
+            f"The depth maps of {left_out} of 2 frames are not in the new file"
+        )
         write_fixed(tmp_path / "fixed.json", changed, rig_of(frames))
         entries = json.loads((tmp_path / "fixed.json").read_text())["frames"]
         assert sum("depth_file_path" in entry for entry in entries) == 2 - left_out

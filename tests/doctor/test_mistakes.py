@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from semgs.doctor.diagnosis import Diagnosis, Evidence
 from semgs.doctor.diagnosis import judge_cameras as judged_on
 from semgs.doctor.misses import miss, misses, pair_misses, triangulated_depth
-from semgs.doctor.mistakes import BAD_DEPTH, MILLIMETRES
+from semgs.doctor.mistakes import ALONG_RAY, BAD_DEPTH, MILLIMETRES
 from semgs.doctor.rig import FileConvention, Rig, inverse
 from semgs.sfm.matches import Matches
 
@@ -92,7 +92,9 @@ def test_without_depth_scale_cannot_be_told_and_the_rest_is_named(planted: Plant
     rig = walk()
     matches = seen(rig, depth=False)
     wrong = planted.make(rig, np.random.default_rng(0))
-    if "millimetres" in planted.name or "unit of depth" in planted.name:
+    if "along the ray" in planted.name:
+        assert named(wrong, matches) == "good"
+    elif "millimetres" in planted.name or "unit of depth" in planted.name:
         found = judge_cameras(wrong, matches)
         assert found.verdict == "good"
         assert planted.name in [one.name for one in found.undecided]
@@ -191,6 +193,44 @@ def test_depth_of_another_place_is_named_if_the_images_alone_fit():
     matches = seen(rig)
     shuffled = np.random.default_rng(3).permuted(matches.depths, axis=0)
     assert named(rig, replace(matches, depths=shuffled)) == BAD_DEPTH.name
+
+
+def test_a_distance_of_5_m_along_a_ray_of_slope_three_quarters_is_a_depth_of_4_m():
+    """|(0.75, 0, 1)| = 1.25 and |(0.6, 0.8, 1)| = sqrt(2). In a unit of 2, depths are twice that."""
+    rays = np.array([[0.75, 0.0], [0.6, 0.8]])
+    rig = replace(walk(), along_ray=True)
+    np.testing.assert_allclose(rig.z_depths(np.array([5.0, 3.0]), rays), [4, 3 / 2**0.5])
+    np.testing.assert_allclose(replace(rig, depth_unit=2.0).z_depths(np.array([5.0, np.nan]), rays), [8, np.nan])
+
+
+def test_distances_along_the_ray_are_named_and_nothing_else_is():
+    rig = walk()
+    matches = seen(rig)
+    frames = matches.pairs[matches.pair]
+    x, y = np.moveaxis((matches.points - rig.centre[frames]) / rig.focal[frames], -1, 0)
+    found = judge_cameras(rig, replace(matches, depths=matches.depths * np.sqrt(x**2 + y**2 + 1)))
+    assert [one.mistake for one in found.findings] == [ALONG_RAY]
+    assert found.findings[0].error < 1e-6
+    np.testing.assert_array_equal(found.findings[0].rig.focal, rig.focal)
+    assert "divide each depth by |K^-1 (u, v, 1)|" in found.sentence
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.3])
+def test_depth_of_another_scale_is_not_blamed_on_a_focal_length_that_fits_the_images(factor: float):
+    """Depth of 0.7 or 1.3 times what it is: no unit of depth explains it, and the cameras fit the images."""
+    rig = walk()
+    found = judge_cameras(rig, replace(seen(rig), depths=seen(rig).depths * factor))
+    assert found.verdict == "suspicious"
+    assert [one.mistake for one in found.findings] == [BAD_DEPTH]
+
+
+def test_depth_that_is_slightly_wrong_is_not_blamed_on_the_cameras():
+    rig = walk()
+    found = judge_cameras(rig, replace(seen(rig), depths=seen(rig).depths * 1.03))
+    assert found.verdict == "slightly wrong"
+    assert "The cameras fit the images" in found.sentence
+    assert "depth maps or the distances between cameras are slightly wrong" in found.sentence
+    assert "--refine-poses" not in found.sentence
 
 
 def test_cameras_that_nothing_explains_are_suspicious():

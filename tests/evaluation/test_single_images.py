@@ -18,7 +18,6 @@ from semgs.data.tables.classes import SCANNET20
 from semgs.data.views import Views
 from semgs.evaluation.single_images import evaluate_single_images, score_single_images, single_grids, single_numbers
 from semgs.evaluation.tables.evaluation_report import EvaluatedMethod
-from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_uint8
 from semgs.model.semgs import SemGS
 from semgs.rendering.temperatures import Temperatures
@@ -72,12 +71,15 @@ def test_scores_are_those_worked_out_by_hand(images: Scene):
     ]
 
 
-def test_images_that_would_share_a_file_of_classes_are_refused(images: Scene, tmp_path: Path):
-    walls, floor = images.frames
-    alike = replace(images, frames=(replace(walls, name="left/1.png"), replace(floor, name="right/1.png")))
-    with pytest.raises(InputError, match=r"whose file names differ, found left/1\.png and right/1\.png"):
-        evaluate_single_images(tmp_path / "out", by_colour(), SUBJECT, [alike])
-    assert not (tmp_path / "out").exists()
+def test_images_with_one_file_name_have_a_file_of_classes_each(images: Scene, tmp_path: Path):
+    floor, walls = images.frames
+    alike = replace(images, frames=(replace(floor, name="left/1.png"), replace(walls, name="right/1.png")))
+    evaluate_single_images(tmp_path / "out", by_colour(), SUBJECT, [alike])
+    files = sorted((tmp_path / "out" / "predictions" / alike.name).iterdir())
+    assert [file.name for file in files] == ["000_1.png", "001_1.png"]
+    assert [set(np.unique(read_uint8(file)).tolist()) for file in files] == [{1}, {0, 1}]
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert [one["target"] for one in report["per_image"]] == ["000_1", "001_1"]
 
 
 def test_the_temperature_of_single_gaussians_changes_confidence_alone(images: Scene):

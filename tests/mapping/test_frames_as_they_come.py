@@ -46,6 +46,14 @@ def test_no_frame_is_read_before_the_one_before_it_was_dealt_with():
     assert taken == 12
 
 
+def test_colours_turned_round_as_from_bgr_are_read():
+    def bgr(frame: tuple) -> tuple:
+        rgb = (255 * frame[0].permute(1, 2, 0)).round().byte().numpy()
+        return (np.ascontiguousarray(rgb[..., ::-1])[..., ::-1], *frame[1:])
+
+    assert len(streamed(map(bgr, walk(8)))) == len(streamed(walk(8)))
+
+
 def test_the_scene_grows_along_the_wall_and_lies_on_it():
     scenes = streamed(walk(12))
     assert [scene.frame for scene in scenes] == sorted({scene.frame for scene in scenes})

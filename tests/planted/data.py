@@ -276,7 +276,7 @@ DATA = (
     ),
     Mutant(
         "a high blur score means blur", POLYCAM,
-        "_sharpness(camera) >= SHARP", "_sharpness(camera) <= SHARP",
+        "if scores[time] >= least}", "if scores[time] <= least}",
         of_layout("phones/polycam", "blurred_frames_and_missing_files_are_left_out_and_counted"),
     ),
     Mutant(

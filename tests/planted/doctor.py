@@ -94,8 +94,18 @@ DOCTOR = (
     ),
     Mutant(
         "warps ignore the unit of depth", "semgs/doctor/warps.py",
-        "there = rig.depth_unit * first", "there = first",
+        "depths = rig.z_depths(first.points[:, 2], rays)", "depths = first.points[:, 2]",
         ("tests/doctor/test_warps.py::test_depth_twice_as_large_disagrees_by_how_the_cameras_approach",),
+    ),
+    Mutant(
+        "distances along the ray are taken for z", "semgs/doctor/rig.py",
+        "lengths = np.sqrt(1 + (rays**2).sum(-1)) if self.along_ray else 1.0", "lengths = 1.0",
+        (f"{OF_DOCTOR}test_a_distance_of_5_m_along_a_ray_of_slope_three_quarters_is_a_depth_of_4_m",),
+    ),
+    Mutant(
+        "a focal length that fits the images is blamed for depth", "semgs/doctor/diagnosis.py",
+        "if fits_alone and not (", "if False and not (",
+        (f"{OF_DOCTOR}test_depth_of_another_scale_is_not_blamed_on_a_focal_length_that_fits_the_images",),
     ),
     Mutant(
         "the gain of a zoom is not a mean of ratios", "semgs/doctor/registered.py",

@@ -11,6 +11,11 @@ EVALUATION = (
         ("tests/evaluation/test_single_images.py::test_the_temperature_of_single_gaussians_changes_confidence_alone",),
     ),
     Mutant(
+        "images of the same name share a file of classes", "semgs/evaluation/frames/frame_plan.py",
+        "numbered[position] if alike[stem] > 1 else stem", "stem",
+        ("tests/evaluation/frames/test_plan.py::test_targets_with_one_file_name_as_in_a_rig_get_their_positions_before_it",),
+    ),
+    Mutant(
         "all photos count as one scene for intervals", "semgs/evaluation/single_images.py",
         'scene=scene.name if scene.posed else f"{scene.name}/{stem}"', "scene=scene.name",
         ("tests/evaluation/test_single_images.py::test_each_image_without_a_camera_counts_as_a_scene",),

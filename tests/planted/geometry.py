@@ -127,6 +127,11 @@ GEOMETRY = (
         ("tests/scene/test_scene_file.py", "tests/reconstruction/test_reconstruct.py"),
     ),
     Mutant(
+        "arrays that run backwards are passed on", "semgs/geometry/cameras.py",
+        "min(native.strides, default=0) >= 0", "True",
+        ("tests/data/test_array_checks.py::test_arrays_that_run_backwards_are_copied",),
+    ),
+    Mutant(
         "views vote that see something nearer", "semgs/geometry/fusion.py",
         "return inside & (", "return inside | (",
         ("tests/geometry/test_fusion.py::test_fusion_equals_a_loop_over_points_and_views",),

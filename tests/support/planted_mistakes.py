@@ -90,6 +90,10 @@ def _depth_unit(rig, rng):
     return replace(rig, depth_unit=float(rng.choice([0.1, 10, 0.01, 100, 1000])))
 
 
+def _along_ray(rig, rng):
+    return replace(rig, along_ray=not rig.along_ray)
+
+
 def _reversed(rig, rng):
     return replace(rig, poses=rig.poses[::-1].copy())
 
@@ -129,6 +133,7 @@ PLANTED = (
     Planted("images off by one", _off_by_one),
     Planted("focal length of another image size", _focal_of_other_size),
     Planted("wrong principal point", _centre_ignored),
+    Planted("depth along the ray instead of z", _along_ray),
 )
 
 SORTED_AS_TEXT = Planted("images sorted as text (10 before 9)", _sorted_as_text)

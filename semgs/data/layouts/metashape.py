@@ -30,6 +30,7 @@ from semgs.files.images.pictures import is_turned, read_header
 LAYOUT = "Metashape"
 IMAGES = "images"
 EXPECTED = "the cameras of Metashape as XML"
+DISABLED = ("false", "0")
 START = 4096
 """Bytes in which the first elements are."""
 
@@ -55,7 +56,9 @@ def open_metashape(path: Path) -> Scene:
         raise InputError(file, EXPECTED, "no chunk")
     sensors = {one.get("id", ""): one for one in chunk.iterfind("sensors/sensor")}
     components = {one.get("id", ""): _similarity(file, one) for one in chunk.iterfind("components/component")}
-    cameras = list(chunk.iterfind("cameras//camera"))
+    every = list(chunk.iterfind("cameras//camera"))
+    cameras = [one for one in every if one.get("enabled") not in DISABLED]
+    disabled = [one.get("label", "") for one in every if one.get("enabled") in DISABLED]
     posed, unposed = list[ElementTree.Element](), list[str]()
     for one in cameras:
         if (one.findtext("transform") or "").strip():
@@ -98,6 +101,7 @@ def open_metashape(path: Path) -> Scene:
         absent=tuple(absent),
         notes=(
             "Metashape's unit of length is that of its chunk; if it is metres, use --unit metric.",
+            *note_lacking(disabled, len(every), "cameras are disabled in Metashape and are left out"),
             *note_lacking(unposed, len(cameras), "cameras have no pose and are left out"),
             *note_lacking(absent, len(posed), f"photos of {file.name} are missing"),
         ),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from semgs.data.scene import Scene
@@ -30,11 +31,13 @@ class Task:
         scene: of the target.
         size: (height, width) at which all frames are read and compared [px].
         sample: the target and its contexts.
+        file_name: of this target's files, without ending; None for that of its image.
     """
 
     scene: Scene
     size: tuple[int, int]
     sample: TargetSample
+    file_name: str | None = None
 
     @property
     def views(self) -> int:
@@ -62,7 +65,7 @@ class Task:
     @property
     def truth_stem(self) -> str:
         """Like `stem`, but without the number of views: the truth does not depend on it."""
-        return f"{self.scene.name}/{Path(self.target).stem}"
+        return f"{self.scene.name}/{self.file_name or Path(self.target).stem}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +118,7 @@ def make_plan(
         size: (height, width) of all scenes [px]; None is 240x320, swapped for scenes with mostly portrait frames.
 
     Raises:
-        InputError: a scene has too few frames, or two of its targets would have the same file name.
+        InputError: a scene has too few frames, or has a target twice.
     """
     tasks = [
         Task(scene, size or choose_size(scene), sample)
@@ -227,12 +230,26 @@ def _sample(path: str | Path, scene: Scene, entry: object, place: str) -> Target
 
 
 def _checked(plan: FramePlan) -> FramePlan:
-    """The plan, if all targets have different file names."""
-    stems: dict[str, Task] = {}
-    for task in plan.tasks:
-        if task.stem in stems:
-            raise InputError(
-                task.scene.path, "targets whose file names differ", f"{stems[task.stem].target} and {task.target}"
-            )
-        stems[task.stem] = task
-    return plan
+    """The plan, with a file name of its own for each target."""
+    names = {
+        scene: distinct_stems({task.sample.target: task.target for task in plan.tasks if task.scene.name == scene})
+        for scene in {task.scene.name for task in plan.tasks}
+    }
+    tasks = tuple(replace(task, file_name=names[task.scene.name][task.sample.target]) for task in plan.tasks)
+    twice = [task for task, count in Counter(task.stem for task in tasks).items() if count > 1]
+    if twice:
+        raise InputError(tasks[0].scene.path, "each target once for a number of views", f"{twice[0]} again")
+    return replace(plan, tasks=tasks)
+
+
+def distinct_stems(names: Mapping[int, str]) -> dict[int, str]:
+    """File names without ending for some frames of a scene: those of their images. If several have the same, as in a rig, their positions come first
+    (`000_001`), as in the COLMAP models that we export.
+
+    Args:
+        names: of the frames, by their positions.
+    """
+    stems = {position: Path(name).stem for position, name in names.items()}
+    numbered, alike = {position: f"{position:03d}_{stem}" for position, stem in stems.items()}, Counter(stems.values())
+    found = {position: numbered[position] if alike[stem] > 1 else stem for position, stem in stems.items()}
+    return found if len(set(found.values())) == len(found) else numbered

@@ -38,6 +38,21 @@ def test_a_point_is_where_metashape_puts_it(tmp_path: Path, kind: str, calibrati
     assert offset(tmp_path / "room") < 0.1
 
 
+def test_disabled_cameras_are_left_out_and_counted(tmp_path: Path):
+    file = write_metashape(tmp_path) / "cameras.xml"
+    text = file.read_text()
+    assert text.count('label="IMG_0"') == 1
+    file.write_text(
+        text.replace('label="IMG_0"', 'label="IMG_0" enabled="false"').replace(
+            'label="IMG_1.png"', 'label="IMG_1.png" enabled="true"'
+        )
+    )
+    scene = open_scene(tmp_path)
+    assert [frame.name for frame in scene.frames] == ["IMG_1.png", "IMG_2.png"]
+    assert "1 of 4 cameras are disabled in Metashape and are left out, the first is IMG_0." in scene.notes
+    assert "1 of 3 cameras have no pose and are left out, the first is IMG_9." in scene.notes
+
+
 def test_a_component_scales_turns_and_moves_its_cameras(tmp_path: Path):
     """Doubled, x to y to z to x, and 10 along x: a camera at (a, b, c) is at (10 + 2 c, 2 a, 2 b)."""
     text = (

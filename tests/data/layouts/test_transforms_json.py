@@ -172,6 +172,18 @@ def test_absent_pictures_are_counted_and_said_and_positions_count_the_others(tmp
     torch.testing.assert_close(scene.read([1], "native").cameras.centres[0], torch.tensor(EYES[2], dtype=torch.float64))
 
 
+@pytest.mark.parametrize("folder", ["/home/alice/room/", "C:\\Users\\alice\\room\\", "gone/"])
+def test_paths_of_another_computer_are_said_to_have_to_be_relative(tmp_path, folder):
+    write(tmp_path, PINHOLE)
+    content = json.loads((tmp_path / "transforms.json").read_text())
+    for frame in content["frames"]:
+        frame["file_path"] = folder + frame["file_path"]
+    (tmp_path / "transforms.json").write_text(json.dumps(content))
+    with pytest.raises(InputError, match=r"found 0 .* the first missing one is") as caught:
+        open_scene(tmp_path)
+    assert ("make them relative to the file that lists them" in str(caught.value)) == (folder != "gone/")
+
+
 def test_one_picture_is_not_a_scene(tmp_path):
     write(tmp_path, PINHOLE)
     for name in ("000", "002"):

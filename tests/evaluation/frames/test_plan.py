@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from semgs.data.scene import Scene
-from semgs.evaluation.frames.frame_plan import FramePlan, Task, frame_list, make_plan, read_plan
+from semgs.evaluation.frames.frame_plan import FramePlan, Task, distinct_stems, frame_list, make_plan, read_plan
 from semgs.evaluation.frames.protocols import TargetSample, neighbours
 from semgs.files.errors import InputError
 
@@ -83,7 +83,7 @@ def test_frames_are_pinned_by_name_whatever_else_the_scene_holds(make_scene: Mak
         (lambda file: file["scenes"][0]["samples"][1].update(contexts=["images/000.png"]), "two or more contexts, by name"),
         (lambda file: file["scenes"][0].update(size=[64]), "scenes[0].size: expected height and width"),
         (lambda file: file.update(scenes=[]), "frames.scenes: expected a list"),
-        (lambda file: file["scenes"][0]["samples"].append(file["scenes"][0]["samples"][0]), "targets whose file names differ"),
+        (lambda file: file["scenes"][0]["samples"].append(file["scenes"][0]["samples"][0]), "each target once for a number of views, found N2/attic/001 again"),
     ],
 )  # fmt: skip
 def test_a_list_of_frames_that_cannot_be_is_refused_where_it_is_wrong(
@@ -103,13 +103,21 @@ def test_numbers_of_views_that_are_not_pinned_are_refused(scenes: tuple[Scene, S
         read_plan(tmp_path / "frames.json", scenes, (2, 4))
 
 
-def test_two_targets_whose_files_would_have_one_name_are_refused(make_scene: MakeScene):
+def test_targets_with_one_file_name_as_in_a_rig_get_their_positions_before_it(make_scene: MakeScene):
     def twice(file: dict) -> None:
         file["frames"][2]["file_path"] = "labels/001.png"
 
-    scene = make_scene("attic", frames=4, change=twice, size=(36, 48))
-    with pytest.raises(InputError, match=r"found images/001\.png and labels/001\.png"):
-        make_plan("neighbours", neighbours, [scene], (2,))
+    scene = make_scene("attic", frames=5, change=twice, size=(36, 48))
+    plan = make_plan("neighbours", neighbours, [scene], (2, 3))
+    assert [task.target for task in plan.of(2)] == ["images/001.png", "labels/001.png", "images/003.png"]
+    assert [task.stem for task in plan.of(2)] == ["N2/attic/001_001", "N2/attic/002_001", "N2/attic/003"]
+    assert {task.truth_stem for task in plan.of(3)} == {task.truth_stem for task in plan.of(2)}
+
+
+def test_a_file_name_that_another_one_would_get_gives_all_their_positions():
+    names = {0: "cam0/1.jpg", 1: "cam1/1.jpg", 4: "cam0/2.jpg"}
+    assert distinct_stems(names) == {0: "000_1", 1: "001_1", 4: "2"}
+    assert distinct_stems({**names, 4: "cam0/001_1.jpg"}) == {0: "000_1", 1: "001_1", 4: "004_001_1"}
 
 
 def test_a_name_with_dots_keeps_them_in_its_files(make_scene: MakeScene):

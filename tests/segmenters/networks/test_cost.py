@@ -77,6 +77,18 @@ def test_the_cost_of_frames_is_that_of_a_grey_image_for_each_frame_without_a_map
     assert len(network.images) == 3
 
 
+def test_a_network_may_answer_with_an_array_that_runs_backwards(tmp_path: Path):
+    @dataclass
+    class Backwards(Slow):
+        def __call__(self, image: np.ndarray) -> np.ndarray:
+            return np.broadcast_to(np.float32([[[0.25]], [[0.75]]]), (2, 3, 4))[::-1]
+
+    scene = open_scene(write_labelled(tmp_path / "scene", 3))
+    found = ViewSegmenter(Backwards())
+    for maps in (found.source(scene).of(scene.frames[0], SIZE), found(scene.read([0, 1], SIZE))[0]):
+        assert maps[:, 0, 0].tolist() == [0.75, 0.25]
+
+
 @pytest.mark.parametrize(
     "other",
     [Slow(made_by=MadeBy("slow", "1")), Slow(classes=make_class_table("two", ("wall", "sofa")))],

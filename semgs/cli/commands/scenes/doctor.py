@@ -118,5 +118,5 @@ class Doctor:
 
         write_fixed(self.fix, scene, found.finding.rig)
         print(f"{self.fix}: the corrected cameras")
-        if note := note_on_depth(scene):
+        if note := note_on_depth(scene, found.finding.rig):
             print(f"note: {note}")

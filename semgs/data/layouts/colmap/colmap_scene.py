@@ -21,7 +21,7 @@ from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import is_turned, read_header
-from semgs.files.text import listed
+from semgs.files.text import counted, listed
 
 PLACES = ("sparse/0", "sparse", "colmap/sparse/0", "distorted/sparse/0", "")
 """Places of a model below the folder of a scene; the last one is the folder itself."""
@@ -209,7 +209,20 @@ def _notes(model: Path, pictures: Path, absent: Sequence[str], count: int, trans
         *note_lacking(absent, count, f"images of the model are missing in {pictures}"),
         *note_transparent(transparent),
     ]
-    others = [one.name for one in sorted(model.parent.iterdir()) if one.name.isdigit() and one != model]
+    others = [one for one in sorted(model.parent.iterdir()) if one.name.isdigit() and one != model]
     if others and model.name == "0":
-        notes.append(f"COLMAP made several models; only 0 is read, not {', '.join(others)}.")
+        counts = {one: _count_images(one) for one in others}
+        largest = max(others, key=lambda one: counts[one])
+        more = f" {largest.name} has more: name {largest} to read it." if counts[largest] > count else ""
+        also = ", ".join(f"{one.name} ({counts[one]})" for one in others)
+        notes.append(f"COLMAP made several models; only 0 ({counted(count, 'image')}) is read, not {also}.{more}")
     return notes
+
+
+def _count_images(model: Path) -> int:
+    """The number of images of a model, 0 if it cannot be read."""
+    ending = _ending(model)
+    try:
+        return len(read_images(model / f"images{ending}", read_cameras(model / f"cameras{ending}"))) if ending else 0
+    except InputError:
+        return 0

@@ -13,6 +13,7 @@ https://github.com/PolyCam/polyform, https://docs.nerf.studio/quickstart/custom_
 from __future__ import annotations
 
 from pathlib import Path
+from statistics import median
 
 import numpy as np
 
@@ -69,7 +70,10 @@ def open_polycam(path: Path, details: SceneDetails) -> Scene:
     optimised = bool(corrected and capture.numbered(CORRECTED_IMAGES, PICTURES))
     folder = CORRECTED_IMAGES if optimised else IMAGES
     cameras = {time: read_fields(file) for time, file in (corrected if optimised else raw).items()}
-    sharp = {time: camera for time, camera in cameras.items() if _sharpness(camera) >= SHARP}
+    scores = {time: _sharpness(camera) for time, camera in cameras.items()}
+    few = sum(score >= SHARP for score in scores.values()) < 2
+    least = median(scores.values()) if few and scores else SHARP
+    sharp = {time: camera for time, camera in cameras.items() if scores[time] >= least}
     blurred = [str(time) for time in cameras if time not in sharp]
     images = capture.numbered(folder, PICTURES)
     unposed = [image.name for time, image in images.items() if time not in cameras]
@@ -91,9 +95,10 @@ def open_polycam(path: Path, details: SceneDetails) -> Scene:
         unit="metric",
         notes=[
             *([] if optimised else [NOT_OPTIMISED]),
+            *([f"Fewer than two frames have a blur_score of {SHARP:g}: the sharper half is used. Expect a softer result."] if few else []),
             *note_lacking(unposed, len(images), "images have no camera file and are left out"),
         ],
-        left_out=note_lacking(blurred, len(cameras), f"frames have a blur_score below {SHARP:g} and are left out"),
+        left_out=note_lacking(blurred, len(cameras), f"frames have a blur_score below {least:g} and are left out"),
     ).scene()  # fmt: skip
 
 

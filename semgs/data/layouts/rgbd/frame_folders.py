@@ -24,6 +24,7 @@ import numpy as np
 from semgs.data.cameras.lens import HALF
 from semgs.data.layouts.parts.association import associate
 from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details, read_calibration
+from semgs.data.layouts.parts.sentences import note_lacking
 from semgs.data.layouts.parts.trajectories import FoundPose, Trajectory, read_pose, read_trajectory
 from semgs.data.layouts.parts.usable_frames import PICTURES, Shot, ShotList, first_file, sequence_name
 from semgs.data.maps import MILLIMETRE, DepthMap
@@ -114,6 +115,10 @@ def open_rgbd(path: Path, details: SceneDetails) -> Scene:
     rotated = files.source == "SUN3D"
     maps = {picture: DepthMap(file, unit or MILLIMETRE, rotated) for picture, file in depths.items()}
     poses = _poses(path, files)
+    if isinstance(files.poses, tuple):
+        used = {pose.path for pose in poses.values() if pose is not None}
+        lone = [str(one.relative_to(path)) for one in files.poses if one not in used]
+        notes += note_lacking(lone, len(files.poses), "poses have no image")
     return ShotList(
         path=path,
         layout=LAYOUT,

@@ -110,7 +110,8 @@ def lens_of(path: Path, topic: str, info: Any, size: tuple[int, int], *, rectifi
     width, height = (int(info.width), int(info.height)) if full else (int(roi.width), int(roi.height))
     if (height // bins[1], width // bins[0]) != size and size != (height, width):
         wanted = f"a CameraInfo for {size[1]}x{size[0]} pixels (width x height), the size of the images"
-        raise InputError(path, wanted, f"{width}x{height}", topic)
+        advice = "or give the intrinsics of the images: --intrinsics fx fy cx cy"
+        raise InputError(path, wanted, f"{width}x{height}", topic, advice)
     if size == (height, width):
         bins = 1, 1
     x, y = (0, 0) if full else (int(roi.x_offset), int(roi.y_offset))

@@ -125,6 +125,19 @@ def write_binary(folder: Path, model: str) -> None:
 WRITERS = {"text": write_text, "binary": write_binary}
 
 
+def test_the_note_on_other_models_says_how_many_images_each_has_and_which_has_most(tmp_path):
+    write_pictures(tmp_path / "images", "PINHOLE")
+    for number in range(3):
+        write_text(tmp_path / f"sparse/{number}", "PINHOLE")
+    first = tmp_path / "sparse/0/images.txt"
+    first.write_text("".join(first.read_text().splitlines(keepends=True)[:5]))  # a comment, and two images of two lines
+    (tmp_path / "sparse/2/images.txt").write_text("nonsense\n")
+    scene = open_scene(tmp_path)
+    expected = f"COLMAP made several models; only 0 (2 images) is read, not 1 (3), 2 (0). 1 has more: name {tmp_path / 'sparse/1'} to read it."
+    assert expected in scene.notes
+    assert len(open_scene(tmp_path / "sparse/1")) == 3
+
+
 @pytest.mark.parametrize("form", WRITERS)
 @pytest.mark.parametrize("model", MODELS)
 def test_a_point_is_seen_on_its_feature(tmp_path, form, model):

@@ -143,12 +143,22 @@ def test_blurred_frames_and_missing_files_are_left_out_and_counted(tmp_path: Pat
         "1 of 6 frames have no image",
         "1 of 6 frames have no depth map",
     ]
-    for index in range(3, 8):
-        change(tmp_path, index, blur_score=3)
-    with pytest.raises(
-        InputError, match=r"expected at least two usable frames, found 1; .*7 of 8 frames have a blur_score below 25"
-    ):
-        open_scene(tmp_path)
+
+
+def test_of_a_capture_that_is_blurred_all_over_the_sharper_half_is_read_with_a_note(tmp_path: Path):
+    """The median of 3, 1, 4, 1, 5, 9, 2 and 30 is 3.5."""
+    room = write_polycam(tmp_path, miniature())
+    for index, score in enumerate((3, 1, 4, 1, 5, 9, 2, 30)):
+        change(tmp_path, index, blur_score=score)
+    scene = open_scene(tmp_path)
+    check_read(scene, room, [2, 4, 5, 7])
+    assert any(
+        "Fewer than two frames have a blur_score of 25: the sharper half is used" in note for note in scene.notes
+    )
+    assert any("4 of 8 frames have a blur_score below 3.5 and are left out" in note for note in scene.notes)
+    for index in range(8):
+        change(tmp_path, index, blur_score=0)
+    assert len(open_scene(tmp_path)) == 8
 
 
 @pytest.mark.parametrize(

@@ -186,6 +186,7 @@ def test_nothing_is_unpickled(tmp_path: Path):
     assert len(open_scene(save(tmp_path / "predictions.npz", fields))) == 3
     message = refused(save(tmp_path / "predictions.npz", {**fields, "depth": np.array(Evil(), dtype=object)}))
     assert "expected an array of numbers" in message
+    assert "Python objects are not read: stack the arrays, np.stack(list(array)), and save again" in message
     (tmp_path / "predictions.pt").write_bytes(pickle.dumps([1]))
     assert refused(tmp_path / "predictions.pt").endswith(
         "predictions.pt: expected arrays saved with numpy.savez (.npz), found a pickle, which could run any code; "

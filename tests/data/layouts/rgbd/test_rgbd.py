@@ -199,6 +199,16 @@ def test_a_missing_map_is_counted_and_frames_are_paired_by_number(tmp_path: Path
     np.testing.assert_allclose(scene.read([4]).depths[0], room.depths[4] / 1000, atol=1e-3)
 
 
+def test_a_pose_without_image_is_counted_if_poses_begin_at_1(tmp_path: Path):
+    folder = pose_files(tmp_path, miniature(frames=4))
+    for index in (3, 2, 1, 0):
+        (folder / f"pose/{index}.txt").rename(folder / f"pose/{index + 1}.txt")
+    scene = open_scene(folder, depth_unit=0.001)
+    assert [frame.name for frame in scene.frames] == ["color/1.png", "color/2.png", "color/3.png"]
+    assert "1 of 4 frames have no pose and are left out, the first is color/0.png." in scene.notes
+    assert "1 of 4 poses have no image, the first is pose/4.txt." in scene.notes
+
+
 def test_colours_and_depths_that_nothing_pairs_are_refused(tmp_path: Path):
     folder = pose_files(tmp_path, miniature(frames=4))
     for index in range(4):

@@ -283,7 +283,7 @@ def test_binning_and_regions_of_interest_move_the_camera(settings: dict, focal: 
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"size": (480, 640)}, "a CameraInfo for 64x48 pixels .* found 640x480"),
+        ({"size": (480, 640)}, "a CameraInfo for 64x48 pixels .* found 640x480; or give .* --intrinsics fx fy cx cy"),
         ({"k": np.zeros((3, 3))}, "a calibrated camera, found a focal length of zero"),
         ({"d": (0.1, 0.2, 0.3, 0.4), "model": "equidistant"}, "a lens of plumb_bob .* found equidistant"),
         ({"d": (0.1, 0, 0, 0, 0, 0.2, 0, 0), "model": "rational_polynomial"}, "a lens of plumb_bob"),
