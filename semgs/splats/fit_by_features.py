@@ -36,6 +36,9 @@ LEAST_EACH, LEAST = 10, 40
 LEAST_BASELINE = 0.01
 """Photos say a scale if they were taken at least this far apart, as a share of the distance to what they show."""
 
+AROUND = (240, 320)
+"""Size of renderings from around the splat [px]."""
+
 ROUNDS = 3
 """Times that the splat is rendered anew where it was found."""
 
@@ -64,11 +67,15 @@ def find_similarity(
         _features(image, None if views.hidden is None else ~views.hidden[view])
         for view, image in enumerate(views.images)
     ]
+    if sum(len(positions) >= LEAST_EACH for positions, _ in photos) < 2:
+        return None
     nothing = torch.eye(4, dtype=torch.float64)
     found = _from_cameras(gaussians, views.cameras, photos, views.cameras)
     if found is None:
         for direction in up:
-            found = _from_cameras(gaussians, cameras_around(gaussians, direction).cameras, photos, views.cameras)
+            found = _from_cameras(
+                gaussians, cameras_around(gaussians, direction, AROUND).cameras, photos, views.cameras
+            )
             if found is not None:
                 break
         else:
@@ -76,7 +83,7 @@ def find_similarity(
     elif torch.equal(found, nothing):
         return nothing
     for _ in range(ROUNDS):
-        again = _from_cameras(move_by(found, gaussians), views.cameras, photos, views.cameras)
+        again = _from_cameras(move_by(found, gaussians), views.cameras, photos, views.cameras, WITHIN / 2)
         if again is None or torch.equal(again, nothing):
             break
         found = again @ found
@@ -97,11 +104,15 @@ def scale_of(similarity: Float64[Tensor, "4 4"]) -> float:
 
 
 def _from_cameras(
-    gaussians: Gaussians, eyes: Cameras, photos: Sequence[tuple[np.ndarray, np.ndarray]], cameras: Cameras
+    gaussians: Gaussians,
+    eyes: Cameras,
+    photos: Sequence[tuple[np.ndarray, np.ndarray]],
+    cameras: Cameras,
+    within: float = WITHIN,
 ) -> Float64[Tensor, "4 4"] | None:
     """The similarity that photos share with renderings of a splat from some cameras; the unit matrix if it moves next to nothing in them."""
     shared = _share(photos, [_lift(view, eyes[place]) for place, view in enumerate(render_plain(gaussians, eyes))])
-    return _fit(shared, cameras.world_from_camera.numpy(), cameras.intrinsics.numpy(), WITHIN * max(cameras.size))
+    return _fit(shared, cameras.world_from_camera.numpy(), cameras.intrinsics.numpy(), within * max(cameras.size))
 
 
 def _features(image: Float32[Tensor, "3 h w"], usable: Tensor | None) -> tuple[np.ndarray, np.ndarray]:

@@ -172,11 +172,16 @@ class _Likeness:
         """The greater, the likelier."""
         return self.own or 0.0, self.decibels
 
+    @property
+    def own_photos(self) -> bool:
+        """Whether most renderings are like their own photo."""
+        return (self.own or 0.0) > FEW_LIKE_OWN
+
     def clearly_beats(self, other: _Likeness) -> bool:
         """Whether it is right where another is not: most renderings are like their own photo, and what a straight line from the greys of one to those of the other leaves of
         the photo's variance, 1 - correlation^2, is at most half: 3 dB of PSNR once brightness and contrast are those of the photo."""
         left, left_by_other = 1 - self.correlation**2, 1 - other.correlation**2
-        return (self.own or 0.0) > FEW_LIKE_OWN and left <= left_by_other / 2
+        return self.own_photos and left <= left_by_other / 2
 
 
 def _likeness(rendered: Sequence[Rendering], views: Views) -> _Likeness:
@@ -221,8 +226,11 @@ def fit_to_scene(file: Path, gaussians: Gaussians, scene: Scene) -> MovedSplat:
             note = f"The splat is moved by scene_from_file of {EXPORT_RECORD} beside it: then it looks like the photos (PSNR {as_exported.decibels:.1f} dB, not {looks.decibels:.1f})."
             moved, looks = MovedSplat(exported, note), as_exported
     similarity = find_similarity(moved.gaussians, views, map(axis_direction, UPS if looks.note else ()))
-    if similarity is None or torch.equal(similarity, torch.eye(4, dtype=torch.float64)):
+    if similarity is None:
         return moved
+    if torch.equal(similarity, torch.eye(4, dtype=torch.float64)):
+        same = "Features that renderings and photos share are in the same places: the cameras fit."
+        return replace(moved, note=f"{moved.note} {same}".strip()) if looks.note and not looks.own_photos else moved
     found = move_by(similarity, moved.gaussians)
     as_found = _likeness(render_plain(found, views.cameras), views)
     if not as_found.clearly_beats(looks):

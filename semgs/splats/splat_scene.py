@@ -26,8 +26,8 @@ FEW_LIKE_OWN = 0.5
 LEAST_ALIKE, SIMILAR = 0.25, 0.05
 """Renderings of the right camera have at least the first correlation with its photo, and at most the second less than with a photo from close by."""
 
-LEAST_CONTRAST, FEWEST_PIXELS = 0.02, 50
-"""A smaller standard deviation of grey, and fewer pixels, say nothing."""
+LEAST_CONTRAST, LEAST_CONTRAST_OF_PHOTO, FEWEST_PIXELS = 0.02, 0.005, 50
+"""A smaller standard deviation of grey, and fewer pixels, say nothing; photos may be dark."""
 
 SAME = 0.05
 """A Gaussian is seen by a view if it is at most this share behind the depth there."""
@@ -144,7 +144,11 @@ def _correlations(
     """The renderings that count, and the correlation of each with all photos."""
     for own, (image, mask) in enumerate(zip(images.mean(1), seen, strict=True)):
         greys = torch.cat((image[None], photos.mean(1)))[:, mask].double()
-        if greys.shape[1] >= FEWEST_PIXELS and float(greys[[0, own + 1]].std(1).min()) >= LEAST_CONTRAST:
+        if (
+            greys.shape[1] >= FEWEST_PIXELS
+            and float(greys[0].std()) >= LEAST_CONTRAST
+            and float(greys[own + 1].std()) >= LEAST_CONTRAST_OF_PHOTO
+        ):
             yield own, torch.corrcoef(greys)[0, 1:].nan_to_num(0)
 
 
