@@ -178,7 +178,8 @@ def _fit(
                 )
             )
             taken[view] = (poses[view, :3, :3] @ cv2.Rodrigues(turn)[0], way, distance)
-    best, votes = None, 0
+    best: np.ndarray | None = None
+    votes = 0
     for one, other in permutations(taken, 2):
         apart, given = taken[one][1] - taken[other][1], poses[other, :3, 3] - poses[one, :3, 3]
         if np.linalg.norm(apart) < LEAST_BASELINE * taken[one][2] or (scale := (given @ apart) / (apart @ apart)) <= 0:
@@ -190,9 +191,9 @@ def _fit(
             for own, camera in zip(shared, zip(poses, intrinsics, strict=True), strict=True)
         )
         best, votes = (trial, count) if count > votes else (best, votes)
+    if best is None:
+        return None
     for limit in (within, within / 2):
-        if best is None:
-            return None
         kept = [_errors(best, own, pose, k) < limit for own, pose, k in zip(shared, poses, intrinsics, strict=True)]
         if sum(mask.sum() for mask in kept) < LEAST or sum(mask.sum() >= LEAST_EACH for mask in kept) < 2:
             return None

@@ -55,7 +55,7 @@ MOST_VIEWS = 8
 TILTED = 3.0
 """If up is further than this from what is usual, the cameras are put about it again [degrees]."""
 
-UPS: tuple[Up, ...] = ("y", "z")
+UPS = (torch.tensor([0.0, 1.0, 0.0], dtype=torch.float64), torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64))
 """Axes about which cameras are put around a splat that does not look like the photos; features are found in whatever way images are turned."""
 
 NEAR_FAR = (0.1, 100.0)
@@ -225,7 +225,7 @@ def fit_to_scene(file: Path, gaussians: Gaussians, scene: Scene) -> MovedSplat:
         if as_exported.rank > looks.rank:
             note = f"The splat is moved by scene_from_file of {EXPORT_RECORD} beside it: then it looks like the photos (PSNR {as_exported.decibels:.1f} dB, not {looks.decibels:.1f})."
             moved, looks = MovedSplat(exported, note), as_exported
-    similarity = find_similarity(moved.gaussians, views, map(axis_direction, UPS if looks.note else ()))
+    similarity = find_similarity(moved.gaussians, views, UPS if looks.note else ())
     if similarity is None:
         return moved
     if torch.equal(similarity, torch.eye(4, dtype=torch.float64)):
