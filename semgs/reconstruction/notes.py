@@ -136,7 +136,7 @@ def notes_on_guesses(names: Sequence[str], context: Views) -> list[str]:
     return notes
 
 
-def notes_on_splat(unseen: int, count: int, decibels: float, own: float) -> list[str]:
+def notes_on_splat(unseen: int, count: int, decibels: float, own: float | None) -> list[str]:
     """What a labelled splat lacks: `unseen` of its `count` Gaussians have no class; it renders what it shows of its photos with this PSNR
     [dB], and so many of them most like their own photo."""
     classless = f"{unseen:,} of {count:,} Gaussians are outside all photos or hidden in them: they have no class."

@@ -27,6 +27,9 @@ MOST_FRAMES = 108_000
 LEAST_MOTION = 0.02
 """Frames whose picture moved less than this since the last chosen one are left out [share of the longer side]."""
 
+UNEVEN = 1.6
+"""If a frame is shown this many times as long as another, times are uneven; those that are rounded to milliseconds stay far below."""
+
 CORNERS, TRACKED = 200, 0.3
 """Corners that are followed from one frame to the next. If fewer than this share can be followed, the picture has moved enough."""
 
@@ -42,11 +45,13 @@ class Judged:
         index: its position in the clip.
         grey: the small picture.
         sharpness: variance of the Laplacian; 0 for black and blank frames.
+        seconds: when it is shown; 0 if the clip does not say.
     """
 
     index: int
     grey: np.ndarray
     sharpness: float
+    seconds: float = 0.0
 
 
 def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
@@ -70,14 +75,15 @@ def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
     usable = [one for one in judged if one.sharpness > 0]
     if not usable:
         raise InputError(path, "a video with pictures", f"{len(judged)} black or blank frames")
-    chosen = moving(sharpest(usable, most))
+    uneven = has_uneven_times(judged)
+    chosen = moving(sharpest(usable, most, uneven))
     if len(chosen) < 2:
         advice = "walk sideways past the scene while filming; turning on the spot does not help"
         raise InputError(
             path, "a video in which the camera moves", f"the same picture in {len(judged)} frames", advice=advice
         )
     wanted, photos = {one.index for one in chosen}, list[UprightPhoto]()
-    for index, pixels in _frames(path, 1):
+    for index, _, pixels in _frames(path, 1):
         if index in wanted:
             if not photos and is_panorama(pixels):
                 raise InputError(
@@ -92,13 +98,25 @@ def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
         if index >= max(wanted):
             break
     note = f"{len(photos)} of {len(judged)} frames of the clip were chosen: sharp ones, with motion between them."
+    if uneven:
+        note += " It has frames at uneven times; they are spread by time."
     return PhotoSet(path, folder, tuple(photos), ordered=True, notes=(note,))
 
 
-def sharpest(frames: list[Judged], most: int) -> list[Judged]:
-    """The sharpest frame of each of at most `most` equal stretches of a clip."""
+def sharpest(frames: list[Judged], most: int, by_time: bool = False) -> list[Judged]:
+    """The sharpest frame of each of at most `most` equal stretches of a clip: with as many frames, or equally long."""
     parts = np.array_split(np.arange(len(frames)), min(most, len(frames)))
+    if by_time and len(frames) > 1:
+        seconds = np.array([one.seconds for one in frames])
+        stretch = ((seconds - seconds[0]) / (seconds[-1] - seconds[0]) * most).astype(int).clip(max=most - 1)
+        parts = [np.flatnonzero(stretch == place) for place in np.unique(stretch)]
     return [max((frames[index] for index in part), key=lambda one: one.sharpness) for part in parts]
+
+
+def has_uneven_times(frames: list[Judged]) -> bool:
+    """Whether some frames are shown much longer than others, as in clips of a variable frame rate; not if the clip says no times."""
+    gaps = np.diff([one.seconds for one in frames])
+    return len(gaps) > 1 and bool(gaps.min() > 0 and gaps.max() > UNEVEN * gaps.min())
 
 
 def moving(frames: list[Judged]) -> list[Judged]:
@@ -124,9 +142,9 @@ def measure_motion(first: np.ndarray, second: np.ndarray) -> float:
 
 def _judged(path: Path) -> Iterator[Judged]:
     """The frames of a clip to choose from: fewer than `2 * MOST_JUDGED`, also if its header says that it has fewer than it has."""
-    for index, pixels in islice(_frames(path, max(1, _count_frames(path) // MOST_JUDGED)), 2 * MOST_JUDGED):
+    for index, seconds, pixels in islice(_frames(path, max(1, _count_frames(path) // MOST_JUDGED)), 2 * MOST_JUDGED):
         grey = small_grey(pixels)
-        yield Judged(index, grey, sharpness_of(grey) if grey.std() >= BLANK else 0.0)
+        yield Judged(index, grey, sharpness_of(grey) if grey.std() >= BLANK else 0.0, seconds)
 
 
 def _count_frames(path: Path) -> int:
@@ -139,8 +157,8 @@ def _count_frames(path: Path) -> int:
         video.release()
 
 
-def _frames(path: Path, step: int) -> Iterator[tuple[int, np.ndarray]]:
-    """Every `step`-th frame of a clip with its position, RGB, upright."""
+def _frames(path: Path, step: int) -> Iterator[tuple[int, float, np.ndarray]]:
+    """Every `step`-th frame of a clip with its position and time [s], RGB, upright."""
     video = _opened(path)
     try:
         for index in takewhile(lambda _: video.grab(), count()):
@@ -150,7 +168,7 @@ def _frames(path: Path, step: int) -> Iterator[tuple[int, np.ndarray]]:
                 good, pixels = video.retrieve()
                 if not good:  # a frame that became too large on the way; those behind it would be as large
                     break
-                yield index, cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
+                yield index, video.get(cv2.CAP_PROP_POS_MSEC) / 1000, cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
     finally:
         video.release()
 

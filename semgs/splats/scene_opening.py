@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import cos, radians, sqrt
+from math import acos, cos, degrees, radians, sqrt
 from pathlib import Path
 from statistics import median
 
+import numpy as np
 import torch
 from jaxtyping import Float64
 from torch import Tensor
@@ -28,11 +29,19 @@ from semgs.rendering.rendering import SEEN_ALPHA, Rendering
 from semgs.scene.opened import OpenedScene
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import Up, UpDirection, axis_direction, up_near
+from semgs.splats.fit_by_features import find_similarity, move_by, scale_of
 from semgs.splats.load import load_splat
 from semgs.splats.nerfstudio_frame import FILE_NAME, find_trained_frame
 from semgs.splats.splat import Splat
 from semgs.splats.splat_cameras import SIZE, cameras_around
-from semgs.splats.splat_scene import note_on_look, render_plain, share_like_own, splat_scene
+from semgs.splats.splat_scene import (
+    FEW_LIKE_OWN,
+    likeness_to_own,
+    note_on_look,
+    render_plain,
+    share_like_own,
+    splat_scene,
+)
 
 EXPORT_RECORD = "export.json"
 """What `semgs export` writes beside its files."""
@@ -45,6 +54,9 @@ MOST_VIEWS = 8
 
 TILTED = 3.0
 """If up is further than this from what is usual, the cameras are put about it again [degrees]."""
+
+UPS = (torch.tensor([0.0, 1.0, 0.0], dtype=torch.float64), torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64))
+"""Axes about which cameras are put around a splat that does not look like the photos; features are found in whatever way images are turned."""
 
 NEAR_FAR = (0.1, 100.0)
 """Placeholder for the bounds of views that are read for their cameras; those of the scene come from the splat's depth."""
@@ -132,13 +144,48 @@ def _with_cameras(file: Path, splat: Splat, path: Path, up: Up) -> OpenedScene:
         up,
         photos=tuple(photos),
         splat=True,
-        note=f"{moved.note} {note_on_look(*_likeness(rendered, views))}".strip(),
+        note=f"{moved.note} {_likeness(rendered, views).note}".strip(),
     )
 
 
-def _likeness(rendered: Sequence[Rendering], views: Views) -> tuple[float, float]:
-    """The median over views of the PSNR of a splat against its photos, where it shows something, as it may be only a part of what they show [dB]; and
-    the share of renderings that are like their own photo."""
+@dataclass(frozen=True)
+class _Likeness:
+    """How a splat looks like photos from their cameras, where it shows something, as it may be only a part of what they show.
+
+    Attributes:
+        decibels: the median PSNR of the views [dB].
+        own: `share_like_own`.
+        correlation: `likeness_to_own`.
+    """
+
+    decibels: float
+    own: float | None
+    correlation: float
+
+    @property
+    def note(self) -> str:
+        """What to say of it."""
+        return note_on_look(self.decibels, self.own)
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """The greater, the likelier."""
+        return self.own or 0.0, self.decibels
+
+    @property
+    def own_photos(self) -> bool:
+        """Whether most renderings are like their own photo."""
+        return (self.own or 0.0) > FEW_LIKE_OWN
+
+    def clearly_beats(self, other: _Likeness) -> bool:
+        """Whether it is right where another is not: most renderings are like their own photo, and what a straight line from the greys of one to those of the other leaves of
+        the photo's variance, 1 - correlation^2, is at most half: 3 dB of PSNR once brightness and contrast are those of the photo."""
+        left, left_by_other = 1 - self.correlation**2, 1 - other.correlation**2
+        return self.own_photos and left <= left_by_other / 2
+
+
+def _likeness(rendered: Sequence[Rendering], views: Views) -> _Likeness:
+    """How renderings look like their photos."""
     images, shown = (
         torch.cat([view.images for view in rendered]),
         torch.cat([view.alphas for view in rendered]) >= SEEN_ALPHA,
@@ -147,7 +194,8 @@ def _likeness(rendered: Sequence[Rendering], views: Views) -> tuple[float, float
         shown = shown & ~views.hidden
     found = [psnr_seen(*one) for one in zip(images, views.images, shown, strict=True)]
     known = [float(one) for one in found if one is not None]
-    return (median(known) if known else 0.0), share_like_own(images, views.images, shown)
+    compared = (images, views.images, shown)
+    return _Likeness(median(known) if known else 0.0, share_like_own(*compared), likeness_to_own(*compared))
 
 
 @dataclass(frozen=True)
@@ -160,24 +208,46 @@ class MovedSplat:
 
 def fit_to_scene(file: Path, gaussians: Gaussians, scene: Scene) -> MovedSplat:
     """A splat in the coordinates of a scene: as `in_frame_of`, or, if it is an export of ours that was turned and centred, by what export.json says of it, whichever
-    looks more like the photos.
+    looks more like the photos. If features that photos and renderings share say that it is elsewhere, it is moved by the similarity that they say, provided that it clearly
+    looks more like the photos then.
 
     Raises:
         InputError: a photo cannot be read, or dataparser_transforms.json is damaged.
     """
     plain, scene_from_file = in_frame_of(file, gaussians, scene), exported_frame(file)
-    if scene_from_file is None or torch.equal(scene_from_file, torch.eye(4, dtype=torch.float64)):
-        return MovedSplat(plain)
-    scene_from_file[:3, 3] -= torch.from_numpy(scene.origin)
-    moved = move_gaussians(scene_from_file, gaussians)
     chosen = spread(range(len(scene)), TRIED_VIEWS)
     views = scene.read(chosen, default_size(scene.frames[chosen[0]].lens.size), NEAR_FAR)
-    as_is, as_moved = (_likeness(render_plain(one, views.cameras), views) for one in (plain, moved))
-    if as_moved[::-1] <= as_is[::-1]:
-        return MovedSplat(plain)
-    return MovedSplat(
-        moved,
-        f"The splat is moved by scene_from_file of {EXPORT_RECORD} beside it: then it looks like the photos (PSNR {as_moved[0]:.1f} dB, not {as_is[0]:.1f}).",
+    moved, looks = MovedSplat(plain), _likeness(render_plain(plain, views.cameras), views)
+    if scene_from_file is not None and not torch.equal(scene_from_file, torch.eye(4, dtype=torch.float64)):
+        scene_from_file[:3, 3] -= torch.from_numpy(scene.origin)
+        exported = move_gaussians(scene_from_file, gaussians)
+        as_exported = _likeness(render_plain(exported, views.cameras), views)
+        if as_exported.rank > looks.rank:
+            note = f"The splat is moved by scene_from_file of {EXPORT_RECORD} beside it: then it looks like the photos (PSNR {as_exported.decibels:.1f} dB, not {looks.decibels:.1f})."
+            moved, looks = MovedSplat(exported, note), as_exported
+    similarity = find_similarity(moved.gaussians, views, UPS if looks.note else ())
+    if similarity is None:
+        return moved
+    if torch.equal(similarity, torch.eye(4, dtype=torch.float64)):
+        same = "Features that renderings and photos share are in the same places: the cameras fit."
+        return replace(moved, note=f"{moved.note} {same}".strip()) if looks.note and not looks.own_photos else moved
+    found = move_by(similarity, moved.gaussians)
+    as_found = _likeness(render_plain(found, views.cameras), views)
+    if not as_found.clearly_beats(looks):
+        return moved
+    return MovedSplat(found, f"{moved.note} {_note_on_motion(similarity, scene.origin, as_found, looks)}".strip())
+
+
+def _note_on_motion(
+    similarity: Float64[Tensor, "4 4"], origin: Float64[np.ndarray, " 3"], after: _Likeness, before: _Likeness
+) -> str:
+    """By what a splat was moved, in the coordinates of the scene, and what it changed."""
+    scale, x = scale_of(similarity), torch.from_numpy(origin)
+    turn = degrees(acos(min(1.0, max(-1.0, (float(similarity[:3, :3].trace()) / scale - 1) / 2))))
+    shift = ", ".join(f"{float(one):.3g}" for one in similarity[:3, 3] + x - similarity[:3, :3] @ x)
+    return (
+        f"The photos fit the splat turned by {turn:.1f} degrees, scaled by {scale:.4g} and then moved by ({shift}), found by features that they share, so it is moved there: "
+        f"its renderings have {after.decibels:.1f} dB instead of {before.decibels:.1f}."
     )
 
 

@@ -61,7 +61,7 @@ class Surround:
     inside: bool
 
 
-def cameras_around(gaussians: Gaussians, up: Float64[Tensor, " 3"]) -> Surround:
+def cameras_around(gaussians: Gaussians, up: Float64[Tensor, " 3"], size: tuple[int, int] = SIZE) -> Surround:
     """A circle of cameras around a splat, or in its middle if that is the middle of a room.
 
     It is a room if there are Gaussians on all four sides of its middle, and most are not near it. A hollow object that is closed looks the same.
@@ -69,6 +69,7 @@ def cameras_around(gaussians: Gaussians, up: Float64[Tensor, " 3"]) -> Surround:
     Args:
         gaussians: of one scene.
         up: the direction that is up, of unit length.
+        size: (height, width) of their images [px].
     """
     step = -(-len(gaussians) // SAMPLED)
     means = gaussians.means[::step].double()
@@ -80,10 +81,10 @@ def cameras_around(gaussians: Gaussians, up: Float64[Tensor, " 3"]) -> Surround:
     distances = (means - centre).norm(dim=-1)
     extent = max(float(_quantile(distances, weights, EXTENT)), 1e-6)
     if _is_room(gaussians, centre, up, FREE * extent):
-        return Surround(_circle(centre, up, 0.0, 0.0, FIELD, SIZE, COUNT), centre, inside=True)
+        return Surround(_circle(centre, up, 0.0, 0.0, FIELD, size, COUNT), centre, inside=True)
     extent = max(float(_quantile((means - middle).norm(dim=-1), weights, EXTENT)), 1e-6)
     away = extent / sin(radians(FIELD / 2))
-    return Surround(_circle(middle, up, away, ELEVATION, FIELD, SIZE, COUNT), middle, inside=False)
+    return Surround(_circle(middle, up, away, ELEVATION, FIELD, size, COUNT), middle, inside=False)
 
 
 def _is_room(gaussians: Gaussians, centre: Float64[Tensor, " 3"], up: Float64[Tensor, " 3"], free: float) -> bool:

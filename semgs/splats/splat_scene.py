@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from statistics import median
 from typing import Literal
 
 import torch
-from jaxtyping import Bool, Float, Int64
+from jaxtyping import Bool, Float, Float64, Int64
 from torch import Tensor
 
 from semgs.geometry.cameras import Cameras, project
@@ -25,8 +26,8 @@ FEW_LIKE_OWN = 0.5
 LEAST_ALIKE, SIMILAR = 0.25, 0.05
 """Renderings of the right camera have at least the first correlation with its photo, and at most the second less than with a photo from close by."""
 
-LEAST_CONTRAST, FEWEST_PIXELS = 0.02, 50
-"""A smaller standard deviation of grey, and fewer pixels, say nothing."""
+LEAST_CONTRAST, LEAST_CONTRAST_OF_PHOTO, FEWEST_PIXELS = 0.02, 0.005, 50
+"""A smaller standard deviation of grey, and fewer pixels, say nothing; photos may be dark."""
 
 SAME = 0.05
 """A Gaussian is seen by a view if it is at most this share behind the depth there."""
@@ -94,37 +95,61 @@ def render_plain(gaussians: Gaussians, cameras: Cameras) -> list[Rendering]:
     return [render(plain, cameras[view : view + 1]) for view in range(cameras.batch[0])]
 
 
-def note_on_look(decibels: float, own: float = 0.0) -> str:
+def note_on_look(decibels: float, own: float | None = 0.0) -> str:
     """What to say of a splat that renders photos with this PSNR [dB] from their cameras, in the pixels that it shows, and so many of them most like their own
     photo (`share_like_own`); empty if it looks like them."""
     like = (
         f"The splat does not look like the photos from their cameras (PSNR {decibels:.1f} dB in what it shows of them"
     )
-    if own > FEW_LIKE_OWN:
-        return "" if decibels >= TOO_DARK else f"{like}), but the cameras fit: exposure or colours may differ."
+    if own is None or own > FEW_LIKE_OWN:
+        said = (
+            "): are these cameras in its coordinates?"
+            if own is None
+            else "), but the cameras fit: exposure or colours may differ."
+        )
+        return "" if decibels >= TOO_DARK else like + said
     return f"{like}, {own:.0%} of its renderings are most like their own photo): are these cameras in its coordinates?"
 
 
 def share_like_own(
     images: Float[Tensor, "v 3 h w"], photos: Float[Tensor, "v 3 h w"], seen: Bool[Tensor, "v h w"]
-) -> float:
+) -> float | None:
     """The share of renderings that are like their own photo, and no photo of another camera more: of wrong cameras few are, whatever the exposure.
 
-    Alike is the correlation of the greys of the pixels that a rendering shows. Renderings without contrast do not count; without any other, the share is 1.
+    Alike is the correlation of the greys of the pixels that a rendering shows. Renderings without contrast do not count; None without any other.
 
     Args:
         images: rendered.
         photos: from the same cameras.
         seen: the pixels that count.
     """
-    found = []
+    found = [
+        bool(alike[own] >= LEAST_ALIKE and alike[own] >= alike.max() - SIMILAR)
+        for own, alike in _correlations(images, photos, seen)
+    ]
+    return sum(found) / len(found) if found else None
+
+
+def likeness_to_own(
+    images: Float[Tensor, "v 3 h w"], photos: Float[Tensor, "v 3 h w"], seen: Bool[Tensor, "v h w"]
+) -> float:
+    """The median correlation of renderings with their own photo, as for `share_like_own`; at least 0, which it also is if none counts."""
+    alike = [float(row[own]) for own, row in _correlations(images, photos, seen)]
+    return max(0.0, median(alike)) if alike else 0.0
+
+
+def _correlations(
+    images: Float[Tensor, "v 3 h w"], photos: Float[Tensor, "v 3 h w"], seen: Bool[Tensor, "v h w"]
+) -> Iterator[tuple[int, Float64[Tensor, " v"]]]:
+    """The renderings that count, and the correlation of each with all photos."""
     for own, (image, mask) in enumerate(zip(images.mean(1), seen, strict=True)):
         greys = torch.cat((image[None], photos.mean(1)))[:, mask].double()
-        if greys.shape[1] < FEWEST_PIXELS or float(greys[[0, own + 1]].std(1).min()) < LEAST_CONTRAST:
-            continue
-        alike = torch.corrcoef(greys)[0, 1:].nan_to_num(0)
-        found.append(bool(alike[own] >= LEAST_ALIKE and alike[own] >= alike.max() - SIMILAR))
-    return sum(found) / len(found) if found else 1.0
+        if (
+            greys.shape[1] >= FEWEST_PIXELS
+            and float(greys[0].std()) >= LEAST_CONTRAST
+            and float(greys[own + 1].std()) >= LEAST_CONTRAST_OF_PHOTO
+        ):
+            yield own, torch.corrcoef(greys)[0, 1:].nan_to_num(0)
 
 
 def without_harmonics(gaussians: Gaussians) -> Gaussians:

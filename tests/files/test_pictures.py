@@ -289,6 +289,19 @@ def test_a_heic_comes_out_as_it_was_drawn(tmp_path):
     assert abs(grey.mean() - cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY).mean()) < 1
 
 
+def test_512_of_1023_in_a_heic_of_10_bits_is_half_of_255(tmp_path):
+    """255 x 512 / 1023 = 127.6; read as 8 bits of 10, it would be four times too dark, or cut off at 255."""
+    pillow_heif = pytest.importorskip("pillow_heif")
+    counts = np.full((32, 48, 3), 512, np.uint16)
+    counts[:, 24:] = 1023
+    image = pillow_heif.from_bytes("RGB;16", (48, 32), (counts << 6).tobytes())
+    image.save(tmp_path / "a.heic", quality=95, chroma="444")
+    assert pillow_heif.open_heif(tmp_path / "a.heic", convert_hdr_to_8bit=False).info["bit_depth"] == 10
+    read = read_rgb(tmp_path / "a.heic").astype(float)
+    assert np.abs(read[:, 2:22] - 127.6).max() < 2
+    assert read[:, 26:].min() > 253
+
+
 def test_the_rotation_of_a_heic_is_applied_once(tmp_path):
     path, pixels = tmp_path / "IMG_0001.heic", smooth()
     exif = Image.Exif()

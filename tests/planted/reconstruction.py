@@ -92,7 +92,7 @@ RECONSTRUCTION = (
     ),
     Mutant(
         "a splat that looks like no photo is not noticed", "semgs/splats/splat_scene.py",
-        "if own > FEW_LIKE_OWN:", "if own >= 0:",
+        "own is None or own > FEW_LIKE_OWN:", "own is None or own >= 0:",
         ("tests/reconstruction/test_splat_labelling.py::test_cameras_that_do_not_fit_are_noticed",),
     ),
     Mutant(

@@ -74,6 +74,11 @@ SFM = (
         (f"{OF_SFM}photos.py::test_walking_around_something_moves_what_is_in_front_of_it",),
     ),
     Mutant(
+        "stretches of an uneven clip have as many frames", "semgs/sfm/clips.py",
+        "if by_time and len(frames) > 1:", "if False:",
+        (f"{OF_SFM}photos.py::test_frames_with_uneven_times_are_spread_by_time",),
+    ),
+    Mutant(
         "the rotation flag of a clip is ignored", "semgs/sfm/clips.py",
         "video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)", "video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)",
         (f"{OF_SFM}photos.py::test_frames_are_turned_as_the_rotation_flag_says",),

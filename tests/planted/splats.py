@@ -9,7 +9,24 @@ OF_SPZ = ("tests/splats/test_spz_splats.py",)
 OF_GLTF = ("tests/splats/test_gltf_splats.py",)
 OF_SCENES = ("tests/splats/test_splat_scene.py",)
 
+OF_FEATURES = "tests/splats/test_fit_by_features.py::"
+
 SPLATS = (
+    Mutant(
+        "splats: a similarity by features has no scale", "semgs/splats/fit_by_features.py",
+        "world = np.exp(trial[6]) * own.positions", "world = own.positions",
+        (OF_FEATURES + "test_a_splat_in_other_coordinates_is_moved_to_the_photos",),
+    ),
+    Mutant(
+        "splats: what features say is applied without a look at the photos", "semgs/splats/scene_opening.py",
+        "    if not as_found.clearly_beats(looks):\n        return moved\n", "",
+        (OF_FEATURES + "test_a_motion_that_does_not_look_clearly_better_is_not_applied",),
+    ),
+    Mutant(
+        "splats: right cameras are corrected by less than a pixel", "semgs/splats/fit_by_features.py",
+        "if still >= within:", "if still >= 0:",
+        (OF_FEATURES + "test_features_that_stay_within_two_per_cent_say_that_the_cameras_fit",),
+    ),
     Mutant(
         "splats: big endian is read as little endian", "semgs/data/ply_tables.py",
         '"binary_big_endian": ">"', '"binary_big_endian": "<"', OF_PLY,

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import re
 import shutil
+from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import cv2
@@ -17,7 +19,7 @@ from semgs.cli.main import main
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_optics, read_rgb, read_upright
-from semgs.sfm.clips import LEAST_MOTION, copy_frames, measure_motion, moving
+from semgs.sfm.clips import LEAST_MOTION, Judged, copy_frames, has_uneven_times, measure_motion, moving, sharpest
 from semgs.sfm.photos import (
     MOST_PHOTOS,
     PhotoSet,
@@ -246,6 +248,42 @@ def test_the_sharp_frame_of_each_stretch_is_taken(tmp_path: Path):
     assert np.abs(difference).mean() < 10  # the frame itself, RGB and not BGR
 
 
+UNEVEN_MS = [*range(0, 800, 100), *range(1100, 4000, 400)]
+"""Eight frames with 0.1 s between them, then eight with 0.4 s, as a phone does when it gets dark: four stretches of 0.975 s have 8, 3, 2 and 3 frames."""
+
+
+def test_frames_with_uneven_times_are_spread_by_time():
+    grey = np.zeros((2, 2), np.uint8)
+    frames = [Judged(index, grey, 1.0 + index, time / 1000) for index, time in enumerate(UNEVEN_MS)]
+    assert has_uneven_times(frames)
+    assert [one.index for one in sharpest(frames, 4, by_time=True)] == [7, 10, 12, 15]
+    assert [one.index for one in sharpest(frames, 4)] == [3, 7, 11, 15]
+    # Rounded times of 30 frames a second, a clip without times, and one with frames at one time are not uneven.
+    for times in ([0, 33, 67, 100], [0, 0, 0, 0], [0, 0, 100, 200]):
+        assert not has_uneven_times(
+            [replace(one, seconds=time / 1000) for one, time in zip(frames, times, strict=False)]
+        )
+
+
+def test_a_clip_of_a_variable_frame_rate_says_so(tmp_path: Path):
+    av = pytest.importorskip("av")
+    with av.open(tmp_path / "a.mp4", "w") as file:
+        stream = file.add_stream("mpeg4", rate=1000, width=200, height=160, pix_fmt="yuv420p", bit_rate=4_000_000)
+        stream.codec_context.time_base = stream.time_base = Fraction(1, 1000)
+        for index, time in enumerate(UNEVEN_MS):
+            # The last one of each stretch is sharp.
+            pixels = textured(8 * index)
+            pixels = pixels if index in (7, 10, 12, 15) else cv2.GaussianBlur(pixels, (0, 0), 4)
+            frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(pixels), "rgb24")
+            frame.pts, frame.time_base = time, Fraction(1, 1000)
+            file.mux(stream.encode(frame))
+        file.mux(stream.encode())
+    (tmp_path / "out").mkdir()
+    found = copy_frames(tmp_path / "a.mp4", tmp_path / "out", 4)
+    assert [photo.name for photo in found.photos] == [f"frame_{index:05d}.jpg" for index in (7, 10, 12, 15)]
+    assert found.notes[0].endswith("It has frames at uneven times; they are spread by time.")
+
+
 def test_frames_of_a_clip_that_does_not_say_how_many_it_has_are_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -273,8 +311,6 @@ def test_frames_are_turned_as_the_rotation_flag_says(tmp_path: Path):
 
 
 def test_frames_that_hardly_moved_are_left_out(tmp_path: Path):
-    from semgs.sfm.clips import Judged
-
     greys = [cv2.cvtColor(textured(shift), cv2.COLOR_RGB2GRAY) for shift in (0, 2, 3, 6, 8)]
     kept = moving([Judged(index, grey, 1.0) for index, grey in enumerate(greys)])
     assert LEAST_MOTION * 200 == 4

@@ -29,7 +29,7 @@ from semgs.splats import nerfstudio_frame
 from semgs.splats.nerfstudio_frame import find_trained_frame, read_trained_frame
 from semgs.splats.scene_opening import MOST_VIEWS, in_frame_of, open_splat
 from semgs.splats.splat_cameras import cameras_around
-from semgs.splats.splat_scene import find_places, share_like_own, splat_scene
+from semgs.splats.splat_scene import find_places, likeness_to_own, note_on_look, share_like_own, splat_scene
 
 Z_UP = torch.tensor([0.0, 0, 1], dtype=torch.float64)
 
@@ -415,7 +415,21 @@ def test_the_share_of_renderings_that_are_like_their_own_photo_by_hand():
     images, photos = torch.cat((stripes, stripes, flat)), torch.cat((0.2 * stripes, halves, halves))
     assert share_like_own(images, photos, seen) == 0.5
     assert share_like_own(images[:1], photos[:1], seen[:1]) == 1.0
-    assert share_like_own(images[2:], photos[2:], seen[2:]) == 1.0
+    assert share_like_own(images[2:], photos[2:], seen[2:]) is None
+    # Correlations with their own photos are 1, and 0 for stripes and halves; the flat one does not count.
+    assert likeness_to_own(images, photos, seen) == pytest.approx(0.5, abs=1e-6)
+    assert likeness_to_own(images[2:], photos[2:], seen[2:]) == 0
+
+
+def test_renderings_without_contrast_do_not_say_that_the_cameras_fit():
+    assert note_on_look(12.0, None) == (
+        "The splat does not look like the photos from their cameras (PSNR 12.0 dB in what it shows of them): are these cameras in its coordinates?"
+    )
+    assert note_on_look(15.0, None) == note_on_look(15.0, 0.51) == ""
+    assert note_on_look(12.0, 0.51).endswith("but the cameras fit: exposure or colours may differ.")
+    assert note_on_look(30.0, 0.5).endswith(
+        "50% of its renderings are most like their own photo): are these cameras in its coordinates?"
+    )
 
 
 @pytest.mark.parametrize("matrix", ["none", None, [[1, 2], [3, 4]], np.diag([2.0, 2, 2, 1]).tolist(), [[{}]]])
