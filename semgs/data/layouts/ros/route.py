@@ -15,6 +15,7 @@ from semgs.data.layouts.ros.bag import Bag, stamp_of
 from semgs.data.layouts.ros.motions import Motion, make_motion, motions_above
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
+from semgs.files.text import listed
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
@@ -27,7 +28,8 @@ def find_route(bag: Bag, frame_id: str, details: SceneDetails) -> tuple[list[Mot
     Raises:
         InputError: there are no such poses, or several and no choice; the error lists what there is.
     """
-    tree = _tree(bag)
+    world = None if details.world is None else details.world.lstrip("/")
+    tree, others = _tree(bag, world)
     moving = [
         one for topic in (*bag.of(ODOMETRY), *bag.of(*POSES)) if (one := _moving(bag, topic, frame_id, details.body))
     ]
@@ -40,7 +42,7 @@ def find_route(bag: Bag, frame_id: str, details: SceneDetails) -> tuple[list[Mot
     if details.world in routes:
         routes = {details.world: routes[details.world]}
     elif details.world is not None:
-        cut = {source: _cut(route, details.world.lstrip("/")) for source, route in routes.items()}
+        cut = {source: _cut(route, world or "") for source, route in routes.items()}
         routes = {source: route for source, route in cut.items() if _leads(source, route)}
     if not routes:
         wanted = frame_id if details.world is None else f"{frame_id} in {details.world},"
@@ -56,6 +58,11 @@ def find_route(bag: Bag, frame_id: str, details: SceneDetails) -> tuple[list[Mot
     source, route = next(iter(routes.items()))
     chain = " > ".join([*(step.parent for step in reversed(route)), frame_id])
     notes = [f"Poses are from {source}: {chain}, interpolated in time."]
+    notes += [
+        f"TF gives {step.child} several parents, {listed([step.parent, *others[step.child]])}; {step.parent} is used. --world {others[step.child][0]} uses another one."
+        for step in route
+        if step.child in others and step is tree[step.child]
+    ]
     notes += [
         f"{step.broken} of {step.broken + max(1, len(step.times))} poses of {step.child} in {step.source} are left out, as they are not finite or have a "
         "quaternion of zero: images at their times have interpolated poses."
@@ -84,8 +91,9 @@ def _cut(route: list[Motion], world: str) -> list[Motion]:
     return next((route[: index + 1] for index, step in enumerate(route) if step.parent == world), [])
 
 
-def _tree(bag: Bag) -> dict[str, Motion]:
-    """The motions of TF by child; if one is both static and moving, the moving one."""
+def _tree(bag: Bag, world: str | None) -> tuple[dict[str, Motion], dict[str, list[str]]]:
+    """The motions of TF by child, and other parents of those that move in several. If one is both static and moving, it is the moving one; of several parents, it is one below the
+    wanted world, else the one with most poses."""
     samples: dict[tuple[str, str, bool], dict[int, tuple[np.ndarray, np.ndarray]]] = {}
     for (topic, logged), message in bag.messages(bag.of(*TF)):
         fixed = topic.endswith("tf_static")
@@ -96,11 +104,21 @@ def _tree(bag: Bag) -> dict[str, Motion]:
             if fixed or time not in held_at:  # like tf2, which ignores repeated times
                 held_at[time] = _sample(one.transform.translation, one.transform.rotation)
     found: dict[str, Motion] = {}
+    moving: dict[str, dict[str, Motion]] = {}
     for (parent, child, fixed), held in sorted(samples.items(), key=lambda item: (not item[0][2], len(item[1]))):
         step = make_motion(parent, child, held, "/tf_static" if fixed else "/tf", fixed=fixed)
         if step is not None:
             found[step.child] = step
-    return found
+            if not fixed:
+                moving.setdefault(step.child, {})[step.parent] = step
+    several = {child: steps for child, steps in moving.items() if len(steps) > 1}
+    for child, steps in several.items():
+        for parent, step in steps.items():
+            if world in (parent, *(above.parent for above in motions_above(found, parent))):
+                found[child] = step
+    return found, {
+        child: [parent for parent in steps if parent != found[child].parent] for child, steps in several.items()
+    }
 
 
 def _moving(bag: Bag, topic: str, frame_id: str, body: str | None) -> Motion | None:

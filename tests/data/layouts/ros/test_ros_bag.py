@@ -156,6 +156,28 @@ def test_the_world_may_be_any_frame_above_the_camera(tmp_path: Path):
             open_scene(path, world=world)
 
 
+def test_of_several_parents_in_tf_the_wanted_one_is_used_and_else_a_note_names_them(tmp_path: Path):
+    """A second program says that the base never moves in its own frame, in fewer messages."""
+    bag = robot(FEW)
+    moving = [one for one in bag.messages if one[1] == "/tf" and one[3].transforms[0].child_frame_id == "base_link"]
+    for message in moving[1:]:
+        still = deepcopy(message)
+        still[3].transforms[0].header.frame_id = "gps"
+        still[3].transforms[0].transform.translation.x = 0.0
+        still[3].transforms[0].transform.translation.y = 0.0
+        still[3].transforms[0].transform.translation.z = 0.0
+        bag.messages.append(still)
+    path = bag.write(tmp_path / "bag")
+    scene = open_scene(path)
+    np.testing.assert_allclose([frame.world_from_camera for frame in scene.frames], FEW.poses, atol=1e-6)
+    note = "TF gives base_link several parents, odom, gps; odom is used. --world gps uses another one."
+    assert note in scene.notes
+    centres = [frame.world_from_camera[:3, 3] for frame in open_scene(path, world="gps").frames]
+    turned = np.linalg.inv(MAP_FROM_ODOM) @ FEW.poses @ np.linalg.inv(BASE_FROM_OPTICAL)
+    expected = [pose[:3, :3] @ BASE_FROM_OPTICAL[:3, 3] for pose in turned]
+    np.testing.assert_allclose(centres, expected[-len(centres) :], atol=1e-6)
+
+
 def test_odometry_goes_on_where_tf_ends(tmp_path: Path):
     bag = pictures_alone()
     bag.transform(START, "base_link", OPTICAL, BASE_FROM_OPTICAL, "/tf_static")
