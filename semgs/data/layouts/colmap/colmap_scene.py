@@ -17,6 +17,7 @@ from semgs.data.frames import Frame
 from semgs.data.layouts.colmap.colmap_files import ColmapPoints, read_cameras, read_images, read_points
 from semgs.data.layouts.parts.pose_files import checked_poses
 from semgs.data.layouts.parts.sentences import note_damaged_points, note_lacking, note_transparent
+from semgs.data.maps import MaskMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
@@ -32,6 +33,9 @@ undistorts them, the last hloc's."""
 
 REDUCED = {"images_2": 2, "images_4": 4, "images_8": 8}
 """Folders of reduced images, as nerfstudio and 3D Gaussian splatting have them, by what their sides were divided by."""
+
+MASKS = "masks"
+"""The folder beside the images with what COLMAP was told to leave out: `a.jpg.png` for `a.jpg`, black where it is hidden."""
 
 ENDINGS = (".jpg", ".jpeg", ".png")
 """Endings of images that were converted after COLMAP saw them, in lower case."""
@@ -98,7 +102,8 @@ def open_colmap(path: Path, details: SceneDetails) -> Scene:
         transparent += header.transparent
         seen = points.seen.get(image.number, np.zeros(0, np.int64))
         name = image.name if (pictures / image.name).is_file() else image.name.replace("\\", "/")
-        frames.append(Frame(name, picture, lens, pose, points=seen))
+        mask = named_file(list_file, pictures.parent / MASKS, f"{name}.png")
+        frames.append(Frame(name, picture, lens, pose, points=seen, mask=MaskMap(mask) if mask.is_file() else None))
     if len(frames) < 2 and absent:
         found = f"{len(frames)} ({len(images)} listed, {len(absent)} without their image)"
         places = listed([str(one) for one in searched if one.is_dir()], MOST_NAMED)

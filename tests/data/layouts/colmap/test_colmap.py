@@ -138,6 +138,21 @@ def test_the_note_on_other_models_says_how_many_images_each_has_and_which_has_mo
     assert len(open_scene(tmp_path / "sparse/1")) == 3
 
 
+def test_masks_as_colmap_takes_them_hide_pixels(tmp_path):
+    """a.png has a mask whose left 45 of 180 columns are black; masks of other names are not COLMAP's."""
+    write_pictures(tmp_path / "images", "PINHOLE")
+    write_text(tmp_path / "sparse/0", "PINHOLE")
+    (tmp_path / "masks").mkdir()
+    mask = np.full(SIZE, 255, np.uint8)
+    mask[:, :45] = 0
+    Image.fromarray(mask).save(tmp_path / "masks/a.png.png")
+    Image.fromarray(np.zeros_like(mask)).save(tmp_path / "masks/b.png")
+    views = open_scene(tmp_path).read([0, 1, 2], "native")  # a, b, c
+    assert views.hidden is not None
+    assert [float(one.float().mean()) for one in views.hidden] == [0.25, 0.0, 0.0]
+    assert bool(views.hidden[0, :, :45].all())
+
+
 @pytest.mark.parametrize("form", WRITERS)
 @pytest.mark.parametrize("model", MODELS)
 def test_a_point_is_seen_on_its_feature(tmp_path, form, model):
