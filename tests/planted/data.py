@@ -52,7 +52,7 @@ DATA = (
     ),
     Mutant(
         "trimesh reads a mesh's comments", "semgs/data/layouts/scannetpp/scannetpp_mesh.py",
-        "BytesIO(with_plain_header(path.read_bytes()))", "BytesIO(path.read_bytes())", of_scannetpp("a_mesh_may_have_comments_in_any_encoding"),
+        "data = with_plain_header(read_bytes(", "data = bytes(read_bytes(", of_scannetpp("a_mesh_may_have_comments_in_any_encoding"),
     ),
     Mutant(
         "predicted poses that are world to camera stay so", f"{PREDICTIONS}/predicted.py",

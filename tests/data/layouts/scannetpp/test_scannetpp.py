@@ -472,6 +472,12 @@ def test_a_mesh_may_have_comments_in_any_encoding(tmp_path, comment, form):
     np.testing.assert_array_equal(triangles, [[0, 2, 1]])
 
 
+def test_a_mesh_that_git_lfs_has_not_fetched_is_called_so(tmp_path):
+    (tmp_path / "a.ply").write_bytes(b"version https://git-lfs.github.com/spec/v1\noid sha256:4d\nsize 9\n")
+    with pytest.raises(InputError, match=r"a\.ply: expected the mesh of the scan, found a Git LFS pointer"):
+        read_mesh(tmp_path / "a.ply")
+
+
 def test_a_broken_mesh_is_named_when_it_is_read(copied):
     path = copied / "scans" / "mesh_aligned_0.05.ply"
     path.write_bytes(path.read_bytes()[:5000])
