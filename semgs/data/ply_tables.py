@@ -36,6 +36,7 @@ _TYPES = {
 }  # fmt: skip
 
 _END = re.compile(rb"(?:^|\n)end_header[ \t]*\r?\n")
+_REMARK = re.compile(rb"[ \t]*(?:comment|obj_info)(?:\s|$)")
 
 
 @dataclass(frozen=True)
@@ -98,10 +99,19 @@ def read_tables(path: str | Stored, data: bytes, last: str | None = None) -> Ply
     return PlyTables(tables, {element.name: element.count for element in elements}, comments)
 
 
+def with_plain_header(data: bytes) -> bytes:
+    """A PLY file without the comments of its header, for libraries that refuse those that are not UTF-8."""
+    end = _END.search(data, 0, LONGEST_HEADER)
+    if end is None:
+        return data
+    lines = data[: end.start()].split(b"\n")
+    return b"\n".join(line for line in lines if not _REMARK.match(line)) + data[end.start() :]
+
+
 def _header(path: str | Stored, text: bytes) -> tuple[str, list[Element], tuple[str, ...]]:
     """The order of bytes ("" for text), the elements and the comments of a header."""
     with input_error(path, EXPECTED, "header"):
-        lines = [line.rstrip("\r") for line in text.decode("utf-8").split("\n")]
+        lines = [_line(line) for line in text.split(b"\n")]
     if lines[0] != "ply":
         raise InputError(path, EXPECTED, "another first line than ply", "header")
     order: str | None = None
@@ -132,6 +142,11 @@ def _header(path: str | Stored, text: bytes) -> tuple[str, list[Element], tuple[
     if order is None:
         raise InputError(path, "a line with the format", "none", "header")
     return order, elements, tuple(comments)
+
+
+def _line(line: bytes) -> str:
+    """A line of a header. Comments are in the encoding of whoever wrote them: bytes that are not UTF-8 are replaced."""
+    return line.decode("utf-8", "replace" if _REMARK.match(line) else "strict").rstrip("\r")
 
 
 def _add(path: str | Stored, place: str, element: Element, name: str, kind: str) -> None:

@@ -5,6 +5,24 @@ from __future__ import annotations
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored, stored
 
+LFS_POINTER = b"version https://git-lfs.github.com/spec/"
+"""How the text begins that Git LFS leaves in place of a file that it has not fetched yet."""
+
+
+def check_fetched(path: str | Stored, beginning: bytes, expected: str) -> None:
+    """Refuse what Git LFS leaves in place of a file.
+
+    Args:
+        path: the file.
+        beginning: at least its first `len(LFS_POINTER)` bytes.
+        expected: what it should be, for the error.
+
+    Raises:
+        InputError: it is a pointer of Git LFS.
+    """
+    if beginning.startswith(LFS_POINTER):
+        raise InputError(path, expected, "a Git LFS pointer, not the file", advice="run git lfs pull")
+
 
 def read_bytes(path: str | Stored, expected: str = "a file that can be read", advice: str | None = None) -> bytes:
     """The bytes of a file.
@@ -15,13 +33,15 @@ def read_bytes(path: str | Stored, expected: str = "a file that can be read", ad
         advice: what to do about it, likewise.
 
     Raises:
-        InputError: it cannot be read.
+        InputError: it cannot be read, or Git LFS has not fetched it.
     """
     file = stored(path)
     try:
-        return file.read_bytes()
+        data = file.read_bytes()
     except OSError as error:
         raise InputError(file, expected, error.strerror or str(error), advice=advice) from error
+    check_fetched(file, data, expected)
+    return data
 
 
 def read_text(path: str | Stored, expected: str = "a text file in UTF-8") -> str:

@@ -11,6 +11,7 @@ from typing import Any
 
 from safetensors import SafetensorError, safe_open
 
+from semgs.files.contents import LFS_POINTER, check_fetched
 from semgs.files.errors import InputError, input_error
 from semgs.files.strict_json import parse_json
 
@@ -37,6 +38,8 @@ def open_tensors(path: str | Path, expected: str) -> Iterator[Any]:
     """
     try:
         with Path(path).open("rb") as file:
+            check_fetched(Path(path), file.read(len(LFS_POINTER)), expected)
+            file.seek(0)
             (length,) = struct.unpack("<Q", file.read(8).ljust(8, b"\0"))
             if 8 + length > Path(path).stat().st_size:
                 raise InputError(path, expected, NO_TENSORS)

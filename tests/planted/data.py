@@ -46,6 +46,20 @@ def of_predictions(*tests: str) -> tuple[str, ...]:
 
 DATA = (
     Mutant(
+        "depth maps that are pointers of Git LFS stay", "semgs/data/layouts/parts/readable_depths.py",
+        "_BEGINNING = max(_HEADER, len(LFS_POINTER))", "_BEGINNING = _HEADER",
+        ("tests/data/layouts/test_transforms_json.py::test_depth_of_other_kinds_is_left_out_with_a_note",),
+    ),
+    Mutant(
+        "an infinity that Microsoft's printf fills up is a word", "semgs/data/layouts/parts/text_numbers.py",
+        r"0*(?:e[+-]\d+)?", "0*",
+        ("tests/data/layouts/parts/test_recordings.py::test_what_microsoft_prints_for_nan_and_infinity_is_not_finite",),
+    ),
+    Mutant(
+        "trimesh reads a mesh's comments", "semgs/data/layouts/scannetpp/scannetpp_mesh.py",
+        "data = with_plain_header(read_bytes(", "data = bytes(read_bytes(", of_scannetpp("a_mesh_may_have_comments_in_any_encoding"),
+    ),
+    Mutant(
         "predicted poses that are world to camera stay so", f"{PREDICTIONS}/predicted.py",
         "return checked if to_world else np.linalg.inv(checked)", "return checked",
         of_predictions("poses_intrinsics_depth_and_images_are_read_as_each_tool_writes_them"),

@@ -9,6 +9,10 @@ FOLDERS = "semgs/files/folders.py"
 
 FILES = (
     Mutant(
+        "a pointer of Git LFS is taken for the file", "semgs/files/contents.py",
+        "if beginning.startswith(LFS_POINTER):", "if beginning == LFS_POINTER:", ("tests/files/test_contents.py",),
+    ),
+    Mutant(
         "zip members are inflated whole, whatever size they list", "semgs/files/archives.py",
         ".decompress(data, self.size + 1)", ".decompress(data)", ("tests/files/test_archives.py",),
     ),

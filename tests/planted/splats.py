@@ -32,6 +32,10 @@ SPLATS = (
         '"binary_big_endian": ">"', '"binary_big_endian": "<"', OF_PLY,
     ),
     Mutant(
+        "splats: a comment that is not UTF-8 makes a PLY unreadable", "semgs/data/ply_tables.py",
+        '"replace" if _REMARK.match(line) else "strict"', '"strict"', OF_PLY,
+    ),
+    Mutant(
         "splats: harmonics of a PLY are read coefficient by coefficient", "semgs/splats/plain_ply.py",
         "(first + number % per_channel, number // per_channel, name)", "(first + number // 3, number % 3, name)", OF_PLY,
     ),

@@ -45,7 +45,8 @@ WEIGHTS = (
     ),
     Mutant(
         "weights that may not be read count as somebody else's", "semgs/model/weights/weights_file.py",
-        'Path(path).open("rb").close()', "pass",
+        'with readable(path), Path(path).open("rb") as opened:',
+        'with Path(path if __import__("os").access(path, 4) else "/dev/null").open("rb") as opened:',
         ("tests/cli/test_refused_by_the_system.py::test_what_may_not_be_read_is_named",),
     ),
     Mutant(

@@ -107,6 +107,15 @@ def test_other_elements_are_named_and_not_read(tmp_path: Path):
     assert_same(splat.gaussians, known_gaussian())
 
 
+def test_comments_may_be_in_any_encoding(tmp_path: Path):
+    data = ply({"vertex": columns_3dgs([known_row()])})
+    said = b"comment C:\\M\xfcller\r\n  comment B\xc3\xbcro\nobj_info \xff\n"
+    for place in (b"ply\n", b"1.0\n", b"rot_3\n"):
+        splat = load_splat(save(tmp_path / "a.ply", data.replace(place, place + said, 1)))
+        assert splat.comments == ("C:\\M\ufffdller", " comment B\u00fcro", "\ufffd")
+        assert_same(splat.gaussians, known_gaussian())
+
+
 def test_a_header_has_few_elements(tmp_path: Path):
     row = columns_3dgs([known_row()])
     others = {f"e{number}": {"x": ("float", [0.0])} for number in range(100)}
@@ -144,7 +153,8 @@ BAD = {
     "other format": (GOOD.replace(b"little_endian 1.0", b"little_endian 2.0"), "line 2"),
     "no end": (GOOD.replace(b"end_header", b"ende"), "no end of a header"),
     "twice": (GOOD.replace(b"float y", b"float x"), "x twice"),
-    "no UTF-8": (GOOD.replace(b"ply\n", b"ply\ncomment \xff\n"), "header"),
+    "no UTF-8": (GOOD.replace(b"float y", b"float \xff"), "header: expected a PLY file"),
+    "no comment": (GOOD.replace(b"ply\n", b"ply\ncommented \xff\n"), "header: expected a PLY file"),
 }  # fmt: skip
 
 

@@ -471,7 +471,7 @@ def _opened(path: str | Stored, data: bytes | None = None) -> Image.Image:
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # our own limit below is lower
             image = Image.open(str(file) if data is None else io.BytesIO(data), formats=FORMATS)
     except UnidentifiedImageError as error:
-        data = read_bytes(file, "an image") if data is None else data
+        data = read_bytes(file, "a JPEG or PNG image") if data is None else data
         if not is_heic(data):
             raise InputError(path, "a JPEG or PNG image", "something else or a damaged header") from error
         image = open_heic(path, data)

@@ -14,6 +14,7 @@ from torch import nn
 
 from semgs.data.tables.classes import ClassTable
 from semgs.files.atomic import write_bytes
+from semgs.files.contents import LFS_POINTER, check_fetched
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import check_utf8
 from semgs.files.records import make_record
@@ -116,11 +117,12 @@ def is_ours(path: str | Path) -> bool:
     """Whether a file is safetensors with the header of semgs.
 
     Raises:
-        InputError: it cannot be read.
+        InputError: it cannot be read, or Git LFS has not fetched it.
     """
     check_utf8(path, "safetensors")
-    with readable(path):
-        Path(path).open("rb").close()  # safetensors reports a file without permission as missing
+    with readable(path), Path(path).open("rb") as opened:  # safetensors reports a file without permission as missing
+        beginning = opened.read(len(LFS_POINTER))
+    check_fetched(Path(path), beginning, WEIGHTS)
     try:
         with open_tensors(path, WEIGHTS) as file:
             return "semgs" in (file.metadata() or {})

@@ -449,6 +449,7 @@ def test_depth_that_instant_ngp_would_not_read_is_left_out_with_a_note(tmp_path,
         (png_bytes(np.zeros(SIZE, np.uint8)), "PNG of 8 bits"),
         (png_bytes(np.zeros((*SIZE, 3), np.uint8)), "PNG of 8 bits in colour"),
         (jpeg_bytes(np.zeros((*SIZE, 3), np.uint8), 90), "JPEG"),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:4d\nsize 9\n", "Git LFS pointers (run git lfs pull)"),
     ],
 )
 @pytest.mark.parametrize("zipped", [False, True])

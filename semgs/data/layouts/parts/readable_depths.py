@@ -10,15 +10,17 @@ from semgs.data.frames import Frame
 from semgs.data.layouts.parts.sentences import note_lacking
 from semgs.data.maps import DepthMap, DepthThroughLens
 from semgs.data.scene import Scene
+from semgs.files.contents import LFS_POINTER
 from semgs.files.stored import Stored
 
 _PNG, _JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"
 _HEADER = 26
 """Bytes of a PNG up to its bit depth and the kind of its colours."""
+_BEGINNING = max(_HEADER, len(LFS_POINTER))
 
 
 def without_unreadable_depth(scene: Scene) -> Scene:
-    """A scene without the depth maps that are JPEG or PNG of other kinds than 16 bits of one channel. Damaged ones stay, and are refused when they are read.
+    """A scene without the depth maps that are JPEG or PNG of other kinds than 16 bits of one channel, or pointers of Git LFS. Damaged ones stay, and are refused when they are read.
 
     Only headers are read: of all files, but of the first one inside an archive or recording.
     """
@@ -59,15 +61,17 @@ def _file(frame: Frame) -> Stored | None:
 
 
 def _fault(file: Stored) -> str | None:
-    """What a PNG of another kind than depth is, None if it is depth, damaged or missing."""
+    """What a file of another kind than depth is, None if it is depth, damaged or missing."""
     try:
         if isinstance(file, Path):
             with file.open("rb") as opened:
-                start = opened.read(_HEADER)
+                start = opened.read(_BEGINNING)
         else:
-            start = file.read_bytes()[:_HEADER]
+            start = file.read_bytes()[:_BEGINNING]
     except OSError:
         return None
+    if start.startswith(LFS_POINTER):
+        return "Git LFS pointers (run git lfs pull)"
     if start[:2] == _JPEG:
         return "JPEG"
     if start[:8] != _PNG or len(start) < _HEADER:

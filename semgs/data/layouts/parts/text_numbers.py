@@ -8,8 +8,8 @@ from pathlib import Path
 from semgs.files.contents import read_text
 from semgs.files.errors import InputError
 
-_NOT_A_NUMBER = re.compile(r"[+-]?(?:nan(?:\(.*\))?|1\.#(?:qnan|snan|ind|inf)0*|inf(?:inity)?)", re.IGNORECASE)
-"""How C libraries print NaN and infinity."""
+_NOT_A_NUMBER = re.compile(r"[+-]?(?:nan(?:\(.*\))?|1\.#[a-z]+0*(?:e[+-]\d+)?|inf(?:inity)?)", re.IGNORECASE | re.ASCII)
+"""How C libraries print NaN and infinity. Microsoft's fills `1.#INF`, `1.#IND` and `1.#QNAN` up with zeros (`1.#INF00e+000`), or rounds them (`1.#J`)."""
 
 
 def read_lines(path: Path) -> list[tuple[int, str]]:

@@ -20,8 +20,10 @@ from jaxtyping import Float64, Int, UInt8
 from semgs.data.layouts.parts.fields import Fields, read_fields
 from semgs.data.layouts.parts.triangles import LabelledTriangles
 from semgs.data.layouts.scannet.scannet_labels import normal
+from semgs.data.ply_tables import with_plain_header
 from semgs.data.raycast import Raycaster
 from semgs.data.tables.classes import IGNORE
+from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError, input_error
 from semgs.files.extras import needs_extra
 
@@ -112,9 +114,10 @@ def read_mesh(path: Path) -> tuple[Float64[np.ndarray, "n 3"], Int[np.ndarray, "
         import trimesh
     if not path.is_file():
         raise InputError(path, "the mesh of the scan", "no such file")
+    data = with_plain_header(read_bytes(path, "the mesh of the scan"))
     try:
-        # From memory, as its header may name an image anywhere (`comment TextureFile`), which trimesh would open.
-        mesh = trimesh.load_mesh(BytesIO(path.read_bytes()), file_type="ply", process=False)
+        # From memory and without comments, as its header may name an image anywhere (`comment TextureFile`), which trimesh would open.
+        mesh = trimesh.load_mesh(BytesIO(data), file_type="ply", process=False)
         vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces)
     except Exception as error:  # trimesh raises ValueError, IndexError, KeyError, ...
         raise InputError(path, "a PLY with triangles", f"one that cannot be read: {error}") from error

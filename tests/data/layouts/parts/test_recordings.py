@@ -26,6 +26,15 @@ def test_files_are_in_the_order_of_their_numbers(tmp_path: Path):
     assert numbered_files(tmp_path / "nowhere") == {}
 
 
+@pytest.mark.parametrize(
+    "word", ["-1.#IND", "1.#QNAN", "-1.#INF", "1.#INF00", "1.#IND000e+000", "-1.#INF000E+000", "1.#QNAN0e+000", "1.#J"]
+)
+def test_what_microsoft_prints_for_nan_and_infinity_is_not_finite(tmp_path: Path, word: str):
+    path = tmp_path / "numbers.txt"
+    path.write_text(f"1.5 {word}\t-2\n")
+    np.testing.assert_array_equal(read_rows(path)[0][1], [1.5, np.nan, -2])
+
+
 def test_numbers_are_read_however_they_are_set(tmp_path: Path):
     path = tmp_path / "numbers.txt"
     path.write_bytes(
@@ -40,6 +49,9 @@ def test_numbers_are_read_however_they_are_set(tmp_path: Path):
     )
     for content, message in (
         (b"1 two 3", "line 1: expected numbers"),
+        (b"1 1.# 3", "line 1: expected numbers"),
+        (b"1 1.#INF0e 3", "line 1: expected numbers"),
+        (b"1 2.#INF 3", "line 1: expected numbers"),
         (b"\xff\xfe1", "byte 0, which is not UTF-8"),
         (b"1\0", "zero bytes"),
     ):

@@ -21,6 +21,12 @@ def test_positions_are_read_and_colours_skipped(tmp_path: Path):
     np.testing.assert_array_equal(read_ply_points(tmp_path / "a.ply"), [[1, 2, 3], [-4.5, 50, 6]])
 
 
+def test_a_comment_may_be_in_any_encoding(tmp_path: Path):
+    head = HEAD.encode().replace(b"ply\n", b"ply\ncomment B\xfcro\n")
+    (tmp_path / "a.ply").write_bytes(head + b"1 2 3 255\n-4.5 5e1 6 0\n")
+    np.testing.assert_array_equal(read_ply_points(tmp_path / "a.ply"), [[1, 2, 3], [-4.5, 50, 6]])
+
+
 @pytest.mark.parametrize("body", ["1 2 3 255\n", "1 2 3 255\n1 nan 3 0\n", "1 2 3 0\na b c 0\n", "1 2 3 0\n1 2\n"])
 def test_damaged_points_are_refused(tmp_path: Path, body: str):
     (tmp_path / "a.ply").write_text(HEAD + body)

@@ -44,7 +44,7 @@ from semgs.data.layouts.parts.triangles import LabelledTriangles
 from semgs.data.layouts.scannetpp import scannetpp_scan as scannetpp
 from semgs.data.layouts.scannetpp.devices import in_mesh_world
 from semgs.data.layouts.scannetpp.scannetpp_labels import BY_SCANNET, BY_US, NYU40_OF, labels_of
-from semgs.data.layouts.scannetpp.scannetpp_mesh import object_names, vertex_labels
+from semgs.data.layouts.scannetpp.scannetpp_mesh import object_names, read_mesh, vertex_labels
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.data.tables.classes import SCANNET20
 from semgs.data.tables.nyu40 import NAMES as NYU40_NAMES
@@ -454,6 +454,28 @@ def test_broken_files_are_named(copied, name, old, new, message):
     replaced(copied / name, old, new)
     with pytest.raises(InputError, match=message):
         open_scene(copied).read([0], size=(20, 30))
+
+
+@pytest.mark.parametrize("comment", [b"comment B\xfcro\n", b"comment B\xc3\xbcro\r\n", b"obj_info \xff\n"])
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian"])
+def test_a_mesh_may_have_comments_in_any_encoding(tmp_path, comment, form):
+    vertices = np.array([[1, 2, 3], [4, 5, 6], [7, 8, 10]], "<f4")
+    body = b"1 2 3\n4 5 6\n7 8 10\n3 0 2 1\n"
+    if form != "ascii":
+        body = vertices.tobytes() + b"\x03" + np.array([0, 2, 1], "<i4").tobytes()
+    properties = "".join(f"property float {axis}\n" for axis in "xyz")
+    faces = "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    head = f"format {form} 1.0\nelement vertex 3\n{properties}{faces}"
+    (tmp_path / "a.ply").write_bytes(b"ply\n" + comment + head.encode() + body)
+    found, triangles = read_mesh(tmp_path / "a.ply")
+    np.testing.assert_array_equal(found, vertices)
+    np.testing.assert_array_equal(triangles, [[0, 2, 1]])
+
+
+def test_a_mesh_that_git_lfs_has_not_fetched_is_called_so(tmp_path):
+    (tmp_path / "a.ply").write_bytes(b"version https://git-lfs.github.com/spec/v1\noid sha256:4d\nsize 9\n")
+    with pytest.raises(InputError, match=r"a\.ply: expected the mesh of the scan, found a Git LFS pointer"):
+        read_mesh(tmp_path / "a.ply")
 
 
 def test_a_broken_mesh_is_named_when_it_is_read(copied):
