@@ -47,6 +47,22 @@ def test_names_are_found_beside_a_member(archive: Path):
     assert held.beside(start, "empty.png") is None
 
 
+def test_backslashes_of_windows_are_read_as_slashes(tmp_path: Path):
+    path = tmp_path / "scene.zip"
+    with zipfile.ZipFile(path, "w") as file:
+        for name, data in (("a\\transforms.json", b"{}"), ("a\\images\\", b""), ("a\\images\\0.jpg", b"abc")):
+            file.writestr(name, data)
+    held = Archive(path, members(path))
+    assert set(held.members) == {"a/transforms.json", "a/images/0.jpg"}
+    picture = held.beside(held.members["a/transforms.json"], "images/0.jpg")
+    assert picture is not None
+    assert (picture.name, picture.read_bytes()) == ("0.jpg", b"abc")
+    with zipfile.ZipFile(path, "a") as file:
+        file.writestr("a/images/0.jpg", b"abc")
+    with pytest.raises(InputError, match=r"a/images/0\.jpg: expected one member of each name, found 2"):
+        members(path)
+
+
 def test_damage_is_told_and_not_passed_on(archive: Path):
     held = members(archive)
     picture = held["a/images/ä 1.jpg"]

@@ -13,6 +13,10 @@ FILES = (
         ".decompress(data, self.size + 1)", ".decompress(data)", ("tests/files/test_archives.py",),
     ),
     Mutant(
+        "backslashes in a zip are letters of a name", "semgs/files/archives.py",
+        r'one.filename.replace("\\", "/")', "one.filename", ("tests/files/test_archives.py",),
+    ),
+    Mutant(
         "counts of a PGM have their low byte first", "semgs/files/images/pictures.py",
         'np.frombuffer(data, ">u2"', 'np.frombuffer(data, "<u2"',
         ("tests/files/test_pictures.py::test_counts_of_a_pgm_are_taken_as_they_are",),
