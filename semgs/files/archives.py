@@ -10,11 +10,12 @@ import errno
 import io
 import posixpath
 import struct
+import unicodedata
 import zipfile
 import zlib
 from collections import Counter
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path, PurePosixPath
 
 from semgs.files.errors import InputError
@@ -147,8 +148,19 @@ class Archive:
     members: dict[str, Member]
 
     def beside(self, member: Member, name: str) -> Member | None:
-        """The file at a path relative to a member's folder, None if there is none."""
-        return self.members.get(posixpath.normpath(posixpath.join(posixpath.dirname(member.inside), name)))
+        """The file at a path relative to a member's folder, perhaps with another form of letters such as é (NFC, NFD); None if there is none, or several such."""
+        place = posixpath.normpath(posixpath.join(posixpath.dirname(member.inside), name))
+        found = self.members.get(place)
+        return self._by_form.get(unicodedata.normalize("NFC", place)) if found is None else found
+
+    @cached_property
+    def _by_form(self) -> dict[str, Member | None]:
+        """The members by their names in Unicode's form NFC, None where several have it."""
+        forms: dict[str, Member | None] = {}
+        for name, member in self.members.items():
+            form = unicodedata.normalize("NFC", name)
+            forms[form] = None if form in forms else member
+        return forms
 
 
 def members(archive: Path) -> dict[str, Member]:
