@@ -50,11 +50,11 @@ def unpack_zip(path: Path, folder: Path, limits: Limits) -> None:
         except LongReadError as error:
             raise UnfitZipError(f"contains too many files; at most {limits.members:,} are accepted.") from error
         with archive:
-            members = [one for one in archive.infolist() if not one.is_dir()]
+            members = [one for one in archive.infolist() if not _name(one).endswith("/")]
             check_members(members, archive.start_dir, limits)
             left = limits.unpacked_bytes
             for member in members:
-                target = folder.joinpath(*PurePosixPath(member.filename).parts)
+                target = folder.joinpath(*_path(member).parts)
                 if _is_clutter(target):
                     continue
                 target.parent.mkdir(parents=True, exist_ok=True)
@@ -101,7 +101,7 @@ def check_members(members: Sequence[zipfile.ZipInfo], end: int, limits: Limits) 
         )
     for one in members:
         _check_member(one)
-    _check_names([PurePosixPath(one.filename) for one in members], limits)
+    _check_names([_path(one) for one in members], limits)
     places = sorted((one.header_offset, HEADER + len(one.orig_filename) + one.compress_size) for one in members)
     if any(start + length > after for (start, length), (after, _) in pairwise([*places, (end, 0)])):
         raise UnfitZipError("contains files that overlap. It was not unpacked.")
@@ -109,10 +109,10 @@ def check_members(members: Sequence[zipfile.ZipInfo], end: int, limits: Limits) 
 
 def _check_member(member: zipfile.ZipInfo) -> None:
     """Check one member: its path, its kind, and how it is compressed."""
-    path = PurePosixPath(member.filename)
+    path = _path(member)
     if not path.parts:
         raise UnfitZipError("contains a file without a name. Make the zip again.")
-    outside = path.is_absolute() or ".." in path.parts or "\\" in member.filename or ":" in path.parts[0]
+    outside = path.is_absolute() or ".." in path.parts or ":" in path.parts[0]
     if outside or "\0" in member.orig_filename:
         raise UnfitZipError("contains a path that leads outside of it. It was not unpacked.")
     if any(_bytes_of(name) > LONGEST_NAME for name in path.parts) or _bytes_of(member.filename) > LONGEST_PATH:
@@ -139,6 +139,16 @@ def _check_names(paths: Sequence[PurePosixPath], limits: Limits) -> None:
         raise UnfitZipError("contains a file and a folder of the same name. Make the zip again.")
     if len(folders) > limits.members + 1:
         raise UnfitZipError(f"contains {len(folders) - 1:,} folders; at most {limits.members:,} are accepted.")
+
+
+def _name(member: zipfile.ZipInfo) -> str:
+    """The name of a member with slashes. Some programs on Windows write backslashes; all checks see them as slashes, as the folders are made so."""
+    return member.filename.replace("\\", "/")
+
+
+def _path(member: zipfile.ZipInfo) -> PurePosixPath:
+    """Where a member is in the folder."""
+    return PurePosixPath(_name(member))
 
 
 def _bytes_of(name: str) -> int:

@@ -10,7 +10,7 @@ Poses are camera to world with OpenGL axes (x right, y up, z backward), in the c
 
 from __future__ import annotations
 
-from math import isfinite, radians, tan
+from math import degrees, isfinite, pi, radians, tan
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +42,7 @@ def read_camera_file(path: Path) -> Cameras:
     """The cameras of a file, [n].
 
     Raises:
-        InputError: it is missing or damaged, contains no camera, or its images have several sizes.
+        InputError: it is missing or damaged, contains no camera, its images have several sizes, or its fields of view look like radians.
     """
     content = read_json(path, "a file of cameras")
     if isinstance(content, dict) and isinstance(content.get("camera_path"), list):
@@ -59,6 +59,8 @@ def read_camera_file(path: Path) -> Cameras:
             if not isinstance(entry, dict):
                 raise ValueError(f"{entry!r:.40}, which is no object")
             found.append(read(entry, content))
+    if key == "camera_path":
+        _check_unit(path, [_number(entry, "fov") for entry in entries])
     sizes = {camera.size for camera in found}
     if len(sizes) > 1:
         shown = ", ".join(f"{height}x{width}" for height, width in sorted(sizes))
@@ -97,6 +99,18 @@ def _of_camera_path(entry: dict[str, Any], content: dict[str, Any]) -> Cameras:
         raise ValueError(f"fov is {fov:g} degrees; expected more than 0 and less than 180")
     focal_px = height / 2 / tan(radians(fov) / 2)
     return _camera(entry, "camera_to_world", (focal_px, focal_px, width / 2, height / 2), (height, width))
+
+
+def _check_unit(path: Path, fovs: list[float]) -> None:
+    """Check that the fields of view of a camera path are in degrees: so small ones of all cameras are radians."""
+    if max(fovs) < pi:
+        raise InputError(
+            path,
+            "fields of view in degrees, as nerfstudio writes them",
+            f"a fov of at most {max(fovs):.4g}, which looks like radians",
+            key="camera_path",
+            advice=f"if they are, multiply each fov by 180 / pi: {max(fovs):.4g} is {degrees(max(fovs)):.1f} degrees",
+        )
 
 
 def _of_frame(entry: dict[str, Any], content: dict[str, Any]) -> Cameras:

@@ -10,11 +10,12 @@ import errno
 import io
 import posixpath
 import struct
+import unicodedata
 import zipfile
 import zlib
 from collections import Counter
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path, PurePosixPath
 
 from semgs.files.errors import InputError
@@ -147,12 +148,23 @@ class Archive:
     members: dict[str, Member]
 
     def beside(self, member: Member, name: str) -> Member | None:
-        """The file at a path relative to a member's folder, None if there is none."""
-        return self.members.get(posixpath.normpath(posixpath.join(posixpath.dirname(member.inside), name)))
+        """The file at a path relative to a member's folder, perhaps with another form of letters such as é (NFC, NFD); None if there is none, or several such."""
+        place = posixpath.normpath(posixpath.join(posixpath.dirname(member.inside), name))
+        found = self.members.get(place)
+        return self._by_form.get(unicodedata.normalize("NFC", place)) if found is None else found
+
+    @cached_property
+    def _by_form(self) -> dict[str, Member | None]:
+        """The members by their names in Unicode's form NFC, None where several have it."""
+        forms: dict[str, Member | None] = {}
+        for name, member in self.members.items():
+            form = unicodedata.normalize("NFC", name)
+            forms[form] = None if form in forms else member
+        return forms
 
 
 def members(archive: Path) -> dict[str, Member]:
-    """The files of a zip archive by their names in it.
+    """The files of a zip archive by their names in it, with slashes, also where a program on Windows wrote backslashes.
 
     Raises:
         InputError: it is not a zip archive or is damaged, its list is longer than `MOST_LISTED`, two members have the same name, or a member has none or a very long one, is encrypted, compressed by
@@ -171,33 +183,34 @@ def _members(archive: Path, _changed: int, _size: int) -> dict[str, Member]:
     """As `members`, for an archive that was changed at a time [ns] and has a size."""
     try:
         with BoundedFile(archive, MOST_LISTED) as file, zipfile.ZipFile(file) as opened:
-            listed = [one for one in opened.infolist() if not one.filename.endswith("/")]
+            entries = [(one.filename.replace("\\", "/"), one) for one in opened.infolist()]
+            listed = [(name, one) for name, one in entries if not name.endswith("/")]
             end = archive.stat().st_size
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
         raise InputError(archive, "a zip archive", f"one that cannot be read: {error}") from error
-    for one in listed:
-        if not one.filename:
+    for name, one in listed:
+        if not name:
             raise InputError(archive, "members with names", "one without")
-        if len(one.filename) > LONGEST_NAME:
-            raise InputError(archive, f"names of at most {LONGEST_NAME:,} letters", f"one of {len(one.filename):,}")
+        if len(name) > LONGEST_NAME:
+            raise InputError(archive, f"names of at most {LONGEST_NAME:,} letters", f"one of {len(name):,}")
         if one.compress_type not in _METHODS or one.flag_bits & _ENCRYPTED:
             fault = "encrypted" if one.flag_bits & _ENCRYPTED else f"compressed by method {one.compress_type}"
-            raise InputError(archive, "members that are stored or deflated", f"one {fault}", one.filename)
+            raise InputError(archive, "members that are stored or deflated", f"one {fault}", name)
         if one.header_offset + one.compress_size > end:
-            raise InputError(archive, "members inside it", f"one of {one.compress_size:,} bytes", one.filename)
+            raise InputError(archive, "members inside it", f"one of {one.compress_size:,} bytes", name)
     found = {
-        one.filename: Member(
+        name: Member(
             archive,
-            one.filename,
+            name,
             one.header_offset,
             one.compress_size,
             one.file_size,
             one.CRC,
             one.compress_type == zipfile.ZIP_DEFLATED,
         )
-        for one in listed
+        for name, one in listed
     }
     if len(found) < len(listed):
-        (name, count), *_ = Counter(one.filename for one in listed).most_common(1)
+        (name, count), *_ = Counter(name for name, _ in listed).most_common(1)
         raise InputError(archive, "one member of each name", f"{count}", name)
     return found

@@ -62,6 +62,13 @@ UNFIT: dict[str, tuple[Callable[[Path], None], str]] = {
     "two of one name": (lambda path: zip_of(path, ("a", b"x"), ("a", b"y")), "two files of the same name"),
     "two spellings of one name": (lambda path: zip_of(path, ("b/a", b"x"), ("b/./a", b"y")), "two files of the same name"),
     "a file that is a folder": (lambda path: zip_of(path, ("a/b", b"x"), ("a", b"y")), "a file and a folder of the same name"),
+    "two spellings of one name, with a backslash": (lambda path: zip_of(path, ("b/a", b"x"), ("b\\a", b"y")), "two files of the same name"),
+    "a file that is a folder, with a backslash": (lambda path: zip_of(path, ("a\\b", b"x"), ("a", b"y")), "a file and a folder of the same name"),
+    "a deep path with backslashes": (lambda path: zip_of(path, (DEEPEST * "a\\" + "b", b"x")), "more than 32 folders"),
+    **{
+        f"outside, as {name}": (lambda path, name=name: zip_of(path, ("a", b"x"), (name, b"y")), "leads outside of it")
+        for name in ("..\\x", "a\\..\\..\\x", "a/..\\x", "\\x", "\\\\server\\share\\x", "C:\\x", "C:x", ".\\..\\x")
+    },
     "a long name": (lambda path: zip_of(path, ((LONGEST_NAME + 1) * "a", b"x")), "a name that is too long"),
     "a long name of few letters": (lambda path: zip_of(path, (81 * "€", b"x")), "a name that is too long"),
     "a long path": (lambda path: zip_of(path, ("/".join(9 * [120 * "a"]), b"x")), "a name that is too long"),
@@ -94,6 +101,24 @@ def test_members_of_any_length_come_out_whole(tmp_path: Path, method: int, lengt
     unpack_zip(tmp_path / "a.zip", tmp_path / "out", Limits())
     assert (tmp_path / "out/room/a").read_bytes() == content
     assert (tmp_path / "out" / (LONGEST_NAME * "b")).read_bytes() == b"x"
+
+
+def test_backslashes_of_windows_separate_folders(tmp_path: Path):
+    zip_of(
+        tmp_path / "a.zip",
+        ("images\\", b""),
+        ("images\\0.jpg", b"x"),
+        ("images\\near/1.jpg", b"y"),
+        ("__MACOSX\\a", b"z"),
+    )
+    (tmp_path / "out").mkdir()
+    unpack_zip(tmp_path / "a.zip", tmp_path / "out", Limits())
+    files = {
+        str(one.relative_to(tmp_path / "out")): one.read_bytes()
+        for one in (tmp_path / "out").rglob("*")
+        if one.is_file()
+    }
+    assert files == {"images/0.jpg": b"x", "images/near/1.jpg": b"y"}
 
 
 @pytest.mark.parametrize("deflated", [False, True])

@@ -86,6 +86,22 @@ def test_bad_files_are_refused_with_the_place_in_one_line(tmp_path: Path, conten
     assert "cameras.json" in str(caught.value)
 
 
+def test_fields_of_view_in_radians_are_told_and_not_taken_for_degrees(tmp_path: Path) -> None:
+    entries = [{"camera_to_world": POSE, "fov": fov} for fov in (0.5, 0.876673)]
+    with pytest.raises(InputError) as raised:
+        read_camera_file(write(tmp_path, PATH | {"camera_path": entries}))
+    text = str(raised.value)
+    assert (
+        "expected fields of view in degrees, as nerfstudio writes them, found a fov of at most 0.8767, which looks like radians"
+        in text
+    )
+    assert "0.8767 is 50.2 degrees" in text
+    assert "\n" not in text
+    for fov in (3.1416, 50.0):  # one that is no angle in radians, beside a zoom
+        entries[1]["fov"] = fov
+        assert read_camera_file(write(tmp_path, PATH | {"camera_path": entries})).intrinsics.shape == (2, 3, 3)
+
+
 def test_missing_and_damaged_files_are_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"absent\.json"):
         read_camera_file(tmp_path / "absent.json")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 import struct
+import unicodedata
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -45,6 +46,39 @@ def test_names_are_found_beside_a_member(archive: Path):
     assert held.beside(start, "images/ä 1.jpg") == held.beside(start, "./images/../images/ä 1.jpg")
     assert held.beside(start, "../b/empty.png") == held.members["b/empty.png"]
     assert held.beside(start, "empty.png") is None
+
+
+def test_backslashes_of_windows_are_read_as_slashes(tmp_path: Path):
+    path = tmp_path / "scene.zip"
+    with zipfile.ZipFile(path, "w") as file:
+        for name, data in (("a\\transforms.json", b"{}"), ("a\\images\\", b""), ("a\\images\\0.jpg", b"abc")):
+            file.writestr(name, data)
+    held = Archive(path, members(path))
+    assert set(held.members) == {"a/transforms.json", "a/images/0.jpg"}
+    picture = held.beside(held.members["a/transforms.json"], "images/0.jpg")
+    assert picture is not None
+    assert (picture.name, picture.read_bytes()) == ("0.jpg", b"abc")
+    with zipfile.ZipFile(path, "a") as file:
+        file.writestr("a/images/0.jpg", b"abc")
+    with pytest.raises(InputError, match=r"a/images/0\.jpg: expected one member of each name, found 2"):
+        members(path)
+
+
+@pytest.mark.parametrize(("said", "there"), [("NFC", "NFD"), ("NFD", "NFC")])
+def test_names_are_found_in_another_form_of_unicode_unless_there_are_several(tmp_path: Path, said: str, there: str):
+    path = tmp_path / "scene.zip"
+    names = [unicodedata.normalize(there, name) for name in ("a/Küche/é.png", "a/Küche/ä.png")]
+    with zipfile.ZipFile(path, "w") as file:
+        for name in ("a/transforms.json", *names, "a/\u00ea\u0301.png", "a/e\u0302\u0301.png"):
+            file.writestr(name, name)
+    held = Archive(path, members(path))
+    start = held.members["a/transforms.json"]
+    for name in names:
+        found = held.beside(start, unicodedata.normalize(said, name).removeprefix("a/"))
+        assert found is not None
+        assert found.read_bytes() == name.encode()
+    assert held.beside(start, "\u1ebf.png") is None
+    assert held.beside(start, "e\u0302\u0301.png") == held.members["a/e\u0302\u0301.png"]
 
 
 def test_damage_is_told_and_not_passed_on(archive: Path):

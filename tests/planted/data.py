@@ -60,6 +60,15 @@ DATA = (
         "data = with_plain_header(read_bytes(", "data = bytes(read_bytes(", of_scannetpp("a_mesh_may_have_comments_in_any_encoding"),
     ),
     Mutant(
+        "a file whose name has another form of Unicode is missing", "semgs/data/layouts/parts/letter_forms.py",
+        'unicodedata.normalize("NFC", name)', "name", ("tests/data/layouts/parts/test_letter_forms.py",),
+    ),
+    Mutant(
+        "a file found by another form of its name may be outside", "semgs/data/layouts/parts/letter_forms.py",
+        'place = named_file(file, folder, found.removesuffix("/"))', 'place = folder / found.removesuffix("/")',
+        ("tests/data/layouts/parts/test_letter_forms.py",),
+    ),
+    Mutant(
         "predicted poses that are world to camera stay so", f"{PREDICTIONS}/predicted.py",
         "return checked if to_world else np.linalg.inv(checked)", "return checked",
         of_predictions("poses_intrinsics_depth_and_images_are_read_as_each_tool_writes_them"),

@@ -13,6 +13,10 @@ EXPORT = (
         "focal_px = height / 2 /", "focal_px = width / 2 /", OF_CAMERA_FILES,
     ),
     Mutant(
+        "a camera path in radians is one of very small angles", "semgs/export/camera_files.py",
+        "if max(fovs) < pi:", "if max(fovs) < 0:", OF_CAMERA_FILES,
+    ),
+    Mutant(
         "cameras of files have OpenCV axes", "semgs/export/camera_files.py",
         "pose.reshape(4, 4) @ OPENCV_FROM_OPENGL", "pose.reshape(4, 4)", OF_CAMERA_FILES,
     ),

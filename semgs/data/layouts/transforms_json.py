@@ -18,6 +18,7 @@ from semgs.data.cameras.lens import Lens
 from semgs.data.confined import named_file
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.fields import Fields, read_fields
+from semgs.data.layouts.parts.letter_forms import OTHER_FORM, in_other_form, is_in_other_form
 from semgs.data.layouts.parts.pose_files import listed_poses, pose_is_lost
 from semgs.data.layouts.parts.sentences import note_damaged_points, note_lacking, note_transparent
 from semgs.data.layouts.parts.sparse_points import points_in_view, read_ply_points
@@ -94,9 +95,7 @@ def open_transforms(path: Path, details: SceneDetails | None = None) -> Scene:
             raise InputError(path, FILE_NAMES[0], "none in the archive")
         return _scene(path, member, path.stem, lambda name: archive.beside(member, name), depth_unit)
     file = path if path.is_file() else _file(path) or path / FILE_NAMES[0]
-    return _scene(
-        file, file, file.absolute().parent.name, lambda name: _on_disk(named_file(file, file.parent, name)), depth_unit
-    )
+    return _scene(file, file, file.absolute().parent.name, lambda name: _on_disk(file, name), depth_unit)
 
 
 def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside, depth_unit: float | None) -> Scene:
@@ -126,6 +125,7 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside, depth_u
         if picture is None:
             absent.append(name)
             continue
+        notes.reformed += [name] if is_in_other_form(name, picture) else []
         lens = _lens(fields, picture, notes)
         depth = _depth(fields, notes, beside, depth_unit)
         label = _map(fields, "label_file_path", (".png",), notes, beside)
@@ -176,6 +176,7 @@ class _Notes:
 
     def __init__(self) -> None:
         self.transparent = self.maps = 0
+        self.reformed: list[str] = []
         self.missing_maps: list[str] = []
         self.unread_maps: list[str] = []
         self.unscaled_maps: list[str] = []
@@ -185,6 +186,7 @@ class _Notes:
         """The notes on a scene with so many listed frames."""
         return [
             *note_lacking(absent, listed, "listed images are missing"),
+            *note_lacking(self.reformed, listed, f"listed images have names with {OTHER_FORM}"),
             *note_transparent(self.transparent),
             *note_lacking(self.missing_maps, self.maps, "listed depth, label and mask files are missing"),
             *note_lacking(self.unread_maps, self.maps, "listed depth, label and mask files have an unsupported format"),
@@ -236,9 +238,10 @@ def _member(held: Mapping[str, Member]) -> Member | None:
     return min(found, key=lambda one: (one.inside.count("/"), one.inside != FILE_NAMES[0], one.inside), default=None)
 
 
-def _on_disk(path: Path) -> Path | None:
-    """The path if it is a file, else None."""
-    return path if path.is_file() else None
+def _on_disk(file: Path, name: str) -> Path | None:
+    """The file at a path relative to the transforms file, perhaps in another form of its letters; None if there is none."""
+    path = named_file(file, file.parent, name)
+    return path if path.is_file() else in_other_form(file, file.parent, name)
 
 
 def _found(beside: Beside, name: str, endings: Sequence[str] = ()) -> Stored | None:

@@ -6,6 +6,7 @@ import json
 import math
 import re
 import shutil
+import unicodedata
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -140,6 +141,26 @@ def test_paths_are_found_however_they_are_spelt(tmp_path, spelling):
     scene = open_scene(write(tmp_path, PINHOLE, frames))
     assert len(scene) == 3
     assert scene.frames[1].picture.samefile(tmp_path / "images" / "001.png")
+
+
+@pytest.mark.parametrize(("said", "there"), [("NFC", "NFD"), ("NFD", "NFC")])
+def test_names_in_another_form_of_unicode_are_found_and_counted(tmp_path, said, there):
+    names = [f"Büro/Küche {index}.png" for index in range(3)]
+    folder = write(tmp_path / "room", PINHOLE, [{"file_path": unicodedata.normalize(said, name)} for name in names])
+    (folder / "images").rename(folder / unicodedata.normalize(there, "Büro"))
+    held = [folder / unicodedata.normalize(there, name) for name in names]
+    for index, file in enumerate(held):
+        (file.parent / f"{index:03d}.png").rename(file)
+    scene = open_scene(folder)
+    assert [frame.picture for frame in scene.frames] == held
+    shutil.make_archive(str(tmp_path / "zipped"), "zip", folder)
+    zipped = open_scene(tmp_path / "zipped.zip")
+    assert [frame.picture.name for frame in zipped.frames] == [file.name for file in held]
+    assert zipped.notes == scene.notes
+    assert any(
+        note.startswith("3 of 3 listed images have names with another form of letters such as é")
+        for note in scene.notes
+    )
 
 
 def test_the_synthetic_nerf_dialect_is_read(tmp_path):

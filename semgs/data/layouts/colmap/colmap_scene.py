@@ -15,6 +15,7 @@ from semgs.data.cameras.lens import AbstractLens
 from semgs.data.confined import may_read, named_file
 from semgs.data.frames import Frame
 from semgs.data.layouts.colmap.colmap_files import ColmapPoints, read_cameras, read_images, read_points
+from semgs.data.layouts.parts.letter_forms import OTHER_FORM, composed, in_other_form
 from semgs.data.layouts.parts.pose_files import checked_poses
 from semgs.data.layouts.parts.sentences import note_damaged_points, note_lacking, note_transparent
 from semgs.data.maps import MaskMap
@@ -122,7 +123,9 @@ def open_colmap(path: Path, details: SceneDetails) -> Scene:
         absent=tuple(absent),
         notes=(
             *_notes(model, pictures, absent, len(images), transparent),
-            *note_lacking(renamed, len(images), "images have another ending or other capitals than the model says"),
+            *note_lacking(
+                renamed, len(images), f"images have another ending, other capitals or {OTHER_FORM} than the model says"
+            ),
             *note_damaged_points(damage),
         ),
         points=points.positions if len(points.positions) else None,
@@ -160,16 +163,19 @@ def _picture(file: Path, folder: Path, name: str) -> Path | None:
 
 
 def _renamed(file: Path, folder: Path, name: str, known: dict[Path, dict[str, list[Path]]]) -> Path | None:
-    """The image with a name but for its ending and capitals, None if there is none or several; `known` keeps what is in each folder."""
-    wanted = named_file(file, folder, name.replace("\\", "/"))
+    """The image with a name but for its ending, capitals and form of letters, None if there is none or several; `known` keeps what is in each folder."""
+    name = name.replace("\\", "/")
+    if (same := in_other_form(file, folder, name)) is not None:
+        return same
+    wanted = named_file(file, folder, name)
     if wanted.parent not in known:
         stems: dict[str, list[Path]] = {}
         for one in wanted.parent.iterdir() if wanted.parent.is_dir() else ():
             if one.suffix.lower() in ENDINGS:
-                stems.setdefault(one.stem.lower(), []).append(one)
+                stems.setdefault(composed(one.stem).lower(), []).append(one)
         known[wanted.parent] = stems
-    found = known[wanted.parent].get(wanted.stem.lower(), [])
-    return found[0] if len(found) == 1 else None
+    found = known[wanted.parent].get(composed(wanted.stem).lower(), [])
+    return named_file(file, wanted.parent, found[0].name) if len(found) == 1 else None
 
 
 def _reduced(lens: AbstractLens, size: tuple[int, int], factor: int) -> AbstractLens:
@@ -195,7 +201,7 @@ def _searched(model: Path) -> list[Path]:
 
 
 def _pictures_folder(file: Path, searched: Sequence[Path], names: Sequence[str]) -> Path:
-    """The first of some folders that has an image, or else its first image with another ending or capitals; if none has one, the first that exists."""
+    """The first of some folders that has an image, or else its first image with another ending, capitals or form of letters; if none has one, the first that exists."""
     there = [folder for folder in searched if folder.is_dir()]
     some = names[:: 1 + len(names) // MOST_TRIED]
     for folder in there:

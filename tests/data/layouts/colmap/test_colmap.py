@@ -6,6 +6,7 @@ import os
 import re
 import struct
 import sys
+import unicodedata
 from pathlib import Path
 
 import numpy as np
@@ -418,7 +419,25 @@ def test_images_with_another_ending_or_other_capitals_are_found_and_counted(tmp_
         (tmp_path / "images" / old).rename(tmp_path / "images" / new)
     scene = open_scene(tmp_path)
     assert len(scene) == 3
-    assert scene.notes[-1].startswith("2 of 3 images have another ending or other capitals than the model says")
+    assert scene.notes[-1].startswith("2 of 3 images have another ending, other capitals or another form of letters")
+
+
+@pytest.mark.parametrize(("said", "there"), [("NFC", "NFD"), ("NFD", "NFC")])
+@pytest.mark.parametrize("ending", [".png", ".JPG"])
+def test_names_in_another_form_of_unicode_are_found_and_counted(tmp_path, said, there, ending):
+    write_pictures(tmp_path / "images", "PINHOLE")
+    write_text(tmp_path / "sparse" / "0", "PINHOLE")
+    name = "Büro é.png"
+    file = tmp_path / "sparse" / "0" / "images.txt"
+    text = file.read_text()
+    assert text.count(f" {NAMES[0]}\n") == 1
+    file.write_text(text.replace(f" {NAMES[0]}\n", f" {unicodedata.normalize(said, name)}\n"))
+    held = unicodedata.normalize(there, name)
+    (tmp_path / "images" / NAMES[0]).rename((tmp_path / "images" / held).with_suffix(ending))
+    scene = open_scene(tmp_path)
+    assert len(scene) == 3
+    assert held.replace(".png", ending) in {frame.picture.name for frame in scene.frames}
+    assert scene.notes[-1].startswith("1 of 3 images have another ending, other capitals or another form of letters")
 
 
 def test_two_images_that_may_be_meant_are_none(tmp_path):
