@@ -33,6 +33,12 @@ UNEVEN = 1.6
 CORNERS, TRACKED = 200, 0.3
 """Corners that are followed from one frame to the next. If fewer than this share can be followed, the picture has moved enough."""
 
+NEARLY_SQUARE = 0.005
+"""Pixels whose sides differ by no more than this share, as encoders write to round a size, count as square."""
+
+LONGEST_PIXEL = 4
+"""Clips whose pixels are longer than so many times their other side are refused; television has at most 2."""
+
 MOVING = 0.2
 """This share of the corners has to move: when you walk around something, most of the picture stays where it is."""
 
@@ -55,7 +61,7 @@ class Judged:
 
 
 def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
-    """Write the frames to use of a clip as JPEGs, turned as its rotation flag says.
+    """Write the frames to use of a clip as JPEGs, turned as its rotation flag says, and stretched to square pixels.
 
     Args:
         path: the clip.
@@ -63,8 +69,8 @@ def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
         most: the largest number of frames.
 
     Raises:
-        InputError: it has another format, it cannot be decoded, its path is not UTF-8, its frames are larger than `MOST_PIXELS` or more than `MOST_FRAMES`, or fewer than two
-            are sharp with motion between them.
+        InputError: it has another format, it cannot be decoded, its path is not UTF-8, its frames are larger than `MOST_PIXELS` or more than `MOST_FRAMES`, its pixels
+            are longer than `LONGEST_PIXEL`, or fewer than two frames are sharp with motion between them.
         OSError: a frame cannot be written.
     """
     check_utf8(path, "OpenCV")
@@ -100,7 +106,7 @@ def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
     note = f"{len(photos)} of {len(judged)} frames of the clip were chosen: sharp ones, with motion between them."
     if uneven:
         note += " It has frames at uneven times; they are spread by time."
-    return PhotoSet(path, folder, tuple(photos), ordered=True, notes=(note,))
+    return PhotoSet(path, folder, tuple(photos), ordered=True, notes=(note, *_notes_on_shape(path)))
 
 
 def sharpest(frames: list[Judged], most: int, by_time: bool = False) -> list[Judged]:
@@ -161,6 +167,7 @@ def _frames(path: Path, step: int) -> Iterator[tuple[int, float, np.ndarray]]:
     """Every `step`-th frame of a clip with its position and time [s], RGB, upright."""
     video = _opened(path)
     try:
+        across, down = _stretch(path, video)
         for index in takewhile(lambda _: video.grab(), count()):
             if index >= MOST_FRAMES:
                 raise InputError(path, f"a clip of at most {MOST_FRAMES:,} frames", "more", advice="cut it")
@@ -168,9 +175,45 @@ def _frames(path: Path, step: int) -> Iterator[tuple[int, float, np.ndarray]]:
                 good, pixels = video.retrieve()
                 if not good:  # a frame that became too large on the way; those behind it would be as large
                     break
+                if across != down:
+                    pixels = cv2.resize(pixels, None, fx=across, fy=down, interpolation=cv2.INTER_LINEAR)
                 yield index, video.get(cv2.CAP_PROP_POS_MSEC) / 1000, cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
     finally:
         video.release()
+
+
+def _stretch(path: Path, video: cv2.VideoCapture) -> tuple[float, float]:
+    """By how much upright frames become wider and higher so that their pixels are square: (1, 1) if they are, or the clip does not say.
+
+    Raises:
+        InputError: pixels are longer than `LONGEST_PIXEL`, or stretched frames larger than `MOST_PIXELS`.
+    """
+    wide, high = video.get(cv2.CAP_PROP_SAR_NUM), video.get(cv2.CAP_PROP_SAR_DEN)
+    if wide <= 0 or high <= 0 or abs(wide / high - 1) <= NEARLY_SQUARE:
+        return 1, 1
+    if max(wide, high) > LONGEST_PIXEL * min(wide, high):
+        raise InputError(path, f"pixels at most {LONGEST_PIXEL} times as long as wide", f"{wide:.0f}:{high:.0f}")
+    if video.get(cv2.CAP_PROP_ORIENTATION_META) % 180:  # the ratio is that of frames as they are stored
+        wide, high = high, wide
+    across, down = max(wide / high, 1), max(high / wide, 1)
+    width, height = (video.get(one) for one in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+    if width * across * height * down > MOST_PIXELS:
+        size = f"{width * across:.0f}x{height * down:.0f}"
+        raise InputError(path, f"frames of at most {MOST_PIXELS:,} pixels", f"{size} with square pixels")
+    return across, down
+
+
+def _notes_on_shape(path: Path) -> Iterator[str]:
+    """That frames are stretched, if they are."""
+    video = _opened(path)
+    try:
+        across, down = _stretch(path, video)
+        width, height = (video.get(one) for one in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+    finally:
+        video.release()
+    if across != down:
+        sizes = f"from {width:.0f}x{height:.0f} to {width * across:.0f}x{height * down:.0f}"
+        yield f"The clip's pixels are not square; its frames were stretched {sizes}, as players show them."
 
 
 def _opened(path: Path) -> cv2.VideoCapture:

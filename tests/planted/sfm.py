@@ -84,6 +84,11 @@ SFM = (
         (f"{OF_SFM}photos.py::test_frames_are_turned_as_the_rotation_flag_says",),
     ),
     Mutant(
+        "pixels of a turned clip are stretched along the other axis", "semgs/sfm/clips.py",
+        "if video.get(cv2.CAP_PROP_ORIENTATION_META) % 180:", "if False:",
+        (f"{OF_SFM}photos.py::test_frames_that_are_turned_are_stretched_along_the_axis_they_are_stored_with",),
+    ),
+    Mutant(
         "models of any error fit equally well", "semgs/sfm/solving.py",
         "<= EQUAL * least]", "<= np.inf]",
         (f"{OF_SFM}solving.py::test_the_best_model_has_the_most_photos_then_the_smallest_error_unless_it_explains_little",),

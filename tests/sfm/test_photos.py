@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from clip_files import write_clip
+from clip_files import show_as, write_clip
 from PIL import Image
 
 from semgs.cli.main import main
@@ -308,6 +308,63 @@ def test_frames_are_turned_as_the_rotation_flag_says(tmp_path: Path):
     assert [photo.size for photo in found.photos] == [(160, 200)] * 4
     for index, one in enumerate(upright):
         assert np.abs(read_rgb(tmp_path / "out" / f"frame_{index:05d}.jpg").astype(int) - one).mean() < 10
+
+
+def wide_again(picture: np.ndarray, width: int, height: int) -> np.ndarray:
+    """A picture that is stored with another size and shown with its own."""
+    size = (picture.shape[1], picture.shape[0])
+    return cv2.resize(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), size).astype(int)
+
+
+@pytest.mark.parametrize(("width", "height"), [(150, 160), (200, 128)])
+def test_frames_whose_pixels_are_not_square_are_stretched(tmp_path: Path, width: int, height: int):
+    """Pictures of 200x160 with square pixels, stored narrower or lower."""
+    shown = [textured(8 * index) for index in range(4)]
+    stored = [cv2.resize(one, (width, height), interpolation=cv2.INTER_AREA) for one in shown]
+    path = show_as(write_clip(tmp_path / "a.mp4", stored), 200, 160)
+    (tmp_path / "out").mkdir()
+    found = copy_frames(path, tmp_path / "out", 4)
+    assert [photo.size for photo in found.photos] == [(160, 200)] * 4
+    for index, one in enumerate(shown):
+        copy = read_rgb(tmp_path / "out" / f"frame_{index:05d}.jpg").astype(int)
+        assert copy.shape == one.shape
+        assert np.abs(copy - wide_again(one, width, height)).mean() < 10
+    assert found.notes[1:] == (
+        f"The clip's pixels are not square; its frames were stretched from {width}x{height} to 200x160, as players show them.",
+    )
+
+
+def test_frames_that_are_turned_are_stretched_along_the_axis_they_are_stored_with(tmp_path: Path):
+    """Shown with 160x200; stored on their side as 150x160, with pixels of 4:3."""
+    upright = [textured(8 * index)[:, :160].copy() for index in range(4)]
+    upright = [cv2.resize(one, (160, 200)) for one in upright]
+    on_their_side = [cv2.resize(np.rot90(one), (150, 160), interpolation=cv2.INTER_AREA) for one in upright]
+    path = show_as(write_clip(tmp_path / "a.mp4", on_their_side, clockwise=True), 200, 160)
+    (tmp_path / "out").mkdir()
+    found = copy_frames(path, tmp_path / "out", 4)
+    assert [photo.size for photo in found.photos] == [(200, 160)] * 4
+    for index, one in enumerate(upright):
+        copy = read_rgb(tmp_path / "out" / f"frame_{index:05d}.jpg").astype(int)
+        assert np.abs(copy - wide_again(one, 160, 150)).mean() < 10
+    assert "stretched from 160x150 to 160x200" in found.notes[1]
+
+
+def test_pixels_that_are_square_but_for_rounding_stay_as_they_are(tmp_path: Path):
+    path = show_as(write_clip(tmp_path / "a.mp4", [textured(8 * index) for index in range(4)]), 201, 160)
+    (tmp_path / "out").mkdir()
+    found = copy_frames(path, tmp_path / "out", 4)
+    assert [photo.size for photo in found.photos] == [(160, 200)] * 4
+    assert len(found.notes) == 1
+
+
+def test_pixels_that_stretch_a_clip_too_far_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    path = show_as(write_clip(tmp_path / "a.mp4", [textured(8 * index) for index in range(4)]), 1000, 160)
+    (tmp_path / "out").mkdir()
+    with pytest.raises(InputError, match=r"expected pixels at most 4 times as long as wide, found 5:1$"):
+        copy_frames(path, tmp_path / "out", 4)
+    monkeypatch.setattr("semgs.sfm.clips.MOST_PIXELS", 300 * 160 - 1)
+    with pytest.raises(InputError, match=r"frames of at most 47,999 pixels, found 300x160 with square pixels$"):
+        copy_frames(show_as(path, 300, 160), tmp_path / "out", 4)
 
 
 def test_frames_that_hardly_moved_are_left_out(tmp_path: Path):

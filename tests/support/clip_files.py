@@ -1,4 +1,4 @@
-"""Clips that tests write: MP4s, perhaps with the flag of a phone held upright."""
+"""Clips that tests write: MP4s, perhaps with the flag of a phone held upright, or pixels that are not square."""
 
 from __future__ import annotations
 
@@ -27,4 +27,12 @@ def write_clip(path: Path, frames: Sequence[np.ndarray], *, clockwise: bool = Fa
         place = content.index(b"tkhd") + MATRIX_AT
         content[place : place + len(matrix)] = matrix
         path.write_bytes(content)
+    return path
+
+
+def show_as(path: Path, width: int, height: int) -> Path:
+    """Let the header of an MP4 say that its frames, as they are stored, are shown with another size: their pixels are not square then."""
+    content = bytearray(path.read_bytes())
+    struct.pack_into(">2I", content, content.index(b"tkhd") + MATRIX_AT + 36, width << 16, height << 16)
+    path.write_bytes(content)
     return path
