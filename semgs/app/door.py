@@ -134,9 +134,7 @@ class Door:
         if path in (STREAM, PROGRESS):
             return await self._stream(f"{path} {parse_qsl(query)}", scope, receive, send)
         if path.startswith(PAGES):
-            with suppress(
-                TimeoutError
-            ):  # what has begun cannot be answered in another way; the server closes the connection
+            with suppress(TimeoutError):  # the server closes a connection whose answer is not complete
                 async with asyncio.timeout(DOWNLOAD_SECONDS):
                     await self._pass(scope, receive, send)
             return None

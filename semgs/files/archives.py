@@ -10,7 +10,6 @@ import errno
 import io
 import posixpath
 import struct
-import unicodedata
 import zipfile
 import zlib
 from collections import Counter
@@ -19,6 +18,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path, PurePosixPath
 
 from semgs.files.errors import InputError
+from semgs.files.text import composed
 
 MOST_BYTES = 1 << 28
 """Largest inflated member that is read [bytes]: 256 MiB, four times the largest photo."""
@@ -151,14 +151,14 @@ class Archive:
         """The file at a path relative to a member's folder, perhaps with another form of letters such as é (NFC, NFD); None if there is none, or several such."""
         place = posixpath.normpath(posixpath.join(posixpath.dirname(member.inside), name))
         found = self.members.get(place)
-        return self._by_form.get(unicodedata.normalize("NFC", place)) if found is None else found
+        return self._by_form.get(composed(place)) if found is None else found
 
     @cached_property
     def _by_form(self) -> dict[str, Member | None]:
         """The members by their names in Unicode's form NFC, None where several have it."""
         forms: dict[str, Member | None] = {}
         for name, member in self.members.items():
-            form = unicodedata.normalize("NFC", name)
+            form = composed(name)
             forms[form] = None if form in forms else member
         return forms
 

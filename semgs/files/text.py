@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Sequence
 
 
@@ -21,6 +22,11 @@ def shortened(text: str, most: int = 500) -> str:
     """The text, or its beginning and end, if it is longer than so many characters."""
     half = (most - 5) // 2
     return text if len(text) <= most else f"{text[:half]} ... {text[-half:]}"
+
+
+def composed(name: str) -> str:
+    """A name whose letters have their accents in one character, as far as Unicode has it (NFC): equal for all forms of a name."""
+    return unicodedata.normalize("NFC", name)
 
 
 def listed(names: Sequence[str], most: int = 5) -> str:

@@ -60,7 +60,7 @@ DATA = (
         "data = with_plain_header(read_bytes(", "data = bytes(read_bytes(", of_scannetpp("a_mesh_may_have_comments_in_any_encoding"),
     ),
     Mutant(
-        "a file whose name has another form of Unicode is missing", "semgs/data/layouts/parts/letter_forms.py",
+        "a file whose name has another form of Unicode is missing", "semgs/files/text.py",
         'unicodedata.normalize("NFC", name)', "name", ("tests/data/layouts/parts/test_letter_forms.py",),
     ),
     Mutant(

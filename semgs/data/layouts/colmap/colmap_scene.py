@@ -15,7 +15,7 @@ from semgs.data.cameras.lens import AbstractLens
 from semgs.data.confined import may_read, named_file
 from semgs.data.frames import Frame
 from semgs.data.layouts.colmap.colmap_files import ColmapPoints, read_cameras, read_images, read_points
-from semgs.data.layouts.parts.letter_forms import OTHER_FORM, composed, in_other_form
+from semgs.data.layouts.parts.letter_forms import OTHER_FORM, in_other_form
 from semgs.data.layouts.parts.pose_files import checked_poses
 from semgs.data.layouts.parts.sentences import note_damaged_points, note_lacking, note_transparent
 from semgs.data.maps import MaskMap
@@ -23,7 +23,7 @@ from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import is_turned, read_header
-from semgs.files.text import counted, listed
+from semgs.files.text import composed, counted, listed
 
 PLACES = ("sparse/0", "sparse", "colmap/sparse/0", "distorted/sparse/0", "")
 """Places of a model below the folder of a scene; the last one is the folder itself."""

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import unicodedata
 from functools import lru_cache
 from pathlib import Path
 
 from semgs.data.confined import named_file
 from semgs.files.stored import Stored
+from semgs.files.text import composed
 
 OTHER_FORM = "another form of letters such as é (macOS writes them as two characters)"
 """What such names have, for a note."""
-
-
-def composed(name: str) -> str:
-    """A name whose letters have their accents in one character, as far as Unicode has it (NFC): equal for all forms of a name."""
-    return unicodedata.normalize("NFC", name)
 
 
 def in_other_form(file: str | Stored, folder: Path, name: str) -> Path | None:
