@@ -44,7 +44,7 @@ class Scene:
         classes: the class table of the labels; None if there are no labels or they cannot be read.
         unread_labels: why existing labels cannot be read: their table is unknown or damaged. None otherwise.
         absent: names of listed frames whose images are missing.
-        notes: what the user should know, one sentence each.
+        notes: what the user should know.
         points: sparse points [n 3] in the world, or None.
         applied_transform: nerfstudio's [3 4], from the original world to that of the poses, which is ours; or None.
         applied_scale: nerfstudio's scale between the two, or None.

@@ -21,8 +21,13 @@ from semgs.depth_maps.depth_source import DepthMaps, Meaning
 from semgs.depth_maps.sensor_depth import FEWEST_MEASURED, metre_of, sensor_spread
 from semgs.figures.number_texts import percent
 from semgs.files.errors import InputError
+from semgs.files.notes import Kind, Note
 from semgs.geometry.cameras import project
 from semgs.scene.encoding import Encoding
+
+MAPS_DO_NOT_FIT = Kind(
+    "The depth maps of these frames do not fit {reference}, so their depth is the model's alone (typical difference): {frames}."
+)
 
 FEWEST_POINTS = 100
 """Sparse points are the reference if each view sees at least so many."""
@@ -72,16 +77,14 @@ class MapPlacement:
             return f"1 / depth = {fit.scale:.4g} map {fit.shift:+.3g}"
         return f"depth = {1 / fit.scale if fit.scale else math.inf:.4g} map"
 
-    def notes(self, names: Sequence[str]) -> tuple[str, ...]:
-        """What the user should know, a sentence each."""
+    def notes(self, names: Sequence[str]) -> tuple[Note, ...]:
+        """What the user should know."""
         poor = [
             f"{name} ({percent(fit.residual)})" for name, fit in zip(names, self.fits, strict=True) if not fits(fit)
         ]
         if not poor:
             return ()
-        return (
-            f"The depth maps of these frames do not fit {self.reference}, so their depth is the model's alone (typical difference): {', '.join(poor)}.",
-        )
+        return (MAPS_DO_NOT_FIT(reference=self.reference, frames=", ".join(poor)),)
 
 
 def fits(fit: MapFit) -> bool:

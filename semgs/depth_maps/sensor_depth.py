@@ -23,6 +23,7 @@ from semgs.depth_maps.depth_fit import DepthFit
 from semgs.depth_maps.registration import Registration, registration
 from semgs.figures.number_texts import percent
 from semgs.files.errors import InputError
+from semgs.files.notes import Kind, Note
 from semgs.scene.encoding import Encoding
 
 DepthSource = Literal["network", "sensor", "both"]
@@ -34,6 +35,14 @@ FEWEST_MEASURED = 0.5
 OPACITY = 0.6
 """Opacity of Gaussians at a measured depth, chosen by PSNR on rooms among 0.35 to 0.95. With less, what is near lets the far shine through at
 wide baselines; with more, noise is visible at short ones."""
+
+SENSOR_DOES_NOT_FIT = Kind(
+    "The sensor's depth does not fit the model's: {frames}. Its unit (see --depth-unit) or the poses may be wrong, or it is not registered to the colour images.",
+    "The sensor's depth does not fit the model's: {frames}. Its unit or the poses may be wrong, or it is not registered to the colour images.",
+)
+NOT_REGISTERED = Kind(
+    "The sensor's depth is not registered to the colour images: its edges fit theirs better if it moves by about {right} px to the right and {down} px down."
+)
 
 SMALLEST = 1e-3
 """The noise of smaller depths is that of this depth [m]."""
@@ -79,8 +88,8 @@ class Placement:
             for name, fit in zip(names, self.fits, strict=True)
         )
 
-    def notes(self, names: Sequence[str]) -> tuple[str, ...]:
-        """What the user should know, a sentence each; names as for `lines`."""
+    def notes(self, names: Sequence[str]) -> tuple[Note, ...]:
+        """What the user should know; names as for `lines`."""
         poor = [
             f"{name} (sensor / model {fit.ratio:.4g}, typical difference {percent(fit.residual)})"
             for name, fit in zip(names, self.fits, strict=True)
@@ -88,15 +97,9 @@ class Placement:
         ]
         found = []
         if poor:
-            found.append(
-                f"The sensor's depth does not fit the model's: {', '.join(poor)}. Its unit (see --depth-unit) or the poses may be wrong, or "
-                "it is not registered to the colour images."
-            )
+            found.append(SENSOR_DOES_NOT_FIT(frames=", ".join(poor)))
         if self.registration.shifted:
-            found.append(
-                f"The sensor's depth is not registered to the colour images: its edges fit theirs better if it moves by about "
-                f"{-self.registration.right} px to the right and {-self.registration.down} px down."
-            )
+            found.append(NOT_REGISTERED(right=-self.registration.right, down=-self.registration.down))
         return tuple(found)
 
 

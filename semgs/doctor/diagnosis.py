@@ -167,6 +167,15 @@ class Diagnosis:
     @property
     def sentence(self) -> str:
         """The verdict in a sentence or two."""
+        return self._sentence(options=True)
+
+    @property
+    def without_options(self) -> str:
+        """The same without the options of the command line that help."""
+        return self._sentence(options=False)
+
+    def _sentence(self, options: bool) -> str:
+        """The verdict, with the options of the command line that help, or without."""
         if self.verdict == "cannot tell":
             if np.isfinite(self.error):
                 return f"Cannot tell: the cameras miss matches by {self.amount(self.error)}, but the matches may be wrong, as those of repeated texture."
@@ -186,10 +195,10 @@ class Diagnosis:
                 return f"The cameras or the depth maps are slightly wrong: depth maps disagree by {by}."
             if self.evidence.fits_alone(self.given):
                 return f"The cameras fit the images. With the measured depth they miss matches by {by}: the depth maps or the distances between cameras are slightly wrong."
-            return (
-                f"The cameras are slightly wrong, as from odometry or a rough calibration: they miss matches by {by}. "
-                "Try semgs reconstruct --refine-poses."
+            said = (
+                f"The cameras are slightly wrong, as from odometry or a rough calibration: they miss matches by {by}."
             )
+            return f"{said} Try semgs reconstruct --refine-poses." if options else said
         if self.verdict == "good" and self.error > FITS:
             agree = f"depth maps agree to {self.evidence.depth_error(self.given):.1f} %"
             return f"The cameras fit: {agree}. They miss matches by {by}, but the matches may be wrong, as those of repeated texture."
@@ -201,7 +210,8 @@ class Diagnosis:
         also = "".join(f", or {one.mistake.name} ({self.amount(one.error)})" for one in self.findings[1:])
         which = self.finding.mistake.name
         if self.finding.mistake is DEPTH_UNIT:
-            which += f" (it fits if it is multiplied by {self.finding.rig.depth_unit:g}; see --depth-unit)"
+            hint = "; see --depth-unit" if options else ""
+            which += f" (it fits if it is multiplied by {self.finding.rig.depth_unit:g}{hint})"
         if self.finding.mistake is ALONG_RAY:
             which += " (divide each depth by |K^-1 (u, v, 1)| of its pixel)"
         return f"{said}. Likely mistake: {which}, {self.amount(self.finding.error)} when corrected{also}."

@@ -10,6 +10,7 @@ from semgs.data.spread import spread
 from semgs.doctor.diagnosis import diagnose
 from semgs.doctor.mistakes import OF_DEPTH
 from semgs.files.images.pictures import QUARTER_TURN, read_header
+from semgs.files.notes import Kind, Note
 
 MOST_FRAMES = 6
 FEATURES = 400
@@ -17,8 +18,17 @@ FEATURES = 400
 MOST_HEADERS = 40
 """The headers of at most so many photos are read."""
 
+MAY_BE_WRONG = Kind(
+    "The {what} may be wrong. {found} semgs doctor tests all of the scene.", "The {what} may be wrong. {page}"
+)
+SLIGHTLY_WRONG = Kind("{found}", "{page}")
+ON_THEIR_SIDE = Kind(
+    "Photos lie on their side, as EXIF says, and so do their cameras ({count} of {tested} tested). Classes and depth are worse in such photos, "
+    "and up may be wrong. Turn the photos, then estimate their cameras again."
+)
 
-def warnings_of(scene: Scene, frames: Sequence[int], *, refined: bool = False) -> list[str]:
+
+def warnings_of(scene: Scene, frames: Sequence[int], *, refined: bool = False) -> list[Note]:
     """Warnings for the user if photos lie on their side, or the cameras or depth maps do not fit the images; none if all fits or nothing can be said.
 
     So few frames have few matches, so cameras are called slightly wrong only if most pairs of frames say so.
@@ -36,9 +46,9 @@ def warnings_of(scene: Scene, frames: Sequence[int], *, refined: bool = False) -
     found = diagnose(scene, tested, FEATURES)
     if found.verdict == "suspicious":
         wrong = "depth maps" if found.finding is not None and found.finding.mistake in OF_DEPTH else "cameras"
-        warnings.append(f"The {wrong} may be wrong. {found.sentence} semgs doctor tests all of the scene.")
+        warnings.append(MAY_BE_WRONG(what=wrong, found=found.sentence, page=found.without_options))
     if found.verdict == "slightly wrong" and found.evidence.contradicts(found.given) and not refined:
-        warnings.append(found.sentence)
+        warnings.append(SLIGHTLY_WRONG(found=found.sentence, page=found.without_options))
     return warnings
 
 
@@ -52,7 +62,7 @@ def frames_to_test(chosen: Sequence[int], count: int) -> tuple[int, ...]:
     return tuple(dict.fromkeys((*chosen, *spread(range(count), MOST_FRAMES))))[:MOST_FRAMES]
 
 
-def notes_on_sides(frames: Sequence[Frame]) -> list[str]:
+def notes_on_sides(frames: Sequence[Frame]) -> list[Note]:
     """A note if EXIF says that photos are to be shown turned by a quarter, and their cameras are for the pixels as stored, as COLMAP's are.
 
     Raises:
@@ -63,7 +73,4 @@ def notes_on_sides(frames: Sequence[Frame]) -> list[str]:
     count = sum(header.orientation >= QUARTER_TURN and header.size == size for size, header in headers)
     if not count:
         return []
-    return [
-        f"Photos lie on their side, as EXIF says, and so do their cameras ({count} of {len(tested)} tested). Classes and depth are worse in such photos, "
-        "and up may be wrong. Turn the photos, then estimate their cameras again."
-    ]
+    return [ON_THEIR_SIDE(count=count, tested=len(tested))]

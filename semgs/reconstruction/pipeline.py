@@ -198,7 +198,7 @@ def reconstruct(
         passes: refine the Gaussians with so many steps for each photo; 0 leaves them as the network placed them. The first held-out frame then
             decides when to stop, and is held out no longer; without one, the middle of three or more input views.
         stages: shows and times the stages read, encode, depth, place, segment, merge, expose, sharpen, features and render.
-        notes: further notes for the user, a sentence each.
+        notes: further notes for the user.
 
     Raises:
         InputError: a frame cannot be read, or the sensor measured too little of an input frame; or no two frames of a walk can be used together.

@@ -93,5 +93,9 @@ def map_walk(
         f"all frames: {len(keyframes)} of {len(scene)} are keyframes, because earlier ones saw less than {COVERED:.0%} of what they see; "
         f"{counted(mapper.windows, 'window')}"
     )
-    notes = (*filter(None, (order.note,)), *errors[:1], *notes_on_walk(mapper, scene.unit == "metric"))
+    notes: tuple[str, ...] = (
+        *filter(None, (order.note,)),
+        *errors[:1],
+        *notes_on_walk(mapper, scene.unit == "metric"),
+    )
     return Choice(keyframes, targets, reason, bounds, notes), merged

@@ -128,7 +128,7 @@ class Reconstruction:
         target: the held-out frames; None if there are none.
         saved: the scene as `scene.safetensors` stores it.
         up: which way is up.
-        notes: for the user, a sentence each.
+        notes: for the user.
         plan: how memory was used; None for a network that `memory_plan` does not support.
         labelling: where the classes come from; None for the model.
         features: of the Gaussians; None for none.

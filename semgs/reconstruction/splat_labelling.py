@@ -65,7 +65,7 @@ def label_splat(
         up: the direction that is up; "auto" finds it.
         min_confidence: seen pixels with less are unknown in label maps.
         stages: shows and times the stages segment and render.
-        notes: what else the user should know about the splat, a sentence each.
+        notes: what else the user should know about the splat.
 
     Raises:
         InputError: a photo or its class map cannot be read.

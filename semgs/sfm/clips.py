@@ -13,10 +13,13 @@ import numpy as np
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import MOST_PIXELS, jpeg_bytes
+from semgs.files.notes import Kind
 from semgs.files.paths import check_utf8
 from semgs.sfm.clip_containers import check_container, only_this_file
 from semgs.sfm.clip_sizes import check_clip_size, limit_frames
 from semgs.sfm.photos import BLANK, QUALITY, PhotoSet, UprightPhoto, is_panorama, sharpness_of, small_grey
+
+CHOSEN = Kind("{chosen} of {count} frames of the clip were chosen: sharp ones, with motion between them.{times}", "")
 
 MOST_JUDGED = 900
 """Of longer clips, every n-th frame is judged."""
@@ -103,9 +106,8 @@ def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
             photos.append(UprightPhoto(name, (pixels.shape[0], pixels.shape[1])))
         if index >= max(wanted):
             break
-    note = f"{len(photos)} of {len(judged)} frames of the clip were chosen: sharp ones, with motion between them."
-    if uneven:
-        note += " It has frames at uneven times; they are spread by time."
+    uneven_times = " It has frames at uneven times; they are spread by time." if uneven else ""
+    note = CHOSEN(chosen=len(photos), count=len(judged), times=uneven_times)
     return PhotoSet(path, folder, tuple(photos), ordered=True, notes=(note, *_notes_on_shape(path)))
 
 

@@ -84,7 +84,7 @@ class PhotoSet:
         folder: with the upright copies.
         photos: in the order of their names, or of time.
         ordered: whether neighbours overlap, as in a clip.
-        notes: what was left out, one sentence each.
+        notes: what was left out.
     """
 
     path: Path

@@ -18,6 +18,7 @@ import numpy as np
 
 from semgs.data.cameras.lens import Lens
 from semgs.files.errors import InputError
+from semgs.files.notes import Kind, Note
 from semgs.files.paths import check_utf8
 from semgs.files.text import listed
 from semgs.sfm.certainty import MOST_DEG, TURNED, direction_error_deg, matches_of, parallax_px
@@ -25,6 +26,28 @@ from semgs.sfm.lens_groups import BETTER, copy_with_cameras, describe_groups, gr
 from semgs.sfm.photos import PhotoSet, UprightPhoto
 from semgs.sfm.pycolmap_library import pycolmap
 from semgs.sfm.reasons import why_not
+
+ALL_PLACED = Kind("The cameras of {placed} of {count} photos were estimated from the photos.", "")
+SOME_PLACED = Kind(
+    "The cameras of {placed} of {count} photos were estimated from the photos.",
+    "Only {placed} of {count} photos could be placed; the others share too little with them. Take more steps to the side, and let photos overlap by half.",
+)
+NOT_PLACED = Kind("These do not overlap enough with the others and are left out: {names}.")
+FOCAL_LENGTH = Kind("The focal length is {focal}.", "")
+SOLVED = Kind("The focal length is {focal}, solved{start}.")
+SOLVED_OF_FEW = Kind(
+    "The focal length is {focal}, solved. So few photos can get it wrong: if you know it, give it with --focal.",
+    "The focal length is {focal}, solved. So few photos can get it wrong.",
+)
+FOCAL_IS_A_GUESS = "The photos do not say how strongly the lens magnifies, so depths and sizes are a guess. A third photo helps, and so do the original files, which name the lens."
+GUESSED_OF_TWO = Kind(
+    "The focal length is a guess: {focal}. Two photos do not show it; give it with --focal, or add a third photo.",
+    FOCAL_IS_A_GUESS,
+)
+GUESSED = Kind(
+    "The focal length is a guess: {focal}. The photos do not show it: {low:.0f} to {high:.0f} px fit equally well. Give it with --focal, or show things at several depths.",
+    FOCAL_IS_A_GUESS,
+)
 
 SEED = 0
 LARGEST_SIDE, FEATURES = 1600, 4096
@@ -109,7 +132,7 @@ class Solution:
         colours: of the points, uint8 [n 3].
         model: the same as a `pycolmap.Reconstruction`, to write it in COLMAP's format; None if the cameras are not COLMAP's.
         unit: "metric" or "unknown".
-        notes: what the user should know, one sentence each.
+        notes: what the user should know.
     """
 
     photos: tuple[PosedPhoto, ...]
@@ -417,9 +440,10 @@ def _solution(
         ) from error  # fmt: skip
     missing = [photo.name for photo in upright if photo.name not in {one.name for one in posed}]
     points = list(model.points3D.values())
-    notes = [*photos.notes, f"The cameras of {len(posed)} of {len(upright)} photos were estimated from the photos."]
+    placed = SOME_PLACED if missing else ALL_PLACED
+    notes: list[str] = [*photos.notes, placed(placed=len(posed), count=len(upright))]
     if missing:
-        notes.append(f"These do not overlap enough with the others and are left out: {listed(missing)}.")
+        notes.append(NOT_PLACED(names=listed(missing)))
     ratios = [_ratio(one) for one in equal]
     sure = held or max(ratios) <= UNSURE * min(ratios)
     if groups is not None and len({groups[photo.name] for photo in posed}) > 1:
@@ -435,30 +459,25 @@ def _solution(
     )
 
 
-def _focal_note(posed: Sequence[PosedPhoto], upright: Sequence[UprightPhoto], held: bool, focal_given: bool) -> str:
+def _focal_note(posed: Sequence[PosedPhoto], upright: Sequence[UprightPhoto], held: bool, focal_given: bool) -> Note:
     """Where the focal length is from."""
     text = _described(posed[0].lens)
     if focal_given:
-        return f"The focal length is {text}, as given."
+        return FOCAL_LENGTH(focal=f"{text}, as given")
     known = all(photo.focal_px is not None for photo in upright)
     if held and known:
-        return f"The focal length is {text}, from EXIF."
+        return FOCAL_LENGTH(focal=f"{text}, from EXIF")
     if held:
-        return f"The focal length is a guess: {text}. Two photos do not show it; give it with --focal, or add a third photo."
+        return GUESSED_OF_TWO(focal=text)
     if not known and len(posed) < DISTORTED:
-        return (
-            f"The focal length is {text}, solved. So few photos can get it wrong: if you know it, give it with --focal."
-        )
-    return f"The focal length is {text}, solved{' from the one in EXIF' if known else ''}."
+        return SOLVED_OF_FEW(focal=text)
+    return SOLVED(focal=text, start=" from the one in EXIF" if known else "")
 
 
-def _unsure_note(lens: Lens, ratios: Sequence[float]) -> str:
+def _unsure_note(lens: Lens, ratios: Sequence[float]) -> Note:
     """Which focal lengths fit equally well."""
     low, high = (ratio * max(lens.size) for ratio in (min(ratios), max(ratios)))
-    return (
-        f"The focal length is a guess: {_described(lens)}. The photos do not show it: {low:.0f} to {high:.0f} px fit equally well. "
-        "Give it with --focal, or show things at several depths."
-    )
+    return GUESSED(focal=_described(lens), low=low, high=high)
 
 
 def _described(lens: Lens) -> str:

@@ -20,7 +20,15 @@ from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
 from semgs.data.spread import spread
 from semgs.files.errors import InputError
+from semgs.files.notes import Kind
 from semgs.files.text import listed
+
+FEWER_VIEWS = Kind(
+    "{chosen} input views instead of {wanted}: no other frame shares {share:.0%} of what it sees with them."
+)
+LITTLE_SEEN = Kind(
+    "The input views see less than {share:.0%} of each held-out frame, so compare the scores over the seen pixels."
+)
 
 IDEAL_BASELINE = (0.05, 0.15)
 """Relative to the depth. The preference peaks at the geometric mean of the two."""
@@ -70,7 +78,7 @@ class Choice:
         reason: why, one sentence.
         depth_range: near and far of the input views, used to choose targets and to reconstruct; for a training sample, those of its
             scene.
-        notes: what the user should know about the choice, one sentence each.
+        notes: what the user should know about the choice.
     """
 
     context: tuple[int, ...]
@@ -130,11 +138,9 @@ def choose(scene: Scene, count: int) -> Choice:
             break
         chosen.append(further)
     context = tuple(sorted(int(few[index]) for index in chosen))
-    notes = []
+    notes: list[str] = []
     if len(context) < count:
-        notes.append(
-            f"{len(context)} input views instead of {count}: no other frame shares {LEAST_SHARED:.0%} of what it sees with them."
-        )
+        notes.append(FEWER_VIEWS(chosen=len(context), wanted=count, share=LEAST_SHARED))
     return _with_targets(scene, grids, context, scene.depth_range(context, features), "chosen: ", notes)
 
 
@@ -319,10 +325,7 @@ def _with_targets(
         mostly = [index for index in seen if seen[index] >= MOSTLY_SEEN and distance[index] <= 2 * reach]
         targets += sorted(set(mostly) - set(targets), key=lambda index: (distance[index], index))[:1]
     if targets and max(seen[index] for index in targets) < WELL_SEEN:
-        notes = [
-            *notes,
-            f"The input views see less than {WELL_SEEN:.0%} of each held-out frame, so compare the scores over the seen pixels.",
-        ]
+        notes = [*notes, LITTLE_SEEN(share=WELL_SEEN)]
     reason = prefix + _reason(scene, grids, context, bounds)
     return Choice(context, tuple(sorted(targets)), reason, bounds, tuple(notes))
 

@@ -26,12 +26,18 @@ from semgs.data.scene import Scene
 from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError, input_error
 from semgs.files.images.pictures import is_turned, read_header
+from semgs.files.notes import Kind
 
 LAYOUT = "Metashape"
 IMAGES = "images"
 EXPECTED = "the cameras of Metashape as XML"
 DISABLED = ("false", "0")
 START = 4096
+
+UNIT = Kind(
+    "Metashape's unit of length is that of its chunk; if it is metres, use --unit metric.",
+    "Metashape's unit of length is that of its chunk.",
+)
 """Bytes in which the first elements are."""
 
 
@@ -100,7 +106,7 @@ def open_metashape(path: Path) -> Scene:
         frames=tuple(frames),
         absent=tuple(absent),
         notes=(
-            "Metashape's unit of length is that of its chunk; if it is metres, use --unit metric.",
+            UNIT(),
             *note_lacking(disabled, len(every), "cameras are disabled in Metashape and are left out"),
             *note_lacking(unposed, len(cameras), "cameras have no pose and are left out"),
             *note_lacking(absent, len(posed), f"photos of {file.name} are missing"),

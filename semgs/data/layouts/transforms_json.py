@@ -31,6 +31,7 @@ from semgs.data.tables.classes import IGNORE, ClassTable, class_table
 from semgs.files.archives import Archive, Member, members
 from semgs.files.errors import InputError, input_error
 from semgs.files.images.pictures import is_turned, read_header
+from semgs.files.notes import Kind, Note
 from semgs.files.stored import Stored
 
 DETAILS = ("depth_unit",)
@@ -55,6 +56,16 @@ JUDGED, DENSE, ROOM_DEPTH = 3, 0.2, (0.4, 15.0)
 
 OF_COLMAP = "colmap_im_id"
 """nerfstudio's key of frames that COLMAP solved."""
+
+TAKEN_FOR_METRES = Kind(
+    "Lengths are taken for metres, as the depth maps look like a sensor's in a room. The file does not say so: if they are not, use --unit unknown; if they are, "
+    'write "metric": true.',
+    "Lengths are taken for metres, as the depth maps look like a sensor's in a room. The file does not say so.",
+)
+NOT_METRES = Kind(
+    'Lengths are not taken for metres, as the file does not say so and {doubt}; if they are, use --unit metric, or write "metric": true.',
+    'Lengths are not taken for metres, as the file does not say so and {doubt}; if they are, write "metric": true.',
+)
 
 DEPTHS = (".png", ".npy", ".pgm")
 DEPTH_OF_NGP, SCALE_OF_NGP, ENABLED_OF_NGP = "depth_path", "integer_depth_scale", "enable_depth_loading"
@@ -345,7 +356,7 @@ def _focal(fields: Fields, axis: str, side: int) -> float | None:
     return 0.5 * side / math.tan(0.5 * radians)
 
 
-def _unit(shared: Fields, listed: Sequence[Fields], frames: Sequence[Frame]) -> tuple[str, str, list[str]]:
+def _unit(shared: Fields, listed: Sequence[Fields], frames: Sequence[Frame]) -> tuple[str, str, list[Note]]:
     """Metric if the file says so, or if it does not say and a sensor seems to have measured a room in metres. With the reason, and a note if it is a guess."""
     metric = shared.value("metric")
     if isinstance(metric, str) and metric.strip().lower() in ("true", "false"):
@@ -355,13 +366,8 @@ def _unit(shared: Fields, listed: Sequence[Fields], frames: Sequence[Frame]) -> 
         from_colmap = any(fields.value(OF_COLMAP) is not None for fields in listed)
         doubt = "its cameras are COLMAP's, whose unit is arbitrary" if maps and from_colmap else _doubt(maps)
         if doubt is None:
-            return "metric", "its depth maps look like a sensor's in a room, but no file says so", [
-                "Lengths are taken for metres, as the depth maps look like a sensor's in a room. The file does not say so: if they are not, "
-                "use --unit unknown; if they are, write \"metric\": true."
-            ]  # fmt: skip
-        advice = 'if they are, use --unit metric, or write "metric": true'
-        note = f"Lengths are not taken for metres, as the file does not say so and {doubt}; {advice}."
-        return "unknown", "", [note] if doubt else []
+            return "metric", "its depth maps look like a sensor's in a room, but no file says so", [TAKEN_FOR_METRES()]
+        return "unknown", "", [NOT_METRES(doubt=doubt)] if doubt else []
     if not isinstance(metric, bool):
         raise shared.refused("metric", "true or false", repr(metric))
     return ("metric", "the file says so", []) if metric else ("unknown", "", [])

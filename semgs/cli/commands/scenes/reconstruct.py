@@ -30,6 +30,7 @@ from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import say_compiling, show_progress, show_stage
 from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.files.folders import check_apart, check_folder, own_folder
+from semgs.files.notes import Kind, Note
 from semgs.files.paths import check_utf8, existing_folder, files_among
 from semgs.model.networks import NAMES, NetworkName
 from semgs.reconstruction.output.rerun_library import rerun_library
@@ -48,6 +49,9 @@ if TYPE_CHECKING:
 
 MOST_VIEWS = 4
 """The models were trained with at most this many input views."""
+
+RANDOM_WEIGHTS = Kind("The weights are random: the network is untrained, so its output is noise.")
+MANY_VIEWS = Kind("The model was trained with 2 to {most} views; more may blur what several views see.")
 
 
 @dataclass(frozen=True)
@@ -303,13 +307,13 @@ class Reconstruct:
                 f"--views is {self.views}; expected 2 to {MOST_VIEWS} with --all, the views of each window"
             )
 
-    def _notes(self) -> list[str]:
+    def _notes(self) -> list[Note]:
         """Notes for the report that follow from the options."""
         notes = []
         if self.weights == "random":
-            notes.append("The weights are random: the network is untrained, so its output is noise.")
+            notes.append(RANDOM_WEIGHTS())
         if max(self.views, len(self.context)) > MOST_VIEWS:
-            notes.append(f"The model was trained with 2 to {MOST_VIEWS} views; more may blur what several views see.")
+            notes.append(MANY_VIEWS(most=MOST_VIEWS))
         return notes
 
     def _choose(self, scene: Scene) -> Choice:

@@ -31,11 +31,17 @@ from semgs.data.maps import MILLIMETRE, DepthMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
+from semgs.files.notes import Kind
 from semgs.files.text import natural_order
 
 LAYOUT = "RGB-D folders"
 LOOKED_FOR = "color/ (rgb/, images/) with pose/ or traj.txt (RGB-D frames with poses in text)"
 DETAILS = ("intrinsics", "depth_unit")
+
+UNKNOWN_DEPTH_UNIT = Kind(
+    "{count} depth maps are left out because their unit is unknown (--depth-unit 0.001 for millimetres).",
+    "{count} depth maps are left out because their unit is unknown.",
+)
 
 COLOURS = ("color", "colour", "rgb", "image", "images")
 DEPTHS = ("depth", "depths")
@@ -106,12 +112,10 @@ def open_rgbd(path: Path, details: SceneDetails) -> Scene:
     depths = _paired(path, files.pictures, files.depths, "depth maps") if files.depths else {}
     stated = _depth_unit(calibration_file, given is None) if calibration_file and depths else None
     unit = details.depth_unit or stated or (MILLIMETRE if files.source else None)
-    notes = [] if files.depths else _unread(path)
+    notes: list[str] = [] if files.depths else [*_unread(path)]
     if depths and unit is None:
         depths = {}
-        notes.append(
-            f"{len(files.depths)} depth maps are left out because their unit is unknown (--depth-unit 0.001 for millimetres)."
-        )
+        notes.append(UNKNOWN_DEPTH_UNIT(count=len(files.depths)))
     rotated = files.source == "SUN3D"
     maps = {picture: DepthMap(file, unit or MILLIMETRE, rotated) for picture, file in depths.items()}
     poses = _poses(path, files)

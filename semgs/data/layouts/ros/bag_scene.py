@@ -111,7 +111,11 @@ def _recording(path: Path, details: SceneDetails) -> Scene:
         ]
         found = f"{len(frames)} of {len(pictures)}"
         raise InputError(
-            path, "at least two images at times with known poses", found, topic, " ".join([*about_poses, *spans])
+            path,
+            "at least two images at times with known poses",
+            found,
+            topic,
+            " ".join([*about_poses, *spans]),
         )
     unposed = [f"at {one.stamp / 1e9:.3f} s" for one, known in zip(pictures, posed, strict=True) if not known]
     return Scene(

@@ -15,11 +15,21 @@ from semgs.data.layouts.ros.bag import Bag, stamp_of
 from semgs.data.layouts.ros.motions import Motion, make_motion, motions_above
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
+from semgs.files.notes import Kind
 from semgs.files.text import listed
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
+
+SEVERAL_PARENTS = Kind(
+    "TF gives {child} several parents, {parents}; {parent} is used. --world {other} uses another one.",
+    "TF gives {child} several parents, {parents}; {parent} is used.",
+)
+UNNAMED_BODY = Kind(
+    "The poses in {source} do not name their frame; they are assumed to be those of the camera's frame {frame} (--body).",
+    "The poses in {source} do not name their frame; they are assumed to be those of the camera's frame {frame}.",
+)
 
 
 def find_route(bag: Bag, frame_id: str, details: SceneDetails) -> tuple[list[Motion], list[str]]:
@@ -57,9 +67,14 @@ def find_route(bag: Bag, frame_id: str, details: SceneDetails) -> tuple[list[Mot
         raise InputError(bag.path, "one topic of poses", found, "world", advice="choose one: --world TOPIC")
     source, route = next(iter(routes.items()))
     chain = " > ".join([*(step.parent for step in reversed(route)), frame_id])
-    notes = [f"Poses are from {source}: {chain}, interpolated in time."]
+    notes: list[str] = [f"Poses are from {source}: {chain}, interpolated in time."]
     notes += [
-        f"TF gives {step.child} several parents, {listed([step.parent, *others[step.child]])}; {step.parent} is used. --world {others[step.child][0]} uses another one."
+        SEVERAL_PARENTS(
+            child=step.child,
+            parents=listed([step.parent, *others[step.child]]),
+            parent=step.parent,
+            other=others[step.child][0],
+        )
         for step in route
         if step.child in others and step is tree[step.child]
     ]
@@ -70,9 +85,7 @@ def find_route(bag: Bag, frame_id: str, details: SceneDetails) -> tuple[list[Mot
         if step.broken
     ]
     if source in bag.topics and details.body is None and not _says_of_what(bag.first(source)):
-        notes.append(
-            f"The poses in {source} do not name their frame; they are assumed to be those of the camera's frame {frame_id} (--body)."
-        )
+        notes.append(UNNAMED_BODY(source=source, frame=frame_id))
     return route, notes
 
 
