@@ -16,10 +16,10 @@ from semgs.figures.class_images import class_picture, overlay
 from semgs.figures.view_images import as_bytes
 from semgs.geometry.gaussians import Gaussians
 from semgs.objectives.metrics import psnr
-from semgs.reconstruction.network_classes import NetworkClasses
-from semgs.reconstruction.result import GivenSplat
-from semgs.reconstruction.splat_labelling import label_splat
 from semgs.rendering.rendering import label_maps
+from semgs.run.steps.network_classes import NetworkClasses
+from semgs.run.steps.result import GivenSplat
+from semgs.run.steps.splat_labelling import label_splat
 from semgs.segmenters.labelling import Labelling
 
 PHOTOS, SHOWN = (3, 4, 5, 7), 6

@@ -590,7 +590,7 @@ def main(arguments: Sequence[str]) -> int:
     serving.HEADER_SECONDS, serving.SENDING_SECONDS = HEADER_SECONDS, SENDING_SECONDS
     said = io.StringIO()
     rooms, few = "--rooms" in arguments, "--few" in arguments
-    worker = [sys.executable, "-m", "semgs.cli.app_worker", "--cold"] if rooms else NO_WORKER
+    worker = [sys.executable, "-m", "semgs.app.worker", "--cold"] if rooms else NO_WORKER
     attacks = (
         call_with_paths,
         call_gradio_itself,

@@ -21,7 +21,8 @@ FLOORS = (
     ("model", "splats", "depth_maps"),
     ("training", "export", "mapping"),
     ("evaluation", "viewer", "ros"),
-    ("reconstruction", "batch", "app"),
+    ("run",),
+    ("batch", "app"),
     ("cli",),
     ("rooms",),
 )
@@ -393,9 +394,10 @@ def test_optional_libraries_are_imported_in_functions_only():
     assert at_heads((*OPTIONAL, "trimesh")) == {}
 
 
-def test_the_command_line_alone_imports_its_parser():
-    users = {package_of(name) for name, path in modules(ROOT).items() if "tyro" in imported(name, path)}
-    assert users == {"cli", "rooms"}
+def test_the_command_line_alone_parses_and_what_it_runs_says_how_its_options_are_written():
+    using = {name: path for name, path in modules(ROOT).items() if "tyro" in imported(name, path)}
+    assert {package_of(name) for name in using} == {"cli", "run", "rooms"}
+    assert {name for name, path in using.items() if "tyro.cli(" in path.read_text()} == {"semgs.cli.arguments"}
 
 
 def test_texts_in_files_are_utf_8_in_every_locale():

@@ -27,7 +27,7 @@ from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import make_inputs, read_views
 from semgs.export.ply import save_ply
 from semgs.model.semgs import SemGS
-from semgs.reconstruction.pipeline import reconstruct
+from semgs.run.steps.pipeline import reconstruct
 from semgs.training import presets
 from semgs.training.state import TrainingState
 from semgs.training.step import training_step

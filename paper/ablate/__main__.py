@@ -26,11 +26,11 @@ from paper.ablate.training_runs import deadline, train_or_resume
 from paper.program import run
 from semgs.cli.options.execution_options import ExecutionOptions
 from semgs.cli.options.training_options import PresetSettings
-from semgs.cli.options.types import Count, SeveralViews, optional
 from semgs.cli.progress import show_progress, show_stage
-from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
+from semgs.run.options.types import Count, SeveralViews, optional
+from semgs.run.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.training.data.data_sources import ROOMS
 from semgs.training.presets import PRESETS
 from semgs.training.run.execution import Execution

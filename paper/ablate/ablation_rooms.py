@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from semgs.cli.progress import show_progress
-from semgs.cli.usage_errors import what_the_user_gave
+from semgs.run.usage_errors import what_the_user_gave
 
 if TYPE_CHECKING:
     from semgs.training.training_settings import TrainingSettings

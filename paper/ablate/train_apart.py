@@ -13,7 +13,7 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from semgs.cli.usage_errors import UsageError
+from semgs.run.usage_errors import UsageError
 from semgs.training.run.execution import Execution
 from semgs.training.training_settings import TrainingSettings
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from paper.ablate.train_apart import train_apart
-from semgs.cli.usage_errors import UsageError, what_the_user_gave
+from semgs.run.usage_errors import UsageError, what_the_user_gave
 from semgs.training.run.execution import Execution
 from semgs.training.training_settings import TrainingSettings
 

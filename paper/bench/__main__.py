@@ -10,11 +10,11 @@ from typing import Annotated, Literal
 
 from paper.bench.rows import BenchRow, chosen_rows, every_row
 from paper.program import run
-from semgs.cli.options.types import optional
 from semgs.cli.progress import show_progress, show_stage
-from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.atomic import check_file
 from semgs.files.errors import InputError
+from semgs.run.options.types import optional
+from semgs.run.usage_errors import UsageError, what_the_user_gave
 
 
 @dataclass(frozen=True)

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from paper.program import run
-from semgs.cli.device import chosen_device
-from semgs.cli.options.scene_options import SceneOptions
-from semgs.cli.options.types import AutoSize, Count, Device, Protocol, SeveralWeights, Views, optional
 from semgs.cli.progress import show_progress, show_stage
-from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
 from semgs.figures.plotting import check_plotting
 from semgs.files.errors import InputError
 from semgs.files.folders import check_apart, check_folder, own_folder
 from semgs.files.paths import existing_folder, files_among, typed_path
 from semgs.files.strict_json import parse_json
 from semgs.files.text import counted
+from semgs.run.device import chosen_device
+from semgs.run.options.scene_options import SceneOptions
+from semgs.run.options.types import AutoSize, Count, Device, Protocol, SeveralWeights, Views, optional
+from semgs.run.usage_errors import UsageError, what_fits, what_the_user_gave
 
 if TYPE_CHECKING:
     from paper.figure.compared_targets import ComparedTarget, FigurePart

@@ -1,7 +1,7 @@
 """The queue of the app: one job at a time, each in a worker process of its own.
 
 A worker is started before there is a job for it, because importing torch takes seconds. It reads a request as one line of JSON from stdin, and ends with the job, so
-nothing of a job stays in memory. On stderr it reports stages as JSON ({"stage": title, "done": 2, "of": 8}), and an error as a line "semgs: error: ...".
+nothing of a job stays in memory. On stderr it reports stages as JSON ({"stage": title, "done": 2, "of": 8}), and why a job cannot be done ({"refused": sentence}).
 With the first stage it has begun. One that ends earlier is replaced by another, a few times for each job.
 
 Each job has a folder: `room` with the result, which appears once it is complete, and `files` with the uploads. These stay for some time beside a result, so that
@@ -30,10 +30,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from semgs.app.limits import Limits
-from semgs.app.plain_errors import plain
 from semgs.app.requests import Request, RoomOptions
 from semgs.app.uploads import GONE, UnusableUploadError, Upload, check_uploads, content_of, link_or_copy, size_of
-from semgs.files.errors import ERROR_LINE
 from semgs.files.strict_json import parse_json
 from semgs.files.text import counted, printable
 from semgs.runtime.free_memory import free_bytes
@@ -114,6 +112,7 @@ class Job:
         state: where it is.
         stages: in order; all but the last are finished.
         sentence: why it failed.
+        refusal: why the worker cannot do it, as it says; empty until then.
         started: when a worker took it [s]; 0 before.
         ended: when it was over [s]; 0 before.
         pages: how many pages have followed it.
@@ -129,6 +128,7 @@ class Job:
     state: State = "waiting"
     stages: list[Stage] = field(default_factory=list)
     sentence: str = ""
+    refusal: str = ""
     started: float = 0.0
     ended: float = 0.0
     pages: int = 0
@@ -321,7 +321,7 @@ class Jobs:
                 stderr=subprocess.PIPE,
                 text=True,
                 errors="replace",
-                env={**os.environ, "SEMGS_PROGRESS": "json", "TMPDIR": str(temporary.absolute())},
+                env={**os.environ, "TMPDIR": str(temporary.absolute())},
                 start_new_session=True,
             )
 
@@ -388,11 +388,10 @@ class Jobs:
             _end_stage(job)
             if not job.over and code == 0 and (job.room / "room.json").exists():
                 job.state, job.ended = "done", time.time()
-        sentence = next((line for line in reversed(log) if line.startswith(ERROR_LINE)), "").removeprefix(ERROR_LINE)
         if stopped:
             self._fail(job, stopped)
-        elif job.stages and sentence:
-            self._fail(job, plain(sentence, job.request))
+        elif job.refusal:
+            self._fail(job, job.refusal)
         elif job.stages and not job.over:
             self._fail(job, KILLED if code == -signal.SIGKILL else BUG)
             _tell(f"semgs: a worker ended with code {code}:", *log)
@@ -483,11 +482,11 @@ def _watch(process: subprocess.Popen[str], limits: Limits, folders: Sequence[Pat
 
 
 def _listen(job: Job, process: subprocess.Popen[str], log: deque[str]) -> None:
-    """Take over the stages that a worker reports, and keep what else it says, until it has ended."""
+    """Take over what a worker reports, and keep what else it says, until it has ended."""
     assert process.stderr is not None
     begins = True
     while line := process.stderr.readline(MOST_LINE):
-        if begins and not _note_stage(job, line):
+        if begins and not _note_report(job, line):
             log.append(line.rstrip())
         begins = line.endswith("\n")
 
@@ -496,7 +495,7 @@ def _how_it_ended(code: int, log: Sequence[str]) -> str:
     """How a worker ended that has not begun, on one line."""
     if code == -signal.SIGKILL:
         return "the last one was killed, probably because memory ran out"
-    said = next((line for line in reversed(log) if line.strip()), "it said nothing").removeprefix(ERROR_LINE)
+    said = next((line for line in reversed(log) if line.strip()), "it said nothing")
     return f"the last one ended with code {code}: {printable(said)}"
 
 
@@ -506,12 +505,15 @@ def _tell(*lines: str) -> None:
         print(*[printable(line) for text in lines for line in text.splitlines()], sep="\n", file=sys.stderr, flush=True)
 
 
-def _note_stage(job: Job, line: str) -> bool:
-    """Take over a stage that a worker reports. Returns whether the line is one."""
+def _note_report(job: Job, line: str) -> bool:
+    """Take over a stage that a worker reports, or why it cannot do the job. Returns whether the line is one of these."""
     if not line.startswith("{"):
         return False
     try:
         told = json.loads(line)
+        if "refused" in told:
+            job.refusal = printable(str(told["refused"]))
+            return True
         title, done, of = str(told["stage"]), int(told.get("done", 0)), int(told.get("of", 0))
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return False

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-import re
 import secrets
 import sys
 import time
@@ -53,19 +52,6 @@ REMOTE = (
 )
 
 EMPTY = '<div class="quiet">Your room will appear here.</div>'
-
-STAGE_NAMES = (
-    (r"Estimating the cameras of (\d+) photos: about (\d+) s", r"Finding where the \1 photos were taken (about \2 s)"),
-    (r"Choosing among (\d+) frames", r"Choosing among \1 photos"),
-    (r"Checking the cameras", "Checking the cameras"),
-    (r"Reading \d+ frames.*", "Reading the photos"),
-    (r"Encoding (\d+) views with .*", r"Building the room from \1 photos"),
-    (r"Comparing the exposure.*", "Comparing brightness"),
-    (r"Refining ([\d,]+) Gaussians in \d+ steps", r"Sharpening \1 Gaussians"),
-    (r"Rendering \d+ views.*", "Rendering"),
-    (r"Writing the scene and its renders|Reading the scene|Writing", "Writing files"),
-)
-"""Stages of the command line in words for the page."""
 
 KEEP_ADDRESS = """(identifier) => {
     const address = new URL(window.location);
@@ -543,7 +529,7 @@ def status_text(job: Job | None, limits: Limits, ahead: int = 0, sentence: str =
         return f'<div class="status" role="status"><p><b>Waiting.</b> {what}</p></div>'
     lines = []
     for stage in job.stages[-7:]:
-        title = escape(stage_name(stage.title))
+        title = escape(stage.title)
         if stage.seconds is None:
             share = f'<progress max="{stage.of}" value="{stage.done}"></progress>' if stage.of else ""
             lines.append(f'<li class="now"><span>{title}</span>{share}{_clock(stage.start)}</li>')
@@ -555,14 +541,6 @@ def status_text(job: Job | None, limits: Limits, ahead: int = 0, sentence: str =
         f'<div class="status" role="status" aria-live="polite"><p><b>Working on {escape(job.title)}</b> '
         f"{_clock(job.started)}</p><ol>{''.join(lines)}</ol></div>"
     )
-
-
-def stage_name(title: str) -> str:
-    """The title of a stage in words for the page."""
-    for pattern, words in STAGE_NAMES:
-        if found := re.fullmatch(pattern, title):
-            return found.expand(words)
-    return title
 
 
 def _alert(sentence: str) -> str:

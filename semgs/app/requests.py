@@ -1,4 +1,4 @@
-"""What a user asks the app for, and the command line that does it."""
+"""What a user asks the app for."""
 
 from __future__ import annotations
 
@@ -65,8 +65,8 @@ class RoomOptions:
         if any(given) and (self.first == self.second or not math.isfinite(self.metres) or self.metres > 100):
             raise UnusableUploadError("For the scale, give two different photos and a distance of up to 100 metres.")
 
-    def arguments(self, photos: Mapping[int, str]) -> list[str]:
-        """The options for `semgs reconstruct`.
+    def scale_from(self, photos: Mapping[int, str]) -> tuple[str, ...]:
+        """Two photos and the metres between their cameras; empty if the scale is unknown.
 
         Args:
             photos: of photos without cameras, whose scale can be given, the name of each by its number; else empty.
@@ -74,21 +74,14 @@ class RoomOptions:
         Raises:
             UnusableUploadError: a photo that gives the scale is not among these.
         """
-        words = ["--views", str(self.views), "--refine", *([] if self.refine else ["0"])]
-        if self.segmenter != OWN:
-            words += ["--segmenter", self.segmenter]
-            listed = [word.strip() for word in self.words.split(",") if word.strip()]
-            words += ["--words", *listed] if listed else []
-        if self.depth != "network":
-            words += ["--depth", self.depth]
-        if self.metres > 0 and photos:
-            for number in (self.first, self.second):
-                if number not in photos:
-                    raise UnusableUploadError(
-                        f"Photo {number} cannot give the scale, because there is none with this number or it is damaged. Choose another under Options."
-                    )
-            words += ["--scale-from", photos[self.first], photos[self.second], f"{self.metres:g}"]
-        return words
+        if self.metres <= 0 or not photos:
+            return ()
+        for number in (self.first, self.second):
+            if number not in photos:
+                raise UnusableUploadError(
+                    f"Photo {number} cannot give the scale, because there is none with this number or it is damaged. Choose another under Options."
+                )
+        return photos[self.first], photos[self.second], f"{self.metres:g}"
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import zipfile
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
@@ -39,35 +38,6 @@ DOWNLOADS = {
 MOST_GAUSSIANS = 80_000
 """More would make the page slow on phones."""
 
-PLAIN = (
-    (
-        r"The scale of this scene is unknown.*",
-        "Photos alone do not show how large a room is, so there are no metres. Measure the distance between the places of two photos and give it under Options, Scale.",
-    ),
-    (
-        r"No parallax.*",
-        "All photos were taken from the same place, so depth is a guess. Take a step to the side between photos.",
-    ),
-    (
-        r"No overlap: (.*) shows nothing.*",
-        r"Photo \1 shares too little with the others, so its depth is a guess. Take photos that overlap more.",
-    ),
-    (
-        r"The focal length is a guess.*",
-        "The photos do not say how strongly the lens magnifies, so depths and sizes are a guess. A third photo helps, and so do the original files, which name the lens.",
-    ),
-    (r"The focal length is [^;:]* (as given|from EXIF)\..*|\d+ of \d+ frames of the clip were chosen.*", ""),
-    (r"Which way is up is uncertain.*", "Which way is up is a guess here, so downloaded files may be tilted."),
-    (r"No frame is held out.*", "All photos were used, so nothing is left to check how good new views are."),
-    (r"The cameras of (\d+) of \1 photos were estimated.*", ""),
-    (
-        r"The cameras of (\d+) of (\d+) photos were estimated.*",
-        r"Only \1 of \2 photos could be placed; the others share too little with them. Take more steps to the side, and let photos overlap by half.",
-    ),
-    (r"The exposures of the input photos differ.*", "The photos differ in brightness, so they were made alike."),
-)
-"""Notes of a reconstruction, in words for somebody who sees no command line. An empty one is left out."""
-
 
 def write_room(folder: Path, title: str = "Your room", notes: Sequence[str] = ()) -> None:
     """Write the page of a room into a folder of `semgs reconstruct`: index.html, scene.html, room.json and room.zip.
@@ -75,7 +45,7 @@ def write_room(folder: Path, title: str = "Your room", notes: Sequence[str] = ()
     Args:
         folder: the output of `semgs reconstruct`; files of `semgs export` in it are offered as downloads, too.
         title: of the page.
-        notes: further notes, before those of the report.
+        notes: what the user should know, in words for a page.
 
     Raises:
         InputError: the folder has no scene that can be read.
@@ -89,7 +59,6 @@ def write_room(folder: Path, title: str = "Your room", notes: Sequence[str] = ()
     script = files("semgs.app").joinpath("web/scene.js").read_text(encoding="utf-8")
     page = scene_page(scene, photos_in(folder, scene), up=up, at_most=MOST_GAUSSIANS, things=things, script=script)
     write_text(folder / SCENE, page.html)
-    listed = [*notes, *(note for one in report["notes"] if (note := plain_note(one)))]
     record = {
         "title": title,
         "metric": scene.unit == "metric",
@@ -98,7 +67,7 @@ def write_room(folder: Path, title: str = "Your room", notes: Sequence[str] = ()
         if scene.classes
         else [],
         "things": _things(things, scene.origin),
-        "notes": listed,
+        "notes": list(notes),
         "seconds": report["seconds"],
     }
     write_text(folder / PAGE, _page(folder, scene, report, page, record))
@@ -106,26 +75,6 @@ def write_room(folder: Path, title: str = "Your room", notes: Sequence[str] = ()
     # Sizes of the downloads are only known now.
     write_text(folder / PAGE, _page(folder, scene, report, page, record))
     write_json(folder / RECORD, record)
-
-
-def plain_note(note: str) -> str:
-    """A note of a reconstruction in words for somebody who sees no command line; empty if it says nothing new there."""
-    for pattern, replacement in PLAIN:
-        found = re.fullmatch(pattern, note, re.DOTALL)
-        if found:
-            return found.expand(replacement)
-    return without_options(note)
-
-
-def without_options(note: str) -> str:
-    """A note without the parts that name options of the command line, which the page does not show; unchanged if nothing else is left."""
-    sentences = []
-    pointed = re.sub(r"\s?\(\)", "", re.sub(r"[;,]?\s?\bsee --[a-z-]+", "", note))
-    for sentence in re.split(r"(?<=[.!?])\s+", pointed):
-        parts = [part for part in re.split(r"(?<=[;:])\s+", sentence) if not re.search(r"(^|\s)--[a-z]", part)]
-        if text := " ".join(parts).rstrip(";: "):
-            sentences.append(text if text[-1] in ".!?" else f"{text}.")
-    return " ".join(sentences) or note
 
 
 def _page(

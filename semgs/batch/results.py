@@ -25,18 +25,18 @@ REPORTED = ("reconstruct", "label-splat")
 """Commands that write a report."""
 
 
-def read_scores(task: Task) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Mean scores of the held-out views, or of the input views if there are none, and the notes of a report; nothing for other commands.
+def read_scores(task: Task) -> dict[str, float]:
+    """Mean scores of the held-out views, or of the input views if there are none, of a report; nothing for other commands.
 
     Raises:
         InputError: the report is damaged.
     """
     if task.command not in REPORTED:
-        return {}, ()
+        return {}
     report = read_json(task.out / task.result / "report.json", "a report")
     means = report["means"]["target"] or report["means"]["context"]
     scores = {name: float(means[name]) for name in SCORES if means.get(name) is not None}
-    return {**scores, "gaussians": float(report["gaussians"])}, tuple(report["notes"])
+    return {**scores, "gaussians": float(report["gaussians"])}
 
 
 def write_picture(task: Task, path: Path) -> None:

@@ -6,9 +6,9 @@ import hashlib
 import json
 import os
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,13 +16,23 @@ from typing import Any
 from semgs._version import __version__
 from semgs.files.errors import InputError
 from semgs.files.strict_json import read_json
+from semgs.run.outcome import Run
 from semgs.runtime.stamps import stamps
 
 CAMERAS = "transforms.json"
 """A scene in one file, whose photos are beside it."""
 
-WRITTEN = ("--rerun",)
+PLACES = {
+    "reconstruct": ("scene", "out"), "poses": ("photos", "out"), "doctor": ("scene", "page"), "export": ("scene", "out"), "label": ("src", "out"),
+    "label-splat": ("splat", "out"),
+}  # fmt: skip
+"""The options in which each command has its input and its output."""
+
+WRITTEN = ("--rerun", "--fix")
 """Options that name a file to write: it is no input once it is there."""
+
+NAME = "{name}"
+"""What stands for the name of a scene in options."""
 
 
 @dataclass(frozen=True)
@@ -34,21 +44,54 @@ class Task:
         scene: its file or folder.
         out: the folder of the batch.
         result: what the command writes in it: "office", or "office.html".
-        arguments: of the command line, such as ("reconstruct", "scans/office", "--out", "out/office").
-        fingerprint: of these arguments and of what they read: other options or other photos have another one.
+        command: the command, such as "reconstruct".
+        options: of the command, with this scene and its result.
+        fingerprint: of these options and of what they read: other options or other photos have another one.
     """
 
     name: str
     scene: Path
     out: Path
     result: str
-    arguments: tuple[str, ...]
+    command: str
+    options: Run
     fingerprint: str
 
-    @property
-    def command(self) -> str:
-        """The command."""
-        return self.arguments[0]
+
+def task_of(command: str, given: Run, scene: Path, name: str, out: Path, result: str) -> Task:
+    """The task of a scene.
+
+    Args:
+        command: to run.
+        given: its options, of any scene; `NAME` in them stands for the name of this one.
+        scene, name, out, result: as for `Task`.
+    """
+    source, target = PLACES[command]
+    here = _named(given, name)
+    said = [command, *_words({key: value for key, value in vars(here).items() if key not in (source, target)})]
+    options = replace(here, **{source: scene, target: out / result})
+    return Task(name, scene, out, result, command, options, fingerprint(said, [scene]))
+
+
+def _named(value: Any, name: str) -> Any:
+    """Options in which a scene's name is put in place of `NAME`."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return replace(value, **{one.name: _named(getattr(value, one.name), name) for one in fields(value)})
+    if isinstance(value, str | Path):
+        return type(value)(str(value).replace(NAME, name))
+    return tuple(_named(one, name) for one in value) if isinstance(value, tuple) else value
+
+
+def _words(values: Mapping[str, Any]) -> list[str]:
+    """Values by the name of their option as "--name=value", one for each part of a value."""
+    words = []
+    for name, value in values.items():
+        if is_dataclass(value):
+            words += _words(vars(value))
+        else:
+            option = name.replace("_", "-")
+            words += [f"--{option}={one}" for one in (value if isinstance(value, tuple) else (value,))]
+    return words
 
 
 def fingerprint(options: Sequence[str], inputs: Sequence[Path]) -> str:

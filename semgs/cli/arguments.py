@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
-from difflib import get_close_matches
 from itertools import pairwise, takewhile
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin
@@ -14,8 +13,9 @@ from typing import Any, TypeVar, get_args, get_origin
 import tyro
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
-from semgs.cli.usage_errors import UsageError
 from semgs.files.paths import typed_path
+from semgs.files.text import did_you_mean
+from semgs.run.usage_errors import UsageError
 
 Options = TypeVar("Options")
 
@@ -126,12 +126,6 @@ def parse(options: type[Options], program: str, arguments: Sequence[str]) -> Opt
         if getattr(parsed, option.removeprefix("--").replace("-", "_"), None) == ():
             raise UsageError(f"{option}: expected at least one value, found none; see {program} --help")
     return parsed
-
-
-def did_you_mean(typed: str, known: Iterable[str]) -> str:
-    """ "; did you mean ...?" with the most similar known word; "" if no word is similar."""
-    similar = get_close_matches(typed, list(known), 1)
-    return f"; did you mean {similar[0]}?" if similar else ""
 
 
 def _parse(options: type[Options], program: str, arguments: Sequence[str]) -> Options:

@@ -18,10 +18,11 @@ from importlib import import_module
 from typing import Any
 
 from semgs._version import __version__
-from semgs.cli.terminal import Printable, aligned, open_streams
-from semgs.cli.usage_errors import UsageError, line_for
+from semgs.cli.terminal import Printable, open_streams
 from semgs.files.errors import ERROR_LINE
-from semgs.files.text import printable
+from semgs.files.text import aligned, did_you_mean, printable
+from semgs.run.outcome import Outcome, Run
+from semgs.run.usage_errors import UsageError, line_for
 
 BAD_INPUT = 2
 INTERRUPTED = 128 + signal.SIGINT
@@ -29,15 +30,19 @@ TERMINATED = 128 + signal.SIGTERM
 NOBODY_READS = 128 + 13  # SIGPIPE, which does not exist on all systems
 
 
+RUNS = "semgs.run"
+"""The package of commands that the app and batch run, too."""
+
+
 @dataclass(frozen=True)
 class Command:
     """Where a command is implemented; it is imported only when it runs.
 
     Attributes:
-        place: its module in `semgs.cli.commands`, which does not import torch at module level, and the dataclass in it whose fields are
-            the options and whose `run()` is the command: "scenes.demo:Demo".
+        place: its module in the package, which does not import torch at module level, and the dataclass in it whose fields are
+            the options and whose `run` is the command: "scenes.demo:Demo".
         summary: its line in `semgs --help`.
-        package: another one that has the module; it may not be installed.
+        package: which has the module; one of another distribution may not be installed.
     """
 
     place: str
@@ -65,19 +70,17 @@ class Command:
 
 COMMANDS = {
     "demo": Command("scenes.demo:Demo", "Reconstruct the included sample room."),
-    "reconstruct": Command("scenes.reconstruct:Reconstruct", "Turn posed photos of a room into a labelled 3D scene."),
-    "doctor": Command("scenes.doctor:Doctor", "Check a scene's cameras, and name the mistake if they are wrong."),
-    "poses": Command("scenes.poses:Poses", "Estimate the cameras of photos or a clip, and write them as a scene."),
+    "reconstruct": Command("reconstruct:Reconstruct", "Turn posed photos of a room into a labelled 3D scene.", RUNS),
+    "doctor": Command("doctor:Doctor", "Check a scene's cameras, and name the mistake if they are wrong.", RUNS),
+    "poses": Command("poses:Poses", "Estimate the cameras of photos or a clip, and write them as a scene.", RUNS),
     "query": Command("scenes.query:Query", "Find what looks like an embedding in a reconstructed scene."),
-    "export": Command("scenes.export:Export", "Write a scene for splat viewers, point clouds, ROS or training."),
+    "export": Command("export:Export", "Write a scene for splat viewers, point clouds, ROS or training.", RUNS),
     "render": Command("scenes.render:Render", "Render images or a video along a camera path."),
     "view": Command("scenes.view:View", "Show a scene in 3D in the browser, or write it as one page."),
     "app": Command("scenes.app:App", "Open a page in the browser that makes labelled rooms from photos."),
-    "prepare": Command("scenes.prepare:Prepare", "Convert scenes to compact zip files for training."),
-    "label": Command("scenes.label:Label", "Label scenes with a 2D segmenter, to train a network on its answers."),
-    "label-splat": Command(
-        "scenes.label_splat:LabelSplat", "Give a splat of another program classes, from its photos."
-    ),
+    "prepare": Command("prepare:Prepare", "Convert scenes to compact zip files for training.", RUNS),
+    "label": Command("label:Label", "Label scenes with a 2D segmenter, to train a network on its answers.", RUNS),
+    "label-splat": Command("label_splat:LabelSplat", "Give a splat of another program classes, from its photos.", RUNS),
     "batch": Command("scenes.batch:Batch", "Run a command for many scenes, several at a time."),
     "rooms": Command("rooms_command:Rooms", "Generate synthetic rooms with labels, depth and poses.", "semgs_rooms"),
     "train": Command("networks.train:Train", "Train, or resume training."),
@@ -183,27 +186,38 @@ def _run(arguments: list[str]) -> int:
         print(f"semgs {__version__}")
         return 0
     if name not in COMMANDS:
-        from semgs.cli.arguments import did_you_mean
-
         known = f"expected one of {', '.join(COMMANDS)}"
         raise UsageError(f"unknown command {name!r}{did_you_mean(name, COMMANDS)}; {known}; see semgs --help")
     return run_command(COMMANDS[name].load(), f"semgs {name}", rest)
 
 
 def run_command(options: type[Any], program: str, arguments: Sequence[str]) -> int:
-    """Parse the arguments into a dataclass of options, call its `run()` and return the exit code: what it returns, 0 for None.
+    """Parse the arguments into a dataclass of options, run it, and return the exit code. What a `semgs.run.outcome.Run` says is printed; others print themselves, and
+    return their exit code, None for 0.
 
     Raises:
         UsageError: the options are wrong.
         InputError: a given file cannot be used.
     """
     from semgs.cli.arguments import parse
+    from semgs.cli.progress import Terminal
 
     own, others = options.split(arguments) if hasattr(options, "split") else (arguments, None)
     given = parse(options, program, own)
     with redirect_stdout(Printable(sys.stdout)):
+        if isinstance(given, Run):
+            return _told(given.run(Terminal()))
         code: int | None = given.run() if others is None else given.run_with(others)
     return code or 0
+
+
+def _told(outcome: Outcome) -> int:
+    """Print what a run says, and return its exit code."""
+    if outcome.lines:
+        print(*outcome.lines, sep="\n")
+    for line in outcome.lacking:
+        print(f"{ERROR_LINE}{printable(line)}", file=sys.stderr)
+    return outcome.code
 
 
 def _help() -> str:

@@ -1,12 +1,7 @@
-"""Progress of long work, shown on stderr if it is a terminal: a spinner and a line for each stage, or a bar with the time left.
-
-If the environment variable `SEMGS_PROGRESS` is "json", stderr gets a line of JSON for each stage instead: {"stage": title}, and for counted work also "done" and "of".
-"""
+"""Progress of long work, shown on stderr if it is a terminal: a spinner and a line for each stage, or a bar with the time left."""
 
 from __future__ import annotations
 
-import json
-import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,22 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from semgs.files.text import printable
-
-VARIABLE = "SEMGS_PROGRESS"
-
-
-def report_stage(title: str, **counts: int) -> bool:
-    """Report a stage to a program that reads stderr. Returns whether one does."""
-    if os.environ.get(VARIABLE) != "json":
-        return False
-    print(json.dumps({"stage": title, **counts}), file=sys.stderr, flush=True)
-    return True
-
-
-def announce(line: str) -> None:
-    """Print a line about work that is about to start; a program that reads stderr gets it as a stage."""
-    if not report_stage(line):
-        print(line)
+from semgs.runtime import progress as running
 
 
 @contextmanager
@@ -40,7 +20,6 @@ def show_stage(title: str) -> Iterator[None]:
 
     If stderr is no terminal, nothing is shown: programs that read it expect errors only.
     """
-    report_stage(title)
     console = Console(stderr=True, highlight=False, markup=False)
     if not console.is_terminal:
         yield
@@ -59,13 +38,6 @@ def show_progress(title: str, total: int) -> Iterator[Callable[..., None]]:
 
     If stderr is no terminal, nothing is shown.
     """
-    if report_stage(title, done=0, of=total):
-
-        def report(count: int, words: str = "") -> None:
-            report_stage(title, done=count, of=total)
-
-        yield report
-        return
     console = Console(stderr=True, highlight=False, markup=False)
     if not console.is_terminal:
         yield lambda count, words="": None
@@ -97,6 +69,19 @@ def show_progress(title: str, total: int) -> Iterator[Callable[..., None]]:
 
 def say_compiling() -> None:
     """Say on stderr, terminal or not, why the first run on a machine takes longer."""
-    if report_stage("Compiling, once on this machine"):
-        return
     print("Compiling kernels, once: about 10 s", file=sys.stderr, flush=True)
+
+
+class Terminal(running.Progress):
+    """Progress as a command shows it."""
+
+    stage = staticmethod(show_stage)  # type: ignore[assignment]
+    steps = staticmethod(show_progress)  # type: ignore[assignment]
+
+    def announce(self, line: str) -> None:
+        """Print a line about work that is about to start."""
+        print(line)
+
+    def compiling(self) -> None:
+        """Say why the first run on a machine takes longer."""
+        say_compiling()

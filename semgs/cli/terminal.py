@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import os
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,12 +25,6 @@ class Printable:
     def __getattr__(self, name: str) -> Any:
         """Everything else is that of the underlying stream."""
         return getattr(self._stream, name)
-
-
-def aligned(rows: Sequence[tuple[str, str]]) -> list[str]:
-    """Lines of name and text, with the texts below each other."""
-    width = max(len(name) for name, _ in rows)
-    return [f"{name:<{width}}  {text}" for name, text in rows]
 
 
 def open_streams() -> None:

@@ -288,7 +288,9 @@ _NO_VIDEOS = "a video has no poses; semgs poses CLIP OUT estimates them, and OUT
 
 def _unknown_layout(path: Path, expected: str) -> InputError:
     """The error for a path without a known layout, with what to do."""
-    return InputError(path, expected, "no known layout", advice=_hint(path))
+    hint = _hint(path)
+    page = f"it has neither photos nor a scene in a layout that is known here; {hint}"
+    return InputError(path, expected, "no known layout", advice=hint, page=page)
 
 
 def _hint(path: Path) -> str:

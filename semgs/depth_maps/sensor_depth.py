@@ -23,7 +23,7 @@ from semgs.depth_maps.depth_fit import DepthFit
 from semgs.depth_maps.registration import Registration, registration
 from semgs.figures.number_texts import percent
 from semgs.files.errors import InputError
-from semgs.files.notes import Kind, Note
+from semgs.runtime.notes import Kind, Note
 from semgs.scene.encoding import Encoding
 
 DepthSource = Literal["network", "sensor", "both"]

@@ -10,7 +10,7 @@ from semgs.data.spread import spread
 from semgs.doctor.diagnosis import diagnose
 from semgs.doctor.mistakes import OF_DEPTH
 from semgs.files.images.pictures import QUARTER_TURN, read_header
-from semgs.files.notes import Kind, Note
+from semgs.runtime.notes import Kind, Note
 
 MOST_FRAMES = 6
 FEATURES = 400

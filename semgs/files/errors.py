@@ -29,6 +29,7 @@ class InputError(ValueError):
         found: what is there instead ("a NaN in row 2"); the middle of a long value is left out.
         key: the place inside the file ("frames[3].transform_matrix"); None for the file itself.
         advice: what the user can do about it; None if that is obvious.
+        page: what is wrong, for people who see no command line and no file; None is the same as on the command line, with the advice.
     """
 
     def __init__(
@@ -38,12 +39,14 @@ class InputError(ValueError):
         found: str,
         key: str | None = None,
         advice: str | None = None,
+        page: str | None = None,
     ) -> None:
         self.path = Path(str(path))
         self.key = key
         self.expected = expected
         self.found = shortened(found)
         self.advice = advice
+        self.page = page
         place = f"{path}: {shortened(key)}" if key else f"{path}"
         found = _TO_OTHERS.sub("", self.found)
         nested = found.startswith(f"{path}: ")  # an error about the same file says more
@@ -52,7 +55,12 @@ class InputError(ValueError):
 
     def __reduce__(self) -> tuple[type[InputError], tuple[object, ...]]:
         """Pickle the parts, not the message."""
-        return type(self), (self.path, self.expected, self.found, self.key, self.advice)
+        return type(self), (self.path, self.expected, self.found, self.key, self.advice, self.page)
+
+    @property
+    def on_page(self) -> str:
+        """Its text for people who see no command line; paths are as given."""
+        return str(self) if self.page is None else printable(" ".join(f"{self.path}: {self.page}".split()))
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from semgs.files.atomic import partial_name
+from semgs.files.atomic import check_file, partial_name
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import typed_path
 
@@ -365,3 +365,21 @@ def _exchange(first: Path, second: Path) -> bool:
     if number in (errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP):
         return False
     raise OSError(number, os.strerror(number), str(first), None, str(second))
+
+
+def check_new_file(path: Path, overwrite: bool | None = None, inputs: Iterable[str | Path | None] = ()) -> None:
+    """Check that a file can be written, and replaced only if the user wants it.
+
+    Args:
+        path: the file.
+        overwrite: whether --overwrite is given; None if the command has no such option.
+        inputs: what will be read, as for `check_apart`.
+
+    Raises:
+        InputError: it exists, is an input, or cannot be written.
+    """
+    check_apart(path, inputs)
+    if path.exists() and not overwrite:
+        advice = "choose another name" if overwrite is None else "use --overwrite to replace it"
+        raise InputError(path, "a new file", "one that exists", advice=advice)
+    check_file(path)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
 
 
 def printable(text: str) -> str:
@@ -44,6 +45,18 @@ def counted(count: int, one: str, more: str = "") -> str:
         more: the same for several; by default with an s at the end.
     """
     return f"{count:,} {one if count == 1 else more or f'{one}s'}"
+
+
+def aligned(rows: Sequence[tuple[str, str]]) -> list[str]:
+    """Lines of name and text, with the texts below each other."""
+    width = max(len(name) for name, _ in rows)
+    return [f"{name:<{width}}  {text}" for name, text in rows]
+
+
+def did_you_mean(typed: str, known: Iterable[str]) -> str:
+    """ "; did you mean ...?" with the most similar known word; "" if no word is similar."""
+    similar = get_close_matches(typed, list(known), 1)
+    return f"; did you mean {similar[0]}?" if similar else ""
 
 
 def natural_order(name: str) -> tuple[list[tuple[int, str]], str]:

@@ -320,7 +320,7 @@ class SemGS(nn.Module):
 
         Args:
             views: the input views of one scene.
-            targets: target views to render as well, as `semgs.reconstruction.pipeline` does.
+            targets: target views to render as well, as `semgs.run.steps.pipeline` does.
             available_bytes: as for `semgs.model.memory.memory_plan.memory_plan`.
 
         Raises:

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from time import perf_counter
 
 from semgs.runtime.compile_time import watch_compiling
+from semgs.runtime.progress import Progress
 
 COMPILE = "compile"
 """The stage for compiling kernels, in whichever stage it happens. It is absent if all kernels are cached on disk."""
-
-
-@contextmanager
-def _show_no_steps(title: str, count: int) -> Iterator[Callable[[int], object]]:
-    """Show nothing."""
-    yield lambda steps: None
 
 
 class Stages:
@@ -27,36 +22,26 @@ class Stages:
         stages.seconds["read"]
 
     Args:
-        show: context manager around each stage, given its title, such as a spinner. By default nothing is shown.
-        show_steps: the same around a stage of counted steps, given its title and their number, such as a bar. It yields a function that is
-            called with the number of steps so far.
-        compiling: called once, when the first kernel is compiled.
+        progress: shows each stage, and that kernels are compiled. By default nothing is shown.
 
     Attributes:
         seconds: wall-clock seconds of each finished stage, without those of `COMPILE`; repeated stages add up.
     """
 
-    def __init__(
-        self,
-        show: Callable[[str], AbstractContextManager[object]] = nullcontext,
-        compiling: Callable[[], object] = lambda: None,
-        show_steps: Callable[[str, int], AbstractContextManager[Callable[[int], object]]] = _show_no_steps,
-    ) -> None:
-        self._show = show
-        self._show_steps = show_steps
-        self._compiling = compiling
+    def __init__(self, progress: Progress | None = None) -> None:
+        self._progress = progress or Progress()
         self.seconds: dict[str, float] = {}
 
     @contextmanager
     def __call__(self, name: str, title: str) -> Iterator[None]:
         """Time a stage: `name` is its key in `seconds`, `title` is shown."""
-        with self._show(title), self._timing(name):
+        with self._progress.stage(title), self._timing(name):
             yield
 
     @contextmanager
-    def steps(self, name: str, title: str, count: int) -> Iterator[Callable[[int], object]]:
+    def steps(self, name: str, title: str, count: int) -> Iterator[Callable[[int], None]]:
         """Time a stage of counted steps. Call the yielded function with the number of steps so far."""
-        with self._show_steps(title, count) as done, self._timing(name):
+        with self._progress.steps(title, count) as done, self._timing(name):
             yield done
 
     @contextmanager
@@ -73,7 +58,7 @@ class Stages:
         """Report it, the first time."""
         if COMPILE not in self.seconds:
             self.seconds[COMPILE] = 0.0
-            self._compiling()
+            self._progress.compiling()
 
 
 def now() -> float:

@@ -13,8 +13,8 @@ import numpy as np
 from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import MOST_PIXELS, jpeg_bytes
-from semgs.files.notes import Kind
 from semgs.files.paths import check_utf8
+from semgs.runtime.notes import Kind
 from semgs.sfm.clip_containers import check_container, only_this_file
 from semgs.sfm.clip_sizes import check_clip_size, limit_frames
 from semgs.sfm.photos import BLANK, QUALITY, PhotoSet, UprightPhoto, is_panorama, sharpness_of, small_grey
@@ -80,7 +80,9 @@ def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
     check_container(path)
     judged = list(_judged(path))
     if not judged:
-        raise InputError(path, "a video that OpenCV can decode", "no frames", advice="convert it to H.264 in MP4")
+        advice = "convert it to H.264 in MP4"
+        page = "it cannot be decoded. Convert it to H.264 in MP4"
+        raise InputError(path, "a video that OpenCV can decode", "no frames", advice=advice, page=page)
     usable = [one for one in judged if one.sharpness > 0]
     if not usable:
         raise InputError(path, "a video with pictures", f"{len(judged)} black or blank frames")

@@ -237,7 +237,9 @@ def copy_photos(path: Path, folder: Path) -> PhotoSet:
         *counted(again, count, "photos are copies of another and are left out"),
     ]
     if len(photos) < 2:
-        raise InputError(path, "two or more photos", f"{len(photos) or 'none'}", advice=" ".join(notes) or None)
+        advice = " ".join(notes)
+        page = f"fewer than two can be used. {advice}"
+        raise InputError(path, "two or more photos", f"{len(photos) or 'none'}", advice=advice or None, page=page)
     soft = [
         photo.name for photo, sharp in zip(photos, sharpness, strict=True) if sharp < BLURRED * np.median(sharpness)
     ]

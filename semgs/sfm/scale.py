@@ -63,13 +63,27 @@ def scaled(world_from_camera: np.ndarray, scale: float) -> np.ndarray:
     return pose
 
 
+class NotPlacedError(ValueError):
+    """A photo that should give the scale, but has no camera.
+
+    Attributes:
+        on_page: the same for people who see no command line.
+    """
+
+    def __init__(self, name: str, photos: Sequence[PosedPhoto]) -> None:
+        there = f"{photos[0].name} to {photos[-1].name}, or 0 to {len(photos) - 1}"
+        super().__init__(f"--scale-from: no camera was estimated for {name!r}; there are {there}")
+        self.on_page = f"it cannot be found where {name} was taken, so it cannot give the scale. Choose another photo under Options"
+
+
 def named_photo(photos: Sequence[PosedPhoto], name: str) -> PosedPhoto:
     """The photo that a user named: by the name that it had or that its copy has, with or without ending, or by its position among these from 0.
 
     Copies have other names than photos that were converted: a photo on its side, DSC_1.JPG, becomes DSC_1.jpg.
 
     Raises:
-        ValueError: it is not among these, or several have the name.
+        NotPlacedError: it is not among these.
+        ValueError: several have the name.
     """
     for alike in (str, str.casefold):
         wanted = PurePath(alike(name))
@@ -87,9 +101,7 @@ def named_photo(photos: Sequence[PosedPhoto], name: str) -> PosedPhoto:
                 raise ValueError(f"--scale-from: {len(found)} photos are called {name!r}; their copies are {names}")
     if name.isdecimal() and int(name) < len(photos):
         return photos[int(name)]
-    raise ValueError(
-        f"--scale-from: no camera was estimated for {name!r}; there are {photos[0].name} to {photos[-1].name}, or 0 to {len(photos) - 1}"
-    )
+    raise NotPlacedError(name, photos)
 
 
 def _ends_alike(path: PurePath, wanted: PurePath) -> bool:

@@ -7,12 +7,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from semgs.runtime.cores import usable_cores
+from semgs.runtime.notes import Kind
 from semgs.sfm.clips import copy_frames
 from semgs.sfm.photos import copy_photos, with_focal
 from semgs.sfm.pycolmap_library import pycolmap
 from semgs.sfm.scale import KnownDistance, in_metres
 from semgs.sfm.solving import Solution, expected_seconds, solve
 from semgs.sfm.writing import IMAGES, write_colmap, write_transforms
+
+ESTIMATING = Kind(
+    "Estimating the cameras of {count} photos: about {seconds:.0f} s",
+    "Finding where the {count} photos were taken (about {seconds:.0f} s)",
+)
 
 
 @dataclass(frozen=True)
@@ -54,7 +60,7 @@ def write_photo_scene(
     photos = copy_frames(path, images, known.frames) if path.is_file() else copy_photos(path, images)
     listed = photos.photos if known.focal_px is None else with_focal(photos, known.focal_px)
     seconds = expected_seconds(listed, photos.ordered, usable_cores(), known.focal_px is not None)
-    say(f"Estimating the cameras of {len(listed)} photos: about {seconds:.0f} s")
+    say(ESTIMATING(count=len(listed), seconds=seconds))
     solution = solve(photos, listed, known.focal_px is not None)
     if known.distance is not None:
         solution = in_metres(solution, known.distance)

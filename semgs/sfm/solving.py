@@ -18,9 +18,9 @@ import numpy as np
 
 from semgs.data.cameras.lens import Lens
 from semgs.files.errors import InputError
-from semgs.files.notes import Kind, Note
 from semgs.files.paths import check_utf8
 from semgs.files.text import listed
+from semgs.runtime.notes import Kind, Note
 from semgs.sfm.certainty import MOST_DEG, TURNED, direction_error_deg, matches_of, parallax_px
 from semgs.sfm.lens_groups import BETTER, copy_with_cameras, describe_groups, group_by_focal, may_be_several
 from semgs.sfm.photos import PhotoSet, UprightPhoto
@@ -204,9 +204,13 @@ def solve(photos: PhotoSet, upright: Sequence[UprightPhoto], focal_given: bool =
             equal, groups = _with_several_lenses(database, photos.folder, work, upright, equal)
         model = equal[0] if equal else None
         if model is None or _median_angle_deg(model) < LEAST_ANGLE_DEG or not _shows_motion(model, upright):
-            registered = 0 if model is None else model.num_reg_images()
+            reason = why_not(database, model is not None and model.num_reg_images() > 0)
             raise InputError(
-                photos.path, "photos whose cameras can be estimated", *_refusal(database, registered, len(upright))
+                photos.path,
+                "photos whose cameras can be estimated",
+                f"{reason.found} ({len(upright)} photos)",
+                advice=reason.hint,
+                page=f"it cannot be found where they were taken: {reason.found}. {reason.hint}",
             )
     return _solution(equal, photos, upright, held, focal_given, groups)
 
@@ -408,12 +412,6 @@ def _median_angle_deg(model: Any) -> float:
         rays /= np.linalg.norm(rays, axis=1, keepdims=True)
         angles.append(np.degrees(np.arccos(np.clip(rays @ rays.T, -1, 1).min())))
     return float(np.median(angles)) if angles else 0.0
-
-
-def _refusal(database: Path, registered: int, count: int) -> tuple[str, None, str]:
-    """What was found instead of cameras, and what helps: the last arguments of an InputError."""
-    reason = why_not(database, registered > 0)
-    return f"{reason.found} ({count} photos)", None, reason.hint
 
 
 def _solution(

@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from semgs.app.jobs import BUG, KILLED, NO_WORKER, TOO_LARGE, TOO_MUCH, UPLOAD_SECONDS, Job, Jobs, _listen, _note_stage
+from semgs.app.jobs import BUG, KILLED, NO_WORKER, TOO_LARGE, TOO_MUCH, UPLOAD_SECONDS, Job, Jobs, _listen, _note_report
 from semgs.app.limits import Limits
 from semgs.app.requests import Request, RoomOptions
 from semgs.app.uploads import UnusableUploadError, Upload, content_of
@@ -56,7 +56,7 @@ if what == "leave":
     (pathlib.Path(tempfile.mkdtemp()) / "photo.jpg").touch()
     os.kill(os.getpid(), 9)
 if what == "fail":
-    print("semgs: error: photos/IMG_0.jpg: too dark; see --size and --views", file=sys.stderr)
+    print(json.dumps({"refused": "IMG_0.jpg: too dark."}), file=sys.stderr, flush=True)
     sys.exit(2)
 if what == "bug":
     raise RuntimeError("secret")
@@ -206,7 +206,7 @@ def test_an_error_becomes_a_sentence_and_the_photos_stay_for_another_try(start: 
     uploads = photos(tmp_path / "uploads")
     job = jobs.submit(uploads, asked("fail"))
     wait(lambda: job.over)
-    assert job.sentence == "IMG_0.jpg: too dark; use fewer views or smaller photos."
+    assert job.sentence == "IMG_0.jpg: too dark."
     assert uploads[0].path.exists()
     again = jobs.submit(uploads)
     wait(lambda: again.over)
@@ -244,7 +244,7 @@ def test_workers_that_the_system_refuses_cost_one_job_and_the_next_one_runs(
     ("death", "why"),
     [
         ("os.kill(os.getpid(), 9)", "the last one was killed, probably because memory ran out"),
-        ("sys.exit('semgs: error: no weights')", "the last one ended with code 1: no weights"),
+        ("sys.exit('no weights')", "the last one ended with code 1: no weights"),
         ("raise ImportError('torch')", "the last one ended with code 1: ImportError: torch"),
         ("sys.exit()", "the last one ended with code 0: it said nothing"),
     ],
@@ -437,26 +437,26 @@ def test_a_job_that_made_no_room_is_forgotten_after_ten_minutes(start: Callable[
 )
 def test_a_line_that_is_no_stage_is_none(line: str) -> None:
     job = Job("x", Path(), Request("example", [], "", {}), "a zip")
-    assert not _note_stage(job, line)
+    assert not _note_report(job, line)
     assert job.stages == []
 
 
 def test_in_a_worker_libraries_that_print_past_python_are_not_heard() -> None:
     """libpng prints the name of a colour profile: it would pass for a stage."""
-    lines = "import os, sys; from semgs.cli.app_worker import speak_alone; speak_alone()"
+    lines = "import os, sys; from semgs.app.worker import speak_alone; speak_alone()"
     program = f"{lines}; os.write(2, b'libpng'); os.system('echo child >&2'); print('ours', file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=120)
     assert done.stderr == "ours\n"
 
 
 def test_a_line_of_a_worker_is_kept_up_to_a_limit(tmp_path: Path):
-    script = "import sys; sys.stderr.write('semgs: error: ' + 9_000_000 * 'x' + '\\nsecond\\n')"
+    script = "import sys; sys.stderr.write('a library: ' + 9_000_000 * 'x' + '\\nsecond\\n')"
     job = Job("a" * 20, tmp_path, Request("example", [], str(tmp_path), {}), "")
     log: deque[str] = deque(maxlen=10)
     with subprocess.Popen([sys.executable, "-c", script], stderr=subprocess.PIPE, text=True) as process:
         _listen(job, process, log)
     assert [len(line) for line in log] == [4096, 6]
-    assert log[0].startswith("semgs: error: xxx")
+    assert log[0].startswith("a library: xxx")
 
 
 def test_of_too_many_rooms_the_oldest_go_and_the_newest_stays(start: Callable[..., Jobs]):
@@ -502,28 +502,11 @@ def test_options_that_the_page_does_not_offer_are_refused(options: dict):
         RoomOptions(**options).check(("words",), ())
 
 
-def test_options_become_those_of_the_command_line():
-    options = RoomOptions(3, False, "seg.onnx", "mug, power socket", "sensor", 1, 4, 1.25)
-    words = [
-        "--views",
-        "3",
-        "--refine",
-        "0",
-        "--segmenter",
-        "seg.onnx",
-        "--words",
-        "mug",
-        "power socket",
-        "--depth",
-        "sensor",
-    ]
-    assert options.arguments({}) == words
+def test_the_scale_is_that_of_two_photos_by_their_names():
+    options = RoomOptions(first=1, second=4, metres=1.25)
     photos = {1: "IMG_7.jpg", 2: "IMG_8.jpg", 4: "IMG_10.jpg"}  # the third is damaged
-    assert options.arguments(photos) == [*words, "--scale-from", "IMG_7.jpg", "IMG_10.jpg", "1.25"]
+    assert options.scale_from(photos) == ("IMG_7.jpg", "IMG_10.jpg", "1.25")
+    assert options.scale_from({}) == RoomOptions().scale_from(photos) == ()
     for number in (3, 5):
         with pytest.raises(UnusableUploadError, match=rf"^Photo {number} cannot give the scale, [^.]+\. [^.]+\.$"):
-            RoomOptions(first=1, second=number, metres=1.0).arguments(photos)
-
-
-def test_a_room_is_refined_unless_the_user_says_otherwise():
-    assert RoomOptions().arguments({}) == ["--views", "2", "--refine"]
+            RoomOptions(first=1, second=number, metres=1.0).scale_from(photos)

@@ -17,7 +17,7 @@ import pytest
 from chromium import page_of
 from room_folders import write_reconstruction
 
-from semgs.app.room import plain_note, write_room
+from semgs.app.room import write_room
 from semgs.scene.scene_file import FILE_NAME, load_scene, save_scene
 
 
@@ -41,7 +41,7 @@ def served(folder: Path) -> Iterator[str]:
 @pytest.fixture(scope="module")
 def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = write_reconstruction(tmp_path_factory.mktemp("room") / "out", refined=True)
-    write_room(folder, "My <room>", ["b.jpg is damaged and was left out."])
+    write_room(folder, "My <room>", ["b.jpg is damaged and was left out.", "Something <b>new</b>."])
     return folder
 
 
@@ -74,53 +74,12 @@ def test_the_report_opens_where_the_files_are_that_it_links_to(tmp_path: Path):
     assert '<a href="report.html" target="_blank">' in (folder / "index.html").read_text()
 
 
-def test_notes_are_in_plain_words_and_escaped_and_none_is_lost(room: Path):
-    notes = json.loads((room / "room.json").read_text())["notes"]
-    assert notes[0] == "b.jpg is damaged and was left out."
-    assert notes[1].startswith("Only 2 of 3 photos could be placed")
-    assert notes[2].startswith("Photos alone do not show how large a room is")
-    assert notes[3:] == ["Something <b>new</b>.", "Fix it with --size."]
+def test_notes_are_escaped_and_none_is_lost(room: Path):
+    assert json.loads((room / "room.json").read_text())["notes"] == [
+        "b.jpg is damaged and was left out.",
+        "Something <b>new</b>.",
+    ]
     assert "Something &lt;b&gt;new&lt;/b&gt;." in (room / "index.html").read_text()
-
-
-@pytest.mark.parametrize(
-    ("note", "shown"),
-    [
-        (
-            "The cameras are slightly wrong: matches miss by 2.1 px. --refine-poses corrects that.",
-            "The cameras are slightly wrong: matches miss by 2.1 px.",
-        ),
-        (
-            "The sensor's depth does not fit the model's: a, b. Its unit (see --depth-unit) or the poses may be wrong.",
-            "The sensor's depth does not fit the model's: a, b. Its unit or the poses may be wrong.",
-        ),
-        (
-            "Depth is another (it fits if it is multiplied by 0.001; see --depth-unit); the poses fit.",
-            "Depth is another (it fits if it is multiplied by 0.001); the poses fit.",
-        ),
-        (
-            "Depth is looked for between 0.5 and 15 m, as in rooms. If the unit is not metres, say so: --unit unknown.",
-            "Depth is looked for between 0.5 and 15 m, as in rooms. If the unit is not metres, say so.",
-        ),
-        ("The focal length is 500 px, solved. So few photos can get it wrong: if you know it, give it with --focal.",
-         "The focal length is 500 px, solved. So few photos can get it wrong."),
-        ("Use --anything.", "Use --anything."),
-        ("A dash -- like this -- is no option.", "A dash -- like this -- is no option."),
-    ],
-)  # fmt: skip
-def test_a_warning_keeps_all_but_the_options_of_the_command_line(note: str, shown: str):
-    assert plain_note(note) == shown
-
-
-def test_a_guessed_focal_length_is_told():
-    assert plain_note("The focal length is a guess: 500 px. Two photos do not show it.").startswith(
-        "The photos do not say"
-    )
-    assert plain_note("The focal length is 500 px, from EXIF.") == ""
-
-
-def test_a_note_that_all_photos_were_placed_is_no_news():
-    assert plain_note("The cameras of 3 of 3 photos were estimated from the photos.") == ""
 
 
 @pytest.mark.long

@@ -14,6 +14,7 @@ from semgs.batch.demands import Demands
 from semgs.batch.records import Record
 from semgs.batch.tasks import Task
 from semgs.cli.main import main
+from semgs.run.export import Export
 
 ray = pytest.importorskip("ray", reason="Ray is not installed; pip install -e '.[cluster]' in SemGS's folder")
 
@@ -71,6 +72,14 @@ def write_nothing(task: Task) -> Record:
 
 
 def test_a_task_that_no_machine_has_room_for_is_refused(cluster):
-    task = Task("hall", Path("scans/hall"), Path("out"), "hall", ("export",), "x")
+    task = Task(
+        "hall",
+        Path("scans/hall"),
+        Path("out"),
+        "hall",
+        "export",
+        Export(scene=Path("scans/hall"), out=Path("out/hall")),
+        "x",
+    )
     with pytest.raises(ValueError, match=r"no machine of the cluster has a core, 900.0 GB of memory"):
         next(run_on_cluster(write_nothing, [task], cluster.address, Demands(9e11), set_up_nothing))

@@ -19,13 +19,16 @@ from semgs.batch.records import (
 )
 from semgs.batch.tasks import Task
 from semgs.files.errors import InputError
+from semgs.run.export import Export
+
+EXPORT = Export(scene=Path("scans/hall"), out=Path("hall"))
 
 
 @pytest.fixture
 def task(tmp_path: Path) -> Task:
     (tmp_path / FOLDER).mkdir()
     (tmp_path / PICTURES).mkdir()
-    return Task("hall", Path("scans/hall"), tmp_path, "hall", ("export",), "a")
+    return Task("hall", Path("scans/hall"), tmp_path, "hall", "export", EXPORT, "a")
 
 
 def test_a_task_is_done_if_its_record_fits_and_its_result_is_there(task: Task):

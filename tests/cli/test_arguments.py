@@ -10,10 +10,10 @@ import pytest
 from paper_commands import main
 
 from semgs.cli.arguments import parse
-from semgs.cli.commands.scenes.reconstruct import Reconstruct
-from semgs.cli.options.scene_options import SceneOptions
-from semgs.cli.usage_errors import UsageError
 from semgs.data.scene_details import SceneDetails
+from semgs.run.options.scene_options import SceneOptions
+from semgs.run.reconstruct import Reconstruct
+from semgs.run.usage_errors import UsageError
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "ascii"])

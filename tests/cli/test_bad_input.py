@@ -262,7 +262,7 @@ def test_a_fault_of_ours_keeps_its_traceback_and_leaves_nothing(
     def fault(*_: object) -> None:
         raise ValueError("a fault of ours")
 
-    monkeypatch.setattr("semgs.reconstruction.output.files.save_ply", fault)
+    monkeypatch.setattr("semgs.run.output.files.save_ply", fault)
     with pytest.raises(ValueError, match="a fault of ours"):
         main(["reconstruct", str(scene), "--out", str(tmp_path / "out"), "--weights", "random"])
     assert [path.name for path in tmp_path.iterdir()] == ["scene"]
@@ -274,7 +274,7 @@ def test_an_interrupt_leaves_nothing_behind(
 ) -> None:
     # What a shell starts in the background is deaf to Ctrl-C, and these tests may be among it.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    monkeypatch.setattr("semgs.reconstruction.output.files.save_ply", lambda *_: os.kill(os.getpid(), sent))
+    monkeypatch.setattr("semgs.run.output.files.save_ply", lambda *_: os.kill(os.getpid(), sent))
     try:
         ended = main(["reconstruct", str(scene), "--out", str(tmp_path / "out"), "--weights", "random"])
     finally:

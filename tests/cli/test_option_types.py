@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from semgs.cli.arguments import parse
-from semgs.cli.commands.scenes.reconstruct import Reconstruct
 from semgs.cli.main import main
-from semgs.cli.options.types import (
+from semgs.run.options.types import (
     AutoSize,
     Count,
     Device,
@@ -22,7 +21,8 @@ from semgs.cli.options.types import (
     WeightsOrRandom,
     Workers,
 )  # fmt: skip
-from semgs.cli.usage_errors import UsageError
+from semgs.run.reconstruct import Reconstruct
+from semgs.run.usage_errors import UsageError
 
 
 @dataclass

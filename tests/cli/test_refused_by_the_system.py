@@ -22,8 +22,8 @@ from privileges import permissions_hold
 from semgs.cli.arguments import parse
 from semgs.cli.commands.scenes.demo import Demo
 from semgs.cli.terminal import Printable
-from semgs.cli.usage_errors import line_for
 from semgs.files.folders import lock_folder
+from semgs.run.usage_errors import line_for
 
 Told = Callable[..., str]
 

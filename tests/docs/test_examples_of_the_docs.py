@@ -32,8 +32,8 @@ from doc_examples import (
 from paper_commands import COMMANDS as WORKSHOP
 from sybil import Example
 
-from semgs.cli.usage_errors import UsageError
 from semgs.files.errors import InputError
+from semgs.run.usage_errors import UsageError
 
 __all__ = ["asset_folder", "box_mesh", "write_mesh"]
 

@@ -16,17 +16,17 @@ from typing import Any
 
 WARM = {
     "train": (
-        "semgs.training.loop", "semgs.cli.commands.networks.train", "semgs.cli.commands.scenes.reconstruct", "torch.utils.tensorboard",
+        "semgs.training.loop", "semgs.cli.commands.networks.train", "semgs.run.reconstruct", "torch.utils.tensorboard",
     ),
     "reconstruct": (
-        "semgs.cli.commands.scenes.reconstruct",
-        "semgs.reconstruction.output.files", "semgs.reconstruction.pipeline", "semgs.export.ply", "semgs.scene.scene_file",
+        "semgs.run.reconstruct",
+        "semgs.run.output.files", "semgs.run.steps.pipeline", "semgs.export.ply", "semgs.scene.scene_file",
         "semgs.rendering.render", "semgs.model.weights.load",
     ),
     "rooms": ("semgs_rooms.rooms_command", "semgs_rooms.sets.dataset"),
-    "prepare": ("semgs.cli.commands.scenes.prepare", "semgs.data.preparation.prepared_set"),
+    "prepare": ("semgs.run.prepare", "semgs.data.preparation.prepared_set"),
     "export": (
-        "semgs.cli.commands.scenes.export", "semgs.scene.scene_file", "semgs.export.ply", "semgs.export.points", "semgs.export.gltf", "semgs.export.colmap"),
+        "semgs.run.export", "semgs.scene.scene_file", "semgs.export.ply", "semgs.export.points", "semgs.export.gltf", "semgs.export.colmap"),
 }  # fmt: skip
 """Imported before the first fork, for each command. None computes anything, so children start threads of their own."""
 

@@ -23,8 +23,8 @@ from fuzz.format import Format
 from fuzz.mutator import mutated
 from fuzz.structures import Draw, edited
 from fuzz.watch import SECRET, TooLong, Watch
-from semgs.cli.usage_errors import line_for
 from semgs.files.errors import InputError
+from semgs.run.usage_errors import line_for
 
 BLOCK = 500
 Changes = dict[str, bytes | None]

@@ -345,7 +345,7 @@ DATA = (
     Mutant(
         "a far scene is moved twice as far as its origin", "semgs/data/scene.py",
         "views.cameras.relative_to(self.origin)", "views.cameras.relative_to(2 * self.origin)",
-        ("tests/reconstruction/test_reconstruct.py",),
+        ("tests/run/test_reconstruct.py",),
     ),
     Mutant(
         "views twice as far apart are preferred", CHOICE,

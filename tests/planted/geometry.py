@@ -124,7 +124,7 @@ GEOMETRY = (
     ),
     Mutant(
         "an origin is added for subtracted", CAMERAS, "poses[..., :3, 3] -= as_float64(origin)", "poses[..., :3, 3] += as_float64(origin)",
-        ("tests/scene/test_scene_file.py", "tests/reconstruction/test_reconstruct.py"),
+        ("tests/scene/test_scene_file.py", "tests/run/test_reconstruct.py"),
     ),
     Mutant(
         "arrays that run backwards are passed on", "semgs/geometry/cameras.py",

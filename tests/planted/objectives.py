@@ -10,7 +10,7 @@ METRICS = "semgs/objectives/metrics.py"
 OF_LOSSES = ("tests/objectives/test_losses.py",)
 OF_DEPTH_LOSSES = ("tests/objectives/test_depth_losses.py",)
 OF_METRICS = ("tests/objectives/test_metrics.py",)
-OF_VIEW_SCORES = ("tests/reconstruction/test_scores.py",)
+OF_VIEW_SCORES = ("tests/run/test_scores.py",)
 OF_SELECTIVE = ("tests/objectives/test_selective.py",)
 
 OBJECTIVES = (

@@ -1,11 +1,11 @@
-"""Errors planted in `semgs/reconstruction` and `semgs/depth_maps`."""
+"""Errors planted in `semgs/run` and `semgs/depth_maps`."""
 
 from __future__ import annotations
 
 from planted.mutant import Mutant
 
-VIEW_SCORES = "semgs/reconstruction/scores.py"
-OF_VIEW_SCORES = ("tests/reconstruction/test_scores.py",)
+VIEW_SCORES = "semgs/run/steps/scores.py"
+OF_VIEW_SCORES = ("tests/run/test_scores.py",)
 
 ALIGNMENT = "semgs/depth_maps/alignment.py"
 OF_ALIGNMENT = ("tests/depth_maps/test_alignment.py",)
@@ -16,8 +16,8 @@ RECONSTRUCTION = (
         "perf_counter() - start - compiled()", "perf_counter() - start", ("tests/runtime/test_stopwatch.py",),
     ),
     Mutant(
-        "percent of confidence are rounded to the nearest", "semgs/reconstruction/output/renders.py",
-        "np.floor(100 *", "np.rint(100 *", ("tests/reconstruction/output/test_renders.py",),
+        "percent of confidence are rounded to the nearest", "semgs/run/output/renders.py",
+        "np.floor(100 *", "np.rint(100 *", ("tests/run/output/test_renders.py",),
     ),
     Mutant(
         "errors of depth are averaged over views, not pixels", VIEW_SCORES,
@@ -39,12 +39,12 @@ RECONSTRUCTION = (
     Mutant(
         "the less certain depth counts more", "semgs/depth_maps/map_depth.py",
         "(depth > 0) / spread.square().clamp(min=1e-12)", "(depth > 0) * spread.square().clamp(min=1e-12)",
-        ("tests/reconstruction/test_depth_maps_of_scenes.py",),
+        ("tests/run/test_depth_maps_of_scenes.py",),
     ),
     Mutant(
         "the sensor's own maps are their reference", "semgs/depth_maps/map_depth.py",
         "views.depths if independent else None", "views.depths",
-        ("tests/reconstruction/test_depth_maps_of_scenes.py::test_the_scenes_own_maps_are_no_reference_for_themselves",),
+        ("tests/run/test_depth_maps_of_scenes.py::test_the_scenes_own_maps_are_no_reference_for_themselves",),
     ),
     Mutant(
         "counts of a map without a unit are metres", "semgs/depth_maps/map_folder.py", "MILLIMETRE if path.suffix", "1.0 if path.suffix",
@@ -68,7 +68,7 @@ RECONSTRUCTION = (
     Mutant(
         "the more a sensor is off, the more it counts", "semgs/depth_maps/sensor_depth.py",
         "weights * variance / (variance + noise)", "weights * noise / (variance + noise)",
-        ("tests/reconstruction/test_sensor_depth.py::test_both_weighs_log_depths_by_their_inverse_variances",),
+        ("tests/run/test_sensor_depth.py::test_both_weighs_log_depths_by_their_inverse_variances",),
     ),
     Mutant(
         "depth maps that lie to the right are found to the left", "semgs/depth_maps/registration.py",
@@ -86,18 +86,18 @@ RECONSTRUCTION = (
         ("tests/scene/test_exposure.py::test_photos_with_known_exposures_become_equal",),
     ),
     Mutant(
-        "photos that are held out say classes too", "semgs/reconstruction/splat_labelling.py",
+        "photos that are held out say classes too", "semgs/run/steps/splat_labelling.py",
         "return [position for position in range(count) if position not in set(held)], held", "return list(range(count)), held",
-        ("tests/reconstruction/test_splat_labelling.py::test_one_of_so_many_photos_is_held_out",),
+        ("tests/run/test_splat_labelling.py::test_one_of_so_many_photos_is_held_out",),
     ),
     Mutant(
         "a splat that looks like no photo is not noticed", "semgs/splats/splat_scene.py",
         "own is None or own > FEW_LIKE_OWN:", "own is None or own >= 0:",
-        ("tests/reconstruction/test_splat_labelling.py::test_cameras_that_do_not_fit_are_noticed",),
+        ("tests/run/test_splat_labelling.py::test_cameras_that_do_not_fit_are_noticed",),
     ),
     Mutant(
-        "pixels that a mask hides vote for the classes of a splat", "semgs/reconstruction/splat_labelling.py",
-        "distributions = distributions.masked_fill(view.hidden, 0)", "pass", ("tests/reconstruction/test_splat_labelling.py::test_pixels_that_a_mask_hides_do_not_vote",),
+        "pixels that a mask hides vote for the classes of a splat", "semgs/run/steps/splat_labelling.py",
+        "distributions = distributions.masked_fill(view.hidden, 0)", "pass", ("tests/run/test_splat_labelling.py::test_pixels_that_a_mask_hides_do_not_vote",),
     ),
     Mutant(
         "the difference of two maps is the error of one", "semgs/depth_maps/alignment.py",

@@ -50,12 +50,12 @@ VIEWER = (
         "focal = height / (2 * tan(fov / 2))", "focal = width / (2 * tan(fov / 2))", OF_VIEWER_CAMERAS,
     ),
     Mutant(
-        "Rerun: the plan is upside down", "semgs/reconstruction/output/rerun_file.py",
+        "Rerun: the plan is upside down", "semgs/run/output/rerun_file.py",
         "found.cells[::-1].tobytes()", "found.cells.tobytes()",
-        ("tests/reconstruction/output/test_rerun_file.py::test_the_plan_is_what_rerun_makes_of_the_same_plan_from_ros",),
+        ("tests/run/output/test_rerun_file.py::test_the_plan_is_what_rerun_makes_of_the_same_plan_from_ros",),
     ),
     Mutant(
-        "Rerun: w is the first number of a quaternion", "semgs/reconstruction/output/rerun_file.py",
+        "Rerun: w is the first number of a quaternion", "semgs/run/output/rerun_file.py",
         "quaternions.roll(-1, -1)", "quaternions",
         ("tests/cli/scenes/test_rerun_option.py::test_each_gaussian_appears_once_at_the_frame_that_it_belongs_to",),
     ),

@@ -9,7 +9,6 @@ from networks import preset
 from posed import posed_cameras, posed_views
 
 from semgs import load, open_scene
-from semgs.cli.device import chosen_precision
 from semgs.data.demo_scene import demo_scene
 from semgs.data.resampling import resized
 from semgs.data.views import Views
@@ -18,6 +17,7 @@ from semgs.geometry.gaussians import Gaussians
 from semgs.geometry.plane_sweep import depth_candidates
 from semgs.model.attention.camera_attention import token_transforms
 from semgs.model.sweep.cost_volume import cost_volume
+from semgs.run.device import chosen_precision
 from semgs.runtime.precision import has_bfloat16_units
 from semgs.scene.encoding import Encoding
 

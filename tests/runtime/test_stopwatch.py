@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from numba.core.event import trigger_event
+from recorded_progress import RecordedProgress
 
 from semgs.runtime import compile_time as compiling
 from semgs.runtime import stopwatch as module
@@ -32,8 +33,8 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 
 def test_compiling_is_said_once_and_kept_out_of_its_stage(clock: Clock) -> None:
-    said: list[str] = []
-    stages = Stages(compiling=lambda: said.append("compiling"))
+    progress = RecordedProgress()
+    stages = Stages(progress)
     with stages("encode", "Encoding"):
         clock.now += 1.0
         with trigger_event("numba:compile"):
@@ -47,16 +48,18 @@ def test_compiling_is_said_once_and_kept_out_of_its_stage(clock: Clock) -> None:
         clock.now += 0.25
     assert stages.seconds == {"compile": 4 + 2 + 3, "encode": 1 + 0.5, "render": 0.25}
     assert next(iter(stages.seconds)) == "compile"
-    assert said == ["compiling"]
+    assert progress.compilations == 1
 
 
 def test_a_stage_that_compiles_nothing_says_nothing(clock: Clock) -> None:
-    stages = Stages(compiling=lambda: pytest.fail("nothing is compiled"))
+    progress = RecordedProgress()
+    stages = Stages(progress)
     with stages("encode", "Encoding"):
         clock.now += 1.0
     with trigger_event("numba:compile"):  # of no stage
         clock.now += 1.0
     assert stages.seconds == {"encode": 1.0}
+    assert progress.compilations == 0
 
 
 def test_a_kernel_from_disk_is_not_compiled(tmp_path: Path) -> None:

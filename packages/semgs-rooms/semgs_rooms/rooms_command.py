@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from semgs.cli.options.types import Count, Size, WorkersOrCores, optional, shown_size
-from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress
-from semgs.cli.usage_errors import UsageError, what_the_user_gave
+from semgs.files.folders import check_new_file
 from semgs.files.text import counted
+from semgs.run.options.types import Count, Size, WorkersOrCores, optional, shown_size
+from semgs.run.usage_errors import UsageError, what_the_user_gave
 from semgs.runtime.cores import usable_cores
 from semgs_rooms.plans.style import Style
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-from semgs.cli.device import chosen_device
-from semgs.cli.options.types import Count, Device, Minutes, PrecisionOrAuto, Workers, at_least, one_word, optional
-from semgs.cli.usage_errors import UsageError
+from semgs.run.device import chosen_device
+from semgs.run.options.types import Count, Device, Minutes, PrecisionOrAuto, Workers, at_least, one_word, optional
+from semgs.run.usage_errors import UsageError
 
 if TYPE_CHECKING:
     from semgs.training.run.execution import Execution

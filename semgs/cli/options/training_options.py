@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 import tyro
 
-from semgs.cli.options.types import height_and_width, one_word, optional, shown_size
 from semgs.data.tables.class_files import read_class_file
 from semgs.data.tables.classes import ClassTable
+from semgs.run.options.types import height_and_width, one_word, optional, shown_size
 from semgs.training.presets import PRESETS
 from semgs.training.training_settings import TrainingSettings
 

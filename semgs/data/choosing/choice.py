@@ -20,8 +20,8 @@ from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
 from semgs.data.spread import spread
 from semgs.files.errors import InputError
-from semgs.files.notes import Kind
 from semgs.files.text import listed
+from semgs.runtime.notes import Kind
 
 FEWER_VIEWS = Kind(
     "{chosen} input views instead of {wanted}: no other frame shares {share:.0%} of what it sees with them."

@@ -26,7 +26,7 @@ from semgs.data.scene import Scene
 from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError, input_error
 from semgs.files.images.pictures import is_turned, read_header
-from semgs.files.notes import Kind
+from semgs.runtime.notes import Kind
 
 LAYOUT = "Metashape"
 IMAGES = "images"

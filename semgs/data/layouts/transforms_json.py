@@ -31,8 +31,8 @@ from semgs.data.tables.classes import IGNORE, ClassTable, class_table
 from semgs.files.archives import Archive, Member, members
 from semgs.files.errors import InputError, input_error
 from semgs.files.images.pictures import is_turned, read_header
-from semgs.files.notes import Kind, Note
 from semgs.files.stored import Stored
+from semgs.runtime.notes import Kind, Note
 
 DETAILS = ("depth_unit",)
 FILE_NAMES = ("transforms.json", "transforms_train.json")

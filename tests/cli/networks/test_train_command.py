@@ -13,8 +13,8 @@ import pytest
 from semgs.cli.arguments import parse
 from semgs.cli.commands.networks.train import Train
 from semgs.cli.main import main
-from semgs.cli.usage_errors import UsageError
 from semgs.objectives.loss_weights import DepthLossWeights
+from semgs.run.usage_errors import UsageError
 from semgs.training.presets import base, paper, preset_changes, small, small_plain
 from semgs.training.run.differences import differences
 from semgs.training.supervision.supervision_settings import CLASS_WEIGHTINGS

@@ -61,7 +61,7 @@ def test_warnings_of_ours_are_one_line_of_the_terminal_and_others_stay(monkeypat
             warnings.formatwarning(kind("said"), kind, "file.py", 7, "line") for kind in (TermsWarning, UserWarning)
         )
 
-    monkeypatch.setattr("semgs.cli.commands.scenes.reconstruct.Reconstruct.run", run)
+    monkeypatch.setattr("semgs.run.reconstruct.Reconstruct.run", run)
     usual = warnings.formatwarning
     assert main(["reconstruct", str(tmp_path), "--out", "none"]) == 0
     assert formatted == ["semgs: said\n", usual(UserWarning("said"), UserWarning, "file.py", 7, "line")]

@@ -17,9 +17,9 @@ from saved_scenes import wall
 import semgs.runtime.workers
 from semgs.cli.commands.scenes.batch import Batch
 from semgs.cli.main import main
-from semgs.cli.usage_errors import UsageError
 from semgs.data.demo_scene import demo_scene
 from semgs.files.atomic import write_json
+from semgs.run.usage_errors import UsageError
 from semgs.scene.scene_file import save_scene
 
 TWO_WORKERS = ("--workers", "2")

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from turned_cameras import write_scene
 
-from semgs.cli.commands.scenes.prepare import _size
 from semgs.cli.main import main
 from semgs.data.preparation import archive, prepared_set
 from semgs.data.scenes import open_scene
+from semgs.run.prepare import _size
 
 
 @pytest.fixture

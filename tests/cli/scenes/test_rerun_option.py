@@ -15,7 +15,7 @@ import pytest
 from turned_cameras import write_scene
 
 import semgs
-import semgs.reconstruction.output.rerun_file
+import semgs.run.output.rerun_file
 from semgs.cli.main import main
 
 pytest.importorskip("rerun")
@@ -167,7 +167,7 @@ def test_a_file_that_fails_halfway_leaves_nothing(tmp_path: Path, monkeypatch: p
     def fails(*_: object) -> None:
         raise RuntimeError("halfway")
 
-    monkeypatch.setattr(semgs.reconstruction.output.rerun_file, "_write_found", fails)
+    monkeypatch.setattr(semgs.run.output.rerun_file, "_write_found", fails)
     with pytest.raises(RuntimeError, match="halfway"):
         main(
             [

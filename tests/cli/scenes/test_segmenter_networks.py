@@ -63,7 +63,7 @@ def test_a_second_run_takes_the_maps_of_the_first(
         yield
 
     monkeypatch.setattr(Exported, "__call__", counted)
-    monkeypatch.setattr("semgs.cli.commands.scenes.reconstruct.show_stage", shown)
+    monkeypatch.setattr("semgs.run.reconstruct.show_stage", shown)
     out = tmp_path / "out"
     run = command(room, out, "--segmenter", str(network))
 

@@ -187,7 +187,7 @@ def test_what_no_splat_can_give_is_refused_before_it_is_read(
     message: str,
 ):
     opened: list[Path] = []
-    monkeypatch.setattr("semgs.cli.commands.scenes.export.open_given", lambda scene, *_: opened.append(scene))
+    monkeypatch.setattr("semgs.run.export.open_given", lambda scene, *_: opened.append(scene))
     splat = save(tmp_path / "a.ply", ply({"vertex": columns_3dgs([known_row()])}))
     assert main(["export", str(splat), *options, "--out", str(tmp_path / "out")]) == 2
     assert message in capsys.readouterr().err

@@ -20,7 +20,7 @@ from semgs.data.scenes import open_scene
 from semgs.geometry.cameras import project
 from semgs.model.semgs import SemGS
 from semgs.model.weights.load import load
-from semgs.reconstruction.pipeline import reconstruct
+from semgs.run.steps.pipeline import reconstruct
 
 
 def manner(name: str) -> Callable[[Path], Scene]:

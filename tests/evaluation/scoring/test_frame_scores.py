@@ -21,8 +21,8 @@ from semgs.evaluation.scoring.score_records import decode_scores, encode_scores
 from semgs.evaluation.scoring.similarity import ssim
 from semgs.evaluation.scoring.summary import summarise
 from semgs.objectives.metrics import depth_scores
-from semgs.reconstruction.scores import by_measure, mean_scores, scores
 from semgs.rendering.rendering import Rendering, likeliest
+from semgs.run.steps.scores import by_measure, mean_scores, scores
 
 MakeScene = Callable[..., Scene]
 

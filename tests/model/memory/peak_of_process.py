@@ -18,7 +18,7 @@ from semgs.data.choosing.choice import choose_named
 from semgs.data.demo_scene import demo_scene
 from semgs.data.scenes import open_scene
 from semgs.model.memory import memory_plan
-from semgs.reconstruction.pipeline import reconstruct
+from semgs.run.steps.pipeline import reconstruct
 from semgs.runtime.allocator import keep_freed_memory
 from semgs.runtime.free_memory import process_bytes
 

@@ -31,7 +31,7 @@ from semgs.model.memory import memory_plan as planning
 from semgs.model.memory import stage_memory
 from semgs.model.memory.memory_plan import NotEnoughMemoryError, Work, stage_bytes
 from semgs.model.semgs import STAGES, SemGS
-from semgs.reconstruction.pipeline import reconstruct
+from semgs.run.steps.pipeline import reconstruct
 from semgs.runtime.free_memory import held_bytes
 
 NEVER_MORE, ALWAYS_MORE = 1.2, 1.0

@@ -13,7 +13,7 @@ import tyro
 
 from semgs.cli.main import run_command, run_guarded
 from semgs.cli.progress import show_progress
-from semgs.cli.usage_errors import UsageError, what_the_user_gave
+from semgs.run.usage_errors import UsageError, what_the_user_gave
 from semgs_rooms.furniture.environment import default_folder, prepare
 from semgs_rooms.furniture.generation import claim, generate
 

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from semgs.cli.options.scene_options import SceneOptions
-from semgs.cli.options.types import AutoSize, Protocol, Views, Weights, optional
-from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress, show_stage
-from semgs.cli.usage_errors import what_fits, what_the_user_gave
 from semgs.figures.plotting import check_plotting
 from semgs.files.errors import InputError
+from semgs.files.folders import check_new_file
 from semgs.files.paths import existing_folder
+from semgs.run.options.scene_options import SceneOptions
+from semgs.run.options.types import AutoSize, Protocol, Views, Weights, optional
+from semgs.run.usage_errors import what_fits, what_the_user_gave
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

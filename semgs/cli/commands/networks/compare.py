@@ -8,9 +8,9 @@ from typing import Annotated, Literal
 
 import tyro
 
-from semgs.cli.options.types import optional
-from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError
+from semgs.run.options.types import optional
+from semgs.run.usage_errors import UsageError, what_the_user_gave
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from semgs.cli.device import chosen_device, chosen_precision
-from semgs.cli.options.depth_options import OWN, DepthMeaning
-from semgs.cli.options.scene_options import SceneOptions
-from semgs.cli.options.segmenter_options import SegmenterOptions
-from semgs.cli.options.types import (
+from semgs.cli.progress import show_progress, show_stage
+from semgs.files.errors import InputError
+from semgs.files.folders import check_apart, check_folder
+from semgs.files.paths import existing_folder, files_among, found_at
+from semgs.run.device import chosen_device, chosen_precision
+from semgs.run.options.depth_options import OWN, DepthMeaning
+from semgs.run.options.scene_options import SceneOptions
+from semgs.run.options.segmenter_options import SegmenterOptions
+from semgs.run.options.types import (
     AutoSize,
     Count,
     Device,
@@ -26,11 +30,7 @@ from semgs.cli.options.types import (
     Workers,
     optional,
 )
-from semgs.cli.progress import show_progress, show_stage
-from semgs.cli.usage_errors import UsageError, what_fits, what_the_user_gave
-from semgs.files.errors import InputError
-from semgs.files.folders import check_apart, check_folder
-from semgs.files.paths import existing_folder, files_among, found_at
+from semgs.run.usage_errors import UsageError, what_fits, what_the_user_gave
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -8,11 +8,11 @@ from typing import Annotated
 
 import tyro
 
-from semgs.cli.options.types import Size, Views, Weights
-from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_stage
-from semgs.cli.usage_errors import UsageError, what_the_user_gave
+from semgs.files.folders import check_new_file
 from semgs.files.paths import files_among
+from semgs.run.options.types import Size, Views, Weights
+from semgs.run.usage_errors import UsageError, what_the_user_gave
 
 MOST_VIEWS = 16
 """More views would make a graph that takes hours to export; the weights learned from 2 to 4."""

@@ -10,8 +10,8 @@ import tyro
 
 from semgs.cli.options.execution_options import ExecutionOptions
 from semgs.cli.options.training_options import PresetSettings
-from semgs.cli.options.types import Count
-from semgs.cli.usage_errors import UsageError, what_the_user_gave
+from semgs.run.options.types import Count
+from semgs.run.usage_errors import UsageError, what_the_user_gave
 from semgs.training.presets import PRESETS
 
 

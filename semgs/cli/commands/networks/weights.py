@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from semgs.cli.options.types import optional
-from semgs.cli.usage_errors import what_the_user_gave
 from semgs.files.paths import typed_path
+from semgs.run.options.types import optional
+from semgs.run.usage_errors import what_the_user_gave
 
 if TYPE_CHECKING:
     from semgs.evaluation.tables.table_grid import Grid

@@ -13,13 +13,13 @@ import tyro
 from semgs.app.jobs import Jobs
 from semgs.app.limits import Limits
 from semgs.app.page import check_page_library
-from semgs.cli.options.types import AllowedHosts, at_least, one_word, optional
 from semgs.cli.progress import show_stage
-from semgs.cli.usage_errors import UsageError
 from semgs.files.cache import cache_folder
 from semgs.files.errors import InputError
 from semgs.files.folders import lock_folder
 from semgs.files.paths import found_at, typed_path
+from semgs.run.options.types import AllowedHosts, at_least, one_word, optional
+from semgs.run.usage_errors import UsageError
 from semgs.viewer.access import Access, access_to
 from semgs.viewer.server import LOOPBACK, check_viewer_library, is_this_machine, url_of_address
 
@@ -91,7 +91,7 @@ class App:
         kept = 3600 * self.keep_hours
         photos_kept = kept if local else Limits.uploads_kept_seconds  # on a server, photos go before their room
         limits = Limits(seconds=60 * self.minutes, kept_seconds=kept, uploads_kept_seconds=photos_kept)
-        worker = [sys.executable, "-m", "semgs.cli.app_worker"]
+        worker = [sys.executable, "-m", "semgs.app.worker"]
         jobs = Jobs(folder / "rooms", worker, limits, segmenters, depths, uploads=folder / "uploads")
         try:
             app = application(jobs, local=local, access=access)

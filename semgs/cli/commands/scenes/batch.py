@@ -11,34 +11,28 @@ from functools import partial
 from glob import glob
 from pathlib import Path
 from time import localtime, strftime, time
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
 from semgs.cli.arguments import parse
-from semgs.cli.options.types import CountOrAuto, one_word, optional
 from semgs.cli.progress import show_progress
-from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import found_at, typed_path
 from semgs.files.text import counted, shortened
+from semgs.run.options.types import CountOrAuto, one_word, optional
+from semgs.run.usage_errors import UsageError, what_the_user_gave
 from semgs.runtime.cores import usable_cores
 
 if TYPE_CHECKING:
     from semgs.batch.records import Record
     from semgs.batch.tasks import Task
+    from semgs.run.outcome import Run
 
 Command = Literal["reconstruct", "poses", "doctor", "export", "label", "label-splat"]
 
-FORMS = {
-    "reconstruct": ("{scene}", "--out", "{out}"),
-    "poses": ("{scene}", "{out}"),
-    "doctor": ("{scene}", "--page", "{out}"),
-    "export": ("{scene}", "--out", "{out}"),
-    "label": ("{scene}", "{out}"),
-    "label-splat": ("{scene}", "--out", "{out}"),
-}
-"""How each command names its input and its output."""
+ANY = "{name}"
+"""What stands for the name of a scene, or for its input and output until they are known."""
 
 ENDINGS = {"doctor": ".html"}
 """Endings of results that are files."""
@@ -67,11 +61,6 @@ def _matching(word: str) -> list[Path]:
     names may have brackets."""
     path = typed_path(word)
     return [path] if path.exists() else sorted(map(Path, glob(word))) or [path]  # noqa: PTH207 - patterns may begin at the root
-
-
-def _word_for(path: Path) -> str:
-    """A path as a word of a command line that is neither an option nor a home folder."""
-    return str(path.absolute() if str(path).startswith(("-", "~")) else path)
 
 
 def _bytes_of(name: str) -> int:
@@ -165,12 +154,12 @@ class Batch:
         self._check()
         paths = self._paths()
         names = self._names(paths)
-        given = self._parse(paths[0], names[0], options)
+        given = self._parse(options)
         from semgs.batch.records import FOLDER, remove_leftovers
         from semgs.files.folders import LOCK, lock_folder
 
         self._claim(paths, names)
-        tasks = [self._task(path, name, options) for path, name in zip(paths, names, strict=True)]
+        tasks = [self._task(path, name, given) for path, name in zip(paths, names, strict=True)]
         part, parts = self.shard or (1, 1)
         ours = tasks[part - 1 :: parts]
         lock = f".lock_{part}_of_{parts}" if self.shard else LOCK
@@ -198,7 +187,7 @@ class Batch:
 
             check_ray()
 
-    def _work(self, tasks: Sequence[Task], given: Any) -> int:
+    def _work(self, tasks: Sequence[Task], given: Run) -> int:
         """Run what is left to do, and return the exit code."""
         from semgs.batch.records import Record, is_done, read_record, write_record
 
@@ -233,13 +222,13 @@ class Batch:
         print(f"Open {self.out / 'index.html'} in a browser.")
         return SOME_FAILED if failed else 0
 
-    def _records(self, tasks: Sequence[Task], given: Any) -> Generator[tuple[int, Record | Exception], None, None]:
+    def _records(self, tasks: Sequence[Task], given: Run) -> Generator[tuple[int, Record | Exception], None, None]:
         """Run tasks on this machine or on a cluster: their positions, with their records or why there is none."""
         if not tasks:
             return
         from semgs.batch.cluster import run_on_cluster
-        from semgs.cli.batch_demands import demands_of
-        from semgs.cli.batch_work import begin, settle, work
+        from semgs.batch.demands import demands_of
+        from semgs.batch.work import begin, settle, work
         from semgs.runtime.free_memory import free_bytes
         from semgs.runtime.workers import finished
 
@@ -390,33 +379,27 @@ class Batch:
         """What the command writes for a scene."""
         return name + ENDINGS.get(self.command, "")
 
-    def _task(self, path: Path, name: str, options: Sequence[str]) -> Task:
+    def _task(self, path: Path, name: str, given: Run) -> Task:
         """The task of a scene."""
-        from semgs.batch.tasks import Task, fingerprint
+        from semgs.batch.tasks import task_of
 
-        given = [word.replace("{name}", name) for word in options]
-        hashed = fingerprint([self.command, *given], [path])
-        arguments = (self.command, *self._form(path, name), *given)
-        return Task(name, path, self.out, self._result(name), arguments, hashed)
+        return task_of(self.command, given, path, name, self.out, self._result(name))
 
-    def _form(self, path: Path, name: str) -> list[str]:
-        """The arguments for input and output of a scene."""
-        scene, out = _word_for(path), _word_for(self.out / self._result(name))
-        return [word.format(scene=scene, out=out) for word in FORMS[self.command]]
-
-    def _parse(self, path: Path, name: str, options: Sequence[str]) -> Any:
-        """The options of the command.
+    def _parse(self, options: Sequence[str]) -> Run:
+        """The options of the command, of no scene in particular.
 
         Raises:
             UsageError: they cannot be parsed, or are ours to set.
         """
+        from semgs.batch.tasks import PLACES
         from semgs.cli.main import COMMANDS
 
         for word in options:
             if word.partition("=")[0] in ("--overwrite", "--page"):
                 raise UsageError(f"{word} is not for semgs batch, which sets it for each scene")
-        given = [word.replace("{name}", name) for word in options]
-        return parse(COMMANDS[self.command].load(), f"semgs {self.command}", [*self._form(path, name), *given])
+        positional = self.command in ("poses", "label")  # these name their output without an option
+        out = [ANY] if positional else [f"--{PLACES[self.command][1]}", ANY]
+        return parse(COMMANDS[self.command].load(), f"semgs {self.command}", [ANY, *out, *options])
 
 
 class Pace:

@@ -8,13 +8,15 @@ from typing import Annotated
 
 import tyro
 
-from semgs.cli.commands.scenes.reconstruct import Reconstruct
-from semgs.cli.options.types import Device, Passes, Views, optional
 from semgs.files.strict_json import parse_json
+from semgs.run.options.types import Device, Passes, Views, optional
+from semgs.run.outcome import Outcome, Run
+from semgs.run.reconstruct import Reconstruct
+from semgs.runtime.progress import Progress
 
 
 @dataclass(frozen=True)
-class Demo:
+class Demo(Run):
     """Reconstruct the included sample room with the included weights.
 
     This is `semgs reconstruct` on a scene of ours, so you can see the output before you use your own photos. Nothing is downloaded.
@@ -33,7 +35,7 @@ class Demo:
     overwrite: bool = False
     """Replace DIR even if it contains another scene from semgs."""
 
-    def run(self) -> None:
+    def run(self, progress: Progress) -> Outcome:
         """Reconstruct the included room.
 
         Raises:
@@ -43,7 +45,7 @@ class Demo:
 
         scene = demo_scene()
         overwrite = self.overwrite or _scene_in(self.out) == scene.name
-        Reconstruct(
+        return Reconstruct(
             scene=scene,
             out=self.out,
             views=self.views,
@@ -51,7 +53,7 @@ class Demo:
             device=self.device,
             html=self.html,
             overwrite=overwrite,
-        ).run()
+        ).run(progress)
 
 
 def _scene_in(folder: Path) -> str | None:

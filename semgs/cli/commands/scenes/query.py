@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from semgs._version import __version__
-from semgs.cli.options.types import optional
 from semgs.cli.progress import show_stage
-from semgs.cli.terminal import aligned
-from semgs.cli.usage_errors import UsageError
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
+from semgs.files.text import aligned
+from semgs.run.options.types import optional
+from semgs.run.usage_errors import UsageError
 from semgs.splats.endings import is_splat
 
 if TYPE_CHECKING:

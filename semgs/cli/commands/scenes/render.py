@@ -8,16 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from semgs.cli.arguments import did_you_mean
-from semgs.cli.opened_scene import open_given
-from semgs.cli.options.types import Activated, Count, Probability, Size, optional
-from semgs.cli.output_file import check_new_file
 from semgs.cli.progress import show_progress, show_stage
-from semgs.cli.usage_errors import UsageError, what_the_user_gave
 from semgs.files.errors import InputError
-from semgs.files.folders import FILE_ENDINGS, check_folder, own_folder
+from semgs.files.folders import FILE_ENDINGS, check_folder, check_new_file, own_folder
 from semgs.files.paths import found_at, typed_path
-from semgs.files.text import counted
+from semgs.files.text import counted, did_you_mean
+from semgs.run.opened_scene import open_given
+from semgs.run.options.types import Activated, Count, Probability, Size, optional
+from semgs.run.usage_errors import UsageError, what_the_user_gave
 from semgs.splats.endings import is_splat
 
 if TYPE_CHECKING:
@@ -125,6 +123,8 @@ class Render:
             if video:
                 check_video_library()
             opened = open_given(self.scene, self.cameras, self.up, self.activated)
+            if opened.note:
+                print(f"note: {opened.note}")
             stills = self._stills(opened.scene)
             cameras, note = self._path_cameras(opened)
             if video:

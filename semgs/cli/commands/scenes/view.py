@@ -14,9 +14,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from semgs.cli.commands.scenes.reconstruct import Reconstruct
-from semgs.cli.opened_scene import check_for_robots, open_given
-from semgs.cli.options.types import (
+from semgs.cli.progress import Terminal, show_stage
+from semgs.files.atomic import write_text
+from semgs.files.folders import check_new_file
+from semgs.files.paths import existing_folder
+from semgs.robotics.object_libraries import check_object_libraries
+from semgs.run.opened_scene import check_for_robots, open_given
+from semgs.run.options.types import (
     Activated,
     AllowedHosts,
     Count,
@@ -27,12 +31,8 @@ from semgs.cli.options.types import (
     one_word,
     optional,
 )
-from semgs.cli.output_file import check_new_file
-from semgs.cli.progress import show_stage
-from semgs.cli.usage_errors import UsageError
-from semgs.files.atomic import write_text
-from semgs.files.paths import existing_folder
-from semgs.robotics.object_libraries import check_object_libraries
+from semgs.run.reconstruct import Reconstruct
+from semgs.run.usage_errors import UsageError
 from semgs.splats.endings import is_splat, lacks_classes
 from semgs.viewer.access import access_to
 from semgs.viewer.server import LOOPBACK, check_viewer_library, is_this_machine
@@ -150,7 +150,7 @@ class View:
         with TemporaryDirectory(prefix="semgs-") as folder:
             out = Path(folder) / "scene"
             with redirect_stdout(io.StringIO()):
-                Reconstruct(scene=self.scene, out=out, views=self.views, weights=self.weights).run()
+                Reconstruct(scene=self.scene, out=out, views=self.views, weights=self.weights).run(Terminal())
             print("Reconstructed, and not saved: use semgs reconstruct to save it, or for more options")
             yield out
 
@@ -169,6 +169,8 @@ class View:
         from semgs.viewer.viewer_cameras import photos_in
 
         opened = open_given(path, self.cameras, self.up, self.activated)
+        if opened.note:
+            print(f"note: {opened.note}")
         photos = opened.photos if opened.splat else photos_in(path if path.is_dir() else path.parent, opened.scene)
         return opened.scene, {
             "photos": photos or (),

@@ -31,8 +31,8 @@ from semgs.data.maps import MILLIMETRE, DepthMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
-from semgs.files.notes import Kind
 from semgs.files.text import natural_order
+from semgs.runtime.notes import Kind
 
 LAYOUT = "RGB-D folders"
 LOOKED_FOR = "color/ (rgb/, images/) with pose/ or traj.txt (RGB-D frames with poses in text)"

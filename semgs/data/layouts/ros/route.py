@@ -15,8 +15,8 @@ from semgs.data.layouts.ros.bag import Bag, stamp_of
 from semgs.data.layouts.ros.motions import Motion, make_motion, motions_above
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
-from semgs.files.notes import Kind
 from semgs.files.text import listed
+from semgs.runtime.notes import Kind
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")

@@ -1,0 +1,100 @@
+"""What a worker of `semgs batch` does: a task, whose error becomes a record."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import signal
+from contextlib import redirect_stderr, redirect_stdout, suppress
+from dataclasses import replace
+from time import perf_counter
+from traceback import format_exception_only
+
+from semgs.batch.records import FOLDER, PICTURES, Record, write_record
+from semgs.batch.tasks import PLACES, Task
+from semgs.files.folders import staged
+from semgs.files.text import printable
+from semgs.run.outcome import Outcome
+from semgs.run.usage_errors import line_for
+from semgs.runtime.progress import Progress
+
+MOST_NOTES = 40
+"""Notes that are kept of a scene."""
+
+BAD_INPUT, BUG = 2, 1
+"""Codes of a scene that cannot be used, and of a fault of ours."""
+
+
+def begin(folder: str) -> None:
+    """Set up a worker process of this machine: as `settle`, and it ends with the run or by SIGTERM.
+
+    Args:
+        folder: the working folder of the run.
+    """
+    from semgs.runtime.workers import settle_worker
+
+    settle_worker()
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    settle(folder)
+
+
+def settle(folder: str) -> None:
+    """Let this process work as the run does: in its folder, with one thread, and with networks that stay loaded."""
+    from semgs.runtime.kept import keep_loaded
+    from semgs.runtime.workers import use_one_thread
+
+    use_one_thread()
+    os.chdir(folder)
+    keep_loaded()
+
+
+def work(task: Task) -> Record:
+    """Run a task, and write its record and its picture. What libraries print is dropped.
+
+    Raises:
+        OSError: the record cannot be written.
+    """
+    (task.out / FOLDER / f"{task.name}.json").unlink(missing_ok=True)
+    start = perf_counter()
+    try:
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+            outcome = _run(task)
+    except Exception as error:  # one scene must not stop the batch
+        line = line_for(error)
+        code, why = (
+            (BUG, f"a fault of semgs: {format_exception_only(error)[-1].strip()}")
+            if line is None
+            else (BAD_INPUT, line)
+        )
+        outcome = Outcome(lacking=(why,), code=code)
+    why = printable("; ".join(" ".join(line.split()) for line in outcome.lacking))
+    record = Record(task.name, task.fingerprint, outcome.code, why, round(perf_counter() - start, 3))
+    if record.succeeded:
+        record = _described(task, record, outcome)
+    write_record(task.out, record)
+    return record
+
+
+def _run(task: Task) -> Outcome:
+    """Run a task. A result of an earlier call, with other options or without its record, is replaced."""
+    result, (_, target), options = task.out / task.result, PLACES[task.command], task.options
+    if task.command != "label":
+        return replace(options, **{"overwrite": result.exists()}).run(Progress())
+    # It fills its folder in several steps, so it gets another one until it has succeeded.
+    result.parent.mkdir(parents=True, exist_ok=True)
+    with staged(result) as part:
+        outcome = replace(options, **{target: part}).run(Progress())
+        shutil.rmtree(result, ignore_errors=True)
+        part.rename(result)
+        return outcome
+
+
+def _described(task: Task, record: Record, outcome: Outcome) -> Record:
+    """The record with what the table of the batch shows. A scene without a picture is no failure."""
+    from semgs.batch.results import read_scores, write_picture
+
+    scores, notes = read_scores(task), outcome.notes[:MOST_NOTES]
+    with suppress(ValueError, OSError):
+        write_picture(task, task.out / PICTURES / f"{task.name}.jpg")
+    return replace(record, scores=scores, notes=tuple(map(str, notes)))

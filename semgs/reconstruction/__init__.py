@@ -1,1 +1,0 @@
-"""Reconstruction: from a scene on disk to a labelled Gaussian scene."""

@@ -1,0 +1,299 @@
+"""`semgs export`: a reconstructed scene for other programs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from semgs.files.errors import InputError
+from semgs.files.folders import check_folder, own_folder
+from semgs.files.text import aligned, did_you_mean
+from semgs.run.opened_scene import check_for_robots, open_given
+from semgs.run.options.types import Activated, Probability, at_least, one_word, optional
+from semgs.run.outcome import Outcome, Run
+from semgs.run.usage_errors import UsageError
+from semgs.runtime.progress import Progress
+from semgs.splats.endings import is_splat, lacks_classes
+
+if TYPE_CHECKING:
+    from jaxtyping import Bool
+    from torch import Tensor
+
+    from semgs.export.export_record import ExportedFile
+    from semgs.export.scene_export import SceneExport
+    from semgs.scene.opened import OpenedScene
+    from semgs.scene.scene_file import SavedScene
+    from semgs.scene.upright import Axes, FramedScene, UpDirection
+
+Format = Literal["ply", "points", "mcap", "gltf", "usd", "colmap", "objects", "occupancy"]
+
+UP_OF: dict[Format, Axes] = {
+    "ply": "-y", "points": "z", "mcap": "z", "gltf": "y", "usd": "z", "colmap": "-y", "objects": "z", "occupancy": "z",
+}  # fmt: skip
+"""The direction that is up in the files of each format, as their programs have it."""
+
+NAMES_OF_COUNTS = {"points": "points", "colmap": "points", "objects": "things", "map": "cells", "voxels": "voxels"}
+"""What the files contain, by the beginnings of their names; others contain Gaussians."""
+
+Metres = Annotated[float, one_word("METRES", at_least(0.0, more=True, finite=True))]
+
+
+PARTLY = 3
+"""The exit code if some formats are written and others cannot be."""
+
+
+@dataclass(frozen=True)
+class Export(Run):
+    """Write a reconstructed scene for other programs, the right way up.
+
+    SCENE is an output folder of semgs reconstruct, its scene.safetensors, or a splat of another program (PLY, SPZ, glTF). OUT will contain
+    - gaussians.ply (--as ply): 3D Gaussians for splat viewers such as SuperSplat; with --colour classes semantics.ply, coloured by class
+    - points.ply (--as points): points with colour, class and confidence, for CloudCompare, Open3D and trimesh
+    - points.mcap (--as mcap): the same as a PointCloud2, for RViz and Foxglove; needs pip install -e '.[ros]'
+    - gaussians.glb (--as gltf): 3D Gaussians with classes and confidence, for programs that know KHR_gaussian_splatting; others show points
+    - scene.usdc (--as usd): 3D Gaussians by class with semantic labels, for Isaac Sim and usdview; needs pip install -e '.[usd]'
+    - colmap/ (--as colmap): sparse/0 and images, to train 3D Gaussians with gsplat, nerfstudio or the first 3DGS code
+    - objects.json (--as objects): things with class, upright box and distance; the other files then have the number of the thing that each
+    Gaussian belongs to, and gltf and usd have the boxes; needs pip install -e '.[objects]'
+    - map.pgm, map.yaml and voxels.npz (--as occupancy): free floor and obstacles for ROS's map_server, and voxels with classes
+    - export.json: for each file, the matrix from its coordinates to those of the scene's poses; and the class table
+
+    docs/export.md says how to open each, docs/robots.md how to use things and maps.
+
+    Examples
+    - semgs export out/office --out office
+    - semgs export out/office --as ply points --out office --min-opacity 0.1
+    - semgs export out/office --as points --classes chair table --min-confidence 0.5 --out chairs
+    - semgs export out/office --as colmap --frame scene --out training
+    - semgs export out/office --as objects occupancy --frame scene --out map
+    - semgs export office.spz --as ply gltf --up z --out office
+    """
+
+    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+    """Folder from semgs reconstruct, a scene file, or a splat."""
+    out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
+    """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
+    formats: Annotated[tuple[Format, ...], tyro.conf.arg(name="as")] = ("ply",)
+    """What to write; several are possible."""
+    frame: Literal["upright", "scene"] = "upright"
+    """upright turns the scene so that up is -Y in ply and colmap, +Y in gltf, and +Z in all others, and puts its middle at the origin. scene keeps the
+    coordinates of the scene's poses; if they are far from their origin, all is relative to the origin in scene.safetensors. A robot's map
+    needs scene, and poses with +Z up."""
+    up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
+    """The direction that is up in the scene's coordinates. auto finds it from floors and walls; for a splat without --cameras, near to what is usual in its format."""
+    cameras: Annotated[Path | None, optional("SCENE")] = None
+    """For a splat: the scene with its cameras, in its coordinates."""
+    activated: Activated = "auto"
+    """A splat as PLY: whether scales are lengths and opacities 0 to 1, not logarithms and logits as the format says; auto is what they look like."""
+    colour: tuple[Literal["photo", "classes"], ...] = ("photo",)
+    """Colours of --as ply; with both, two files."""
+    labels: bool = False
+    """Add the columns label (number of the class, 255 for none) and confidence to gaussians.ply, and the names of the classes to its header. Viewers
+    that read columns by position cannot read such a file; see docs/export.md."""
+    min_opacity: Probability = 0.0
+    """Leave out Gaussians that are more transparent than this."""
+    min_confidence: Probability = 0.0
+    """Leave out Gaussians whose likeliest class is less likely than this. For scenes without classes, it is the confidence of the depth."""
+    classes: Annotated[tuple[str, ...], optional("NAME [NAME ...]")] = ()
+    """Write only Gaussians whose likeliest class is one of these. By default, all. Maps always use all Gaussians."""
+    resolution: Metres = 0.05
+    """Side of the cells of --as occupancy, in metres."""
+    step_height: Metres = 0.1
+    """Things lower than this above the floor are no obstacle for the robot, in metres."""
+    robot_height: Metres = 1.5
+    """Things higher than this above the floor are no obstacle for the robot, in metres."""
+    overwrite: bool = False
+    """Replace OUT from an earlier run, once the new one is complete."""
+
+    def run(self, progress: Progress) -> Outcome:
+        """Export.
+
+        Raises:
+            InputError: the scene cannot be used, or OUT cannot be written.
+            UsageError: an option is invalid, or nothing would be written.
+            ImportError: a format needs a library that is not installed.
+        """
+        if not self.formats:
+            raise UsageError("--as is empty; expected ply, points, mcap, gltf, usd, colmap, objects or occupancy")
+        if not self.colour:
+            raise UsageError("--colour is empty; expected photo or classes")
+        if "ply" not in self.formats and self.colour != ("photo",):
+            raise UsageError("--colour is for --as ply; points have both colours and classes")
+        if self.labels and ("ply" not in self.formats or "photo" not in self.colour):
+            raise UsageError("--labels is for gaussians.ply, that is --as ply with --colour photo")
+        if self.frame == "scene" and self.up != "auto":
+            raise UsageError("--up is for --frame upright; --frame scene turns nothing")
+        for_maps = {
+            "--resolution": self.resolution != Export.resolution,
+            "--step-height": self.step_height != Export.step_height,
+            "--robot-height": self.robot_height != Export.robot_height,
+        }
+        if "occupancy" not in self.formats and (stray := [option for option, given in for_maps.items() if given]):
+            raise UsageError(f"{stray[0]} is for --as occupancy")
+        if self.step_height >= self.robot_height:
+            raise UsageError(
+                f"--step-height is {self.step_height:g} and --robot-height {self.robot_height:g}; expected a smaller step"
+            )
+        if is_splat(self.scene):
+            self._check_splat()
+        check_folder(self.out, "export", self.overwrite, (self.scene, self.cameras))
+        with progress.stage("Reading the scene"):
+            from semgs.export.export_record import write_record
+            from semgs.export.scene_export import SceneExport
+            from semgs.export.scene_objects import things_of
+            from semgs.export.usd import check_usd_library
+            from semgs.files.bags import check_bag_library
+            from semgs.robotics.object_libraries import check_object_libraries
+            from semgs.scene.upright import up_of
+
+            if "mcap" in self.formats:
+                check_bag_library()
+            if "usd" in self.formats:
+                check_usd_library()
+            if "objects" in self.formats:
+                check_object_libraries()
+            opened = open_given(self.scene, self.cameras, self.up, self.activated)
+            scene = opened.scene
+            keep = self._selected(scene)
+            for_robots = bool({"objects", "occupancy"} & set(self.formats))
+            found_up = up_of(scene, opened.up) if self.frame == "upright" or for_robots else None
+            missing: dict[str, InputError] = {}
+            if for_robots:
+                missing |= self._lacks_for_robots(opened, found_up)
+            if len(missing) == len(set(self.formats)):
+                raise next(iter(missing.values()))
+        notes = [] if found_up is None or found_up.certain else [found_up.warning]
+        things = None
+        if "objects" in self.formats and "objects" not in missing and found_up is not None:
+            with progress.stage("Finding things"):
+                things = things_of(scene, found_up)
+                things = things.only(classes=self.classes, min_confidence=self.min_confidence)
+        export = SceneExport(scene, keep, found_up if self.frame == "upright" else None, things, self.labels)
+        with own_folder(self.out, "export", self.overwrite) as folder, progress.stage("Writing"):
+            files = []
+            for name in dict.fromkeys(one for one in self.formats if one not in missing):
+                try:
+                    files += self._write(folder, name, export, opened, notes)
+                except InputError as error:
+                    missing[name] = error
+            if not files:
+                raise next(iter(missing.values()))
+            write_record(folder, files, export.up)
+        lines = (*([f"note: {opened.note}"] if opened.note else []), *self._lines(files, notes))
+        lacking = tuple(f"--as {name} is not written: {why}" for name, why in missing.items())
+        return Outcome(lines, tuple(notes), lacking, PARTLY if missing else 0)
+
+    def _check_splat(self) -> None:
+        """Check what a splat of another program can never give, before it is read and up is searched."""
+        if given := [*(["--as objects"] if "objects" in self.formats else []), *self._for_classes()]:
+            raise lacks_classes(self.scene, given[0])
+        if self.cameras is None and "colmap" in self.formats:
+            raise UsageError("--as colmap is for training on photos; give the scene that has them with --cameras")
+        if self.cameras is None and "occupancy" in self.formats:
+            raise UsageError(
+                "--as occupancy needs metres, which a splat has not; give a scene in metres with --cameras"
+            )
+
+    def _for_classes(self) -> list[str]:
+        """The given options that need classes."""
+        options = {
+            "--classes": self.classes,
+            "--labels": self.labels,
+            "--colour classes": "classes" in self.colour,
+        }
+        return [option for option, wanted in options.items() if wanted]
+
+    def _write(
+        self, folder: Path, name: Format, export: SceneExport, opened: OpenedScene, notes: list[str]
+    ) -> list[ExportedFile]:
+        """Write the files of a format, and add to the notes."""
+        framed = export.frame(UP_OF[name])
+        if name == "ply":
+            return export.write_ply(folder, framed, self.colour)
+        if name == "gltf":
+            return [export.write_gltf(folder, framed)]
+        if name == "usd":
+            return [export.write_usd(folder, framed)]
+        if name == "colmap":
+            file, missing = export.write_colmap(
+                folder, framed, self.scene if self.scene.is_dir() else self.scene.parent, opened.photos
+            )
+            notes += missing
+            return [file]
+        if name == "objects":
+            return [export.write_objects(folder, framed)]
+        if name == "occupancy":
+            return self._write_occupancy(folder, framed, export)
+        return [export.write_points(folder, framed, "mcap" if name == "mcap" else "ply")]
+
+    def _write_occupancy(self, folder: Path, framed: FramedScene, export: SceneExport) -> list[ExportedFile]:
+        """Write the map and the voxels."""
+        from semgs.robotics.floor import NoFloorError
+
+        try:
+            return export.write_occupancy(
+                folder,
+                framed,
+                resolution=self.resolution,
+                step=self.step_height,
+                height=self.robot_height,
+                up_is_known=self.up != "auto",
+            )
+        except NoFloorError as error:
+            raise InputError(self.scene, "a scene that shows the floor", str(error)) from error
+        except ValueError as error:  # the grid is too large, or the scene has neither grid nor depth
+            raise UsageError(str(error)) from error
+
+    def _selected(self, scene: SavedScene) -> Bool[Tensor, " g"]:
+        """The Gaussians to write."""
+        from semgs.scene.selection import selected
+
+        if scene.classes is None and (given := self._for_classes()):
+            raise InputError(self.scene, f"a scene with classes for {given[0]}", "one with colour and depth only")
+        known = () if scene.classes is None else scene.classes.names
+        if unknown := [name for name in self.classes if name not in known]:
+            raise UsageError(
+                f"--classes: there is no class {unknown[0]!r}{did_you_mean(unknown[0], known)}; expected some of {', '.join(known)}"
+            )
+        keep = selected(scene, min_opacity=self.min_opacity, min_confidence=self.min_confidence, classes=self.classes)
+        if not keep.any():
+            raise UsageError("no Gaussian is left; relax --min-opacity, --min-confidence or --classes")
+        return keep
+
+    def _lacks_for_robots(self, opened: OpenedScene, up: UpDirection | None) -> dict[str, InputError]:
+        """Why a scene has not what things and maps need, by the format."""
+        found: dict[str, InputError] = {}
+        for name in ("objects", "occupancy"):
+            if name in self.formats:
+                try:
+                    check_for_robots(self.scene, opened, f"--as {name}", classes=name == "objects")
+                except InputError as error:
+                    found[name] = error
+        if "occupancy" in self.formats and self.frame == "scene":
+            self._check_z_is_up(up)
+        return found
+
+    def _check_z_is_up(self, up: UpDirection | None) -> None:
+        """Check that a map in the scene's coordinates is level."""
+        from semgs.export.scene_objects import Z_IS_UP
+
+        if up is not None and up.direction[2] < Z_IS_UP:
+            direction = ", ".join(f"{side:.2f}" for side in up.direction.tolist())
+            raise UsageError(
+                f"a map in --frame scene needs poses with z up; here up is ({direction}); leave out --frame to turn the scene upright"
+            )
+
+    def _lines(self, files: list[ExportedFile], notes: list[str]) -> list[str]:
+        """The files and the notes."""
+        from semgs.export.export_record import FILE_NAME
+
+        rows = []
+        for file in files:
+            what = NAMES_OF_COUNTS.get(file.name.split(".")[0], "Gaussians")
+            up = "in the scene's coordinates" if file.framed.axes is None else f"up is {file.framed.axes.upper()}"
+            rows.append((str(self.out / file.name), f"{file.count:,} {what}, {up}"))
+        rows.append((str(self.out / FILE_NAME), "the matrices back to the scene's coordinates"))
+        return [*aligned(rows), *(f"note: {note}" for note in notes)]

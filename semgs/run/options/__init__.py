@@ -1,0 +1,1 @@
+"""Options of what is run, with their words for the command line."""

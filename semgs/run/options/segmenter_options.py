@@ -1,0 +1,123 @@
+"""Options of commands that take classes from a segmenter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from semgs.run.options.types import optional
+from semgs.run.usage_errors import UsageError
+from semgs.segmenters.tables import make_word_table
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from semgs.data.scene import Scene
+    from semgs.runtime.stopwatch import Stages
+    from semgs.segmenters.labelling import Labelling
+
+FOLDER = "segmenter"
+"""Folder in the output for the maps of a segmentation network."""
+
+
+@dataclass(frozen=True)
+class AnswerOptions:
+    """What a segmenter's answers are, and what they mean."""
+
+    classes: Annotated[Literal["scannet20", "own"] | None, optional("{scannet20,own}")] = None
+    """Translate the segmenter's classes to ScanNet's 20 by name, or keep its own. By default class maps keep their own, and networks are
+    translated."""
+    words: Annotated[tuple[str, ...], optional("WORD [WORD ...]")] = ()
+    """Classes to look for with a text-prompted model: chair mug "power socket". What none of them describes becomes "none of these"."""
+    correspondence: Annotated[Path | None, optional("FILE")] = None
+    """What the segmenter's classes mean, a file as in docs/segmenters.md; by default class names decide."""
+
+    def check(self) -> None:
+        """Check what can be checked without importing torch.
+
+        Raises:
+            UsageError: options contradict each other, a word is empty, or two are equal.
+        """
+        if self.classes == "own" and self.correspondence:
+            raise UsageError("--classes own keeps the segmenter's table, so it cannot go with --correspondence")
+        if not self.words:
+            return
+        if self.correspondence or self.classes == "scannet20":
+            other = "--correspondence" if self.correspondence else "--classes scannet20"
+            raise UsageError(f"--words makes the class table, so it cannot go with {other}")
+        try:
+            make_word_table(self.words)
+        except ValueError as error:
+            raise UsageError(f"--words: {error}") from None
+
+
+@dataclass(frozen=True)
+class SegmenterOptions:
+    """Classes from a 2D segmenter instead of the model's own."""
+
+    segmenter: Annotated[str | None, optional("SEGMENTER")] = None
+    """Take the classes from a 2D segmenter: a folder of class maps, an exported network (.onnx, .tflite), a model folder of
+    transformers, or hf:OWNER/NAME; see docs/segmenters.md. Its answers are made consistent between the input views."""
+    answers: Annotated[AnswerOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=AnswerOptions)
+    with_own_classes: bool = False
+    """With --segmenter: the model's own classes vote too. A --correspondence may say how much each does."""
+
+    @property
+    def inputs(self) -> tuple[str | Path | None, ...]:
+        """The files and folders to read."""
+        return self.segmenter, self.answers.correspondence
+
+    def check(self) -> None:
+        """Check what can be checked without importing torch.
+
+        Raises:
+            UsageError: an option needs --segmenter, or options contradict each other.
+        """
+        given = {
+            "--classes": self.answers.classes,
+            "--words": self.answers.words,
+            "--with-own-classes": self.with_own_classes,
+            "--correspondence": self.answers.correspondence,
+        }
+        if self.segmenter is None and (stray := [option for option, value in given.items() if value]):
+            raise UsageError(f"{stray[0]} is for --segmenter")
+        self.answers.check()
+        if self.with_own_classes and self.answers.classes == "own":
+            raise UsageError("--classes own keeps the segmenter's table, so it cannot go with --with-own-classes")
+        if self.with_own_classes and self.answers.words:
+            raise UsageError("--words makes the class table, so it cannot go with --with-own-classes")
+
+    def labelling(self, save: Path | None = None, earlier: Path | None = None) -> Callable[[Scene], Labelling] | None:
+        """What gives the Gaussians of a scene their classes; None without a segmenter.
+
+        Args:
+            save: new folder for the maps of a network; None for none.
+            earlier: folder in which an earlier run may have saved maps.
+
+        Raises:
+            InputError: the segmenter cannot be used. So does the returned function.
+            ImportError: the library that runs it is not installed.
+        """
+        if self.segmenter is None:
+            return None
+        from semgs.segmenters.correspondence_files import read_correspondence
+        from semgs.segmenters.labelling import Labelling
+        from semgs.segmenters.opening import open_class_sources
+
+        answers = self.answers
+        opened = open_class_sources(
+            self.segmenter, answers.classes, answers.correspondence, save, earlier, answers.words
+        )
+        votes = None if answers.correspondence is None else read_correspondence(answers.correspondence).votes
+        return lambda scene: Labelling(opened(scene), self.with_own_classes, votes)
+
+    def load(self, scene: Scene, folder: Path, out: Path, stages: Stages) -> Labelling | None:
+        """As `labelling` for one scene, as a stage. A network's maps are saved in the new output folder; those of an earlier run are in `out`."""
+        if self.segmenter is None:
+            return None
+        with stages("load", f"Loading {self.segmenter}"):
+            opened = self.labelling(folder / FOLDER, out / FOLDER)
+            return opened and opened(scene)

@@ -1,0 +1,155 @@
+"""Labels a splat of another program: each photo says its classes, and each Gaussian collects those of the pixels that it contributes to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from semgs.data.choosing.choice import Choice
+from semgs.data.resampling import default_size
+from semgs.data.scene import Scene
+from semgs.data.spread import spread
+from semgs.files.text import counted
+from semgs.geometry.gaussians import Gaussians
+from semgs.rendering.rendering import SEEN_ALPHA
+from semgs.run.steps.notes import collect_notes, notes_on_splat
+from semgs.run.steps.pipeline import RENDERING, render_views
+from semgs.run.steps.result import GivenSplat, Reconstruction
+from semgs.runtime.stopwatch import Stages
+from semgs.scene.encoding import Encoding
+from semgs.scene.pixel_votes import PixelVotes
+from semgs.scene.upright import Up, up_of
+from semgs.segmenters.labelling import Labelling
+from semgs.splats.splat_scene import share_like_own, splat_scene
+
+SHOWN = 8
+"""Photos of each role that are rendered and shown, evenly chosen."""
+
+
+def hold_out(count: int, each: int) -> tuple[list[int], list[int]]:
+    """The photos that say classes, and those that are held out for comparison: one of `each`, from the middle of them; 0 holds out none."""
+    held = list(range(each // 2, count, each)) if each else []
+    return [position for position in range(count) if position not in set(held)], held
+
+
+@torch.no_grad()
+def label_splat(
+    scene: Scene,
+    gaussians: Gaussians,
+    labelling: Labelling,
+    given: GivenSplat,
+    positions: Sequence[int],
+    held_out: Sequence[int] = (),
+    size: Sequence[int] | None = None,
+    *,
+    up: Up = "auto",
+    min_confidence: float = 0.0,
+    stages: Stages | None = None,
+    notes: Sequence[str] = (),
+) -> Reconstruction:
+    """Give the Gaussians of a splat classes, and render them from the cameras of its photos. Geometry and colours stay as they are.
+
+    Photos are read one at a time, so memory does not grow with them.
+
+    Args:
+        scene: the photos and their cameras.
+        gaussians: of the splat, in the coordinates of the scene, relative to its origin.
+        labelling: whose source says the classes of photos.
+        given: where the splat comes from.
+        positions: of the photos that say classes.
+        held_out: of photos that do not; a few of them are compared with renderings.
+        size: (height, width) of the photos as read [px]; None is `default_size` of the first one.
+        up: the direction that is up; "auto" finds it.
+        min_confidence: seen pixels with less are unknown in label maps.
+        stages: shows and times the stages segment and render.
+        notes: what else the user should know about the splat.
+
+    Raises:
+        InputError: a photo or its class map cannot be read.
+        ValueError: there are no photos, or no camera sees anything of the splat.
+    """
+    stages, source = stages or Stages(), labelling.source
+    if not positions:
+        raise ValueError("there is no photo to say classes")
+    height, width = default_size(scene.frames[positions[0]].lens.size) if size is None else size
+    bounds = scene.depth_range(spread(positions, SHOWN))
+    votes = PixelVotes(gaussians, len(source.classes))
+    title = f"Classes of {counted(len(positions), 'photo')} from {source.title}"
+    with stages.steps("segment", title, len(positions)) as done:
+        for count, position in enumerate(positions):
+            view = scene.read([position], (height, width), bounds)
+            distributions = source.of(scene.frames[position], (height, width))
+            if view.hidden is not None:
+                distributions = distributions.masked_fill(view.hidden, 0)
+            votes.add(view.cameras, distributions)
+            done(count + 1)
+    choice = Choice(
+        tuple(spread(positions, SHOWN)),
+        tuple(spread(held_out, SHOWN)),
+        f"evenly chosen of {counted(len(positions), 'photo that says', 'photos that say')} classes"
+        + (f" and {counted(len(held_out), 'that is', 'that are')} held out" if held_out else ""),
+        bounds,
+    )
+    context = scene.read(choice.context, (height, width), bounds)
+    target = scene.read(choice.targets, (height, width), bounds) if choice.targets else None
+    x, y, z = map(float, scene.origin)
+    with stages(
+        "render",
+        RENDERING(views=f"{len(choice.context) + len(choice.targets)} views", gaussians=len(gaussians)),
+    ):
+        saved = splat_scene(
+            gaussians,
+            context.cameras,
+            frames=[scene.frames[position].name for position in choice.context],
+            source=scene.name,
+            model=f"{given.format} of {given.name}, classes from {labelling.description}",
+            unit="metric" if scene.unit == "metric" else "unknown",
+            origin=(x, y, z),
+        )
+        saved = replace(saved, gaussians=votes.labelled(), classes=source.classes)
+        encoding = Encoding(
+            gaussians=saved.gaussians,
+            depths=saved.depths,
+            confidences=saved.confidences,
+            depth_spread=torch.zeros_like(saved.depths),
+            depth_range=saved.depth_range,
+            classes=saved.classes,
+            stride=saved.stride,
+            places=saved.places,
+        )
+        rendered = render_views("context", scene, choice.context, context, encoding, min_confidence)
+        compared = None
+        if target is not None:
+            compared = render_views("target", scene, choice.targets, target, encoding, min_confidence)
+        direction = up_of(saved, up)
+    shown = [score.psnr_seen for score in rendered.scores if score.psnr_seen is not None]
+    quality = float(np.median(shown)) if shown else 0.0
+    seen = rendered.alphas >= SEEN_ALPHA
+    own = share_like_own(rendered.images, context.images, seen if context.hidden is None else seen & ~context.hidden)
+    found_notes = collect_notes(
+        scene,
+        choice,
+        context,
+        target,
+        source.classes,
+        direction,
+        geometry=[*notes, *notes_on_splat(int(votes.unseen.sum()), len(gaussians), quality, own)],
+        labelling=labelling,
+    )
+    return Reconstruction(
+        scene=scene,
+        choice=choice,
+        encoding=encoding,
+        model=given.format,
+        context=rendered,
+        target=compared,
+        saved=saved,
+        up=direction,
+        notes=found_notes,
+        labelling=labelling,
+        min_confidence=min_confidence,
+        splat=given,
+    )
