@@ -69,8 +69,13 @@ def task_of(command: str, given: Run, scene: Path, name: str, out: Path, result:
     source, target = PLACES[command]
     here = _named(given, name)
     said = [command, *_words({key: value for key, value in vars(here).items() if key not in (source, target)})]
-    options = replace(here, **{source: scene, target: out / result})
+    options = replace(here, **{source: _no_home(scene), target: _no_home(out / result)})
     return Task(name, scene, out, result, command, options, fingerprint(said, [scene]))
+
+
+def _no_home(path: Path) -> Path:
+    """A path that nobody takes for one in a home folder."""
+    return path.absolute() if str(path).startswith("~") else path
 
 
 def _named(value: Any, name: str) -> Any:

@@ -97,4 +97,4 @@ def _described(task: Task, record: Record, outcome: Outcome) -> Record:
     scores, notes = read_scores(task), outcome.notes[:MOST_NOTES]
     with suppress(ValueError, OSError):
         write_picture(task, task.out / PICTURES / f"{task.name}.jpg")
-    return replace(record, scores=scores, notes=tuple(map(str, notes)))
+    return replace(record, scores=scores, notes=tuple(map(printable, notes)))

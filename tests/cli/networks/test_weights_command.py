@@ -13,6 +13,7 @@ from semgs.model.weights.header_scores import KEY, Figure, Score, scores_text
 from semgs.model.weights.index import SHOWN, read_index
 from semgs.model.weights.load import load, shipped
 from semgs.model.weights.weights_file import save
+from semgs.run.outcome import Outcome
 
 
 def test_what_ships_is_listed_with_hash_and_licence(capsys: pytest.CaptureFixture[str]):
@@ -56,10 +57,11 @@ def test_verify_refuses_an_altered_file_on_one_line(tmp_path: Path, capsys: pyte
 def test_warnings_of_ours_are_one_line_of_the_terminal_and_others_stay(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     formatted: list[str] = []
 
-    def run(options: object) -> None:
+    def run(options: object, progress: object) -> Outcome:
         formatted.extend(
             warnings.formatwarning(kind("said"), kind, "file.py", 7, "line") for kind in (TermsWarning, UserWarning)
         )
+        return Outcome()
 
     monkeypatch.setattr("semgs.run.reconstruct.Reconstruct.run", run)
     usual = warnings.formatwarning
