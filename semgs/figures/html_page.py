@@ -248,4 +248,4 @@ def html_page(
 
 def _shown(value: Any) -> Any:
     """A value as shown in the page: plain text without control characters; HTML is unchanged."""
-    return printable(value) if type(value) is str else value
+    return printable(value) if isinstance(value, str) and not hasattr(value, "__html__") else value
