@@ -35,15 +35,15 @@ class Step:
 
 
 SCENE = (
-    Step("semgs reconstruct", "options; cameras of photos without poses", "cli/commands/scenes/reconstruct.py  sfm/", "SCENE"),
+    Step("semgs reconstruct", "options; cameras of photos without poses", "run/reconstruct.py  sfm/", "SCENE"),
     Step("Open", "detect the layout; list frames, cameras, maps", "data/scenes.py  data/layouts/", "Scene"),
     Step("Choose", "views that overlap, near and far; check cameras", "data/choosing/  data/bounds/  doctor/", "Choice"),
     Step("Read", "crop and resize images, maps and cameras", "data/resampling.py", "Views"),
     Step("Encode", "plan memory, run the network", "model/encode.py  model/memory/", "Encoding"),
-    Step("Place and segment", "depth, classes and features from elsewhere", "reconstruction/  segmenters/", "Encoding"),
+    Step("Place and segment", "depth, classes and features from elsewhere", "run/steps/  segmenters/", "Encoding"),
     Step("Refine", "with --refine: a few steps on the photos", "scene/photo_refinement.py", "Encoding"),
     Step("Render", "colour, classes and depth; scores", "rendering/  objectives/", "Reconstruction"),
-    Step("Write", "scene, PLY, renders, report", "reconstruction/output/", "scene.safetensors"),
+    Step("Write", "scene, PLY, renders, report", "run/output/", "scene.safetensors"),
     Step("Use", "semgs view, render, export, query", "viewer/  export/  robotics/"),
 )  # fmt: skip
 
@@ -70,7 +70,7 @@ BATCH = (
     Step("Step", "clip, update the weights and their average", "training/step.py  training/state.py", "weights"),
     Step("Check and save", "validate the average; log, checkpoint", "training/loop.py  training/run/", "checkpoint"),
     Step("Weights", "averaged, with settings, classes and terms", "model/weights/", "weights.safetensors"),
-    Step("Use", "semgs evaluate, reconstruct --weights", "evaluation/  reconstruction/"),
+    Step("Use", "semgs evaluate, reconstruct --weights", "evaluation/  run/"),
 )  # fmt: skip
 
 LOSS = (

@@ -74,7 +74,7 @@ def task_of(command: str, given: Run, scene: Path, name: str, out: Path, result:
 
 
 def _no_home(path: Path) -> Path:
-    """A path that nobody takes for one in a home folder."""
+    """The path, absolute if it would be taken for one in a home folder."""
     return path.absolute() if str(path).startswith("~") else path
 
 

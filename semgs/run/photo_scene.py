@@ -68,7 +68,7 @@ def photo_scene(
         path: what the user named as scene.
         out: the output folder of the command.
         posing: options for it.
-        progress: is told what is about to start.
+        progress: shows what is about to start.
         kept: whether images and cameras will stay in the output folder.
         in_units: an option that was given in the unit of the cameras; refused if they will have none.
 

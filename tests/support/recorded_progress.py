@@ -9,7 +9,7 @@ from semgs.runtime.progress import Progress
 
 
 class RecordedProgress(Progress):
-    """Keeps what it is told.
+    """Keeps what is reported.
 
     Attributes:
         titles: of stages and announced lines.
