@@ -22,9 +22,10 @@ from semgs.depth_maps.opening import open_depth_maps
 from semgs.files.errors import InputError
 from semgs.run.output.report import Provenance, report_numbers
 from semgs.run.output.report_page import report_page
-from semgs.run.steps.pipeline import ViewEncoder, reconstruct
+from semgs.run.steps.pipeline import reconstruct
 from semgs.run.steps.recording import Walk
 from semgs.run.steps.result import Reconstruction
+from semgs.run.steps.view_encoder import ViewEncoder
 from semgs.runtime.stopwatch import Stages
 from semgs.scene.encoding import Encoding
 

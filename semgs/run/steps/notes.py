@@ -6,24 +6,18 @@ from collections.abc import Sequence
 
 import torch
 
-from semgs.data.choosing.choice import Choice
 from semgs.data.frames import Frame
 from semgs.data.resampling import kept_size
-from semgs.data.scene import Scene
 from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
-from semgs.depth_maps.map_depth import MapPlacement
-from semgs.depth_maps.sensor_depth import Placement
 from semgs.files.text import counted
 from semgs.geometry.cameras import Cameras, back_project, project
 from semgs.mapping.mapper import Mapper
-from semgs.model.memory.memory_plan import MemoryPlan
+from semgs.run.steps.draft import Draft
 from semgs.run.steps.result import PhotoRefinement
 from semgs.runtime.notes import Kind, Note
 from semgs.scene.exposure import Exposures
 from semgs.scene.upright import UpDirection
-from semgs.segmenters.features.scene_features import SceneFeatures
-from semgs.segmenters.labelling import Labelling
 from semgs.splats.splat_scene import note_on_look
 
 GRID = 24
@@ -94,32 +88,18 @@ EXPOSURES_DIFFER = Kind(
 
 
 def collect_notes(
-    scene: Scene,
-    choice: Choice,
-    context: Views,
-    target: Views | None,
-    classes: ClassTable | None,
-    up: UpDirection,
-    *,
-    geometry: Sequence[str],
-    placement: Placement | MapPlacement | None = None,
-    plan: MemoryPlan | None = None,
-    exposures: Exposures | None = None,
-    labelling: Labelling | None = None,
-    features: SceneFeatures | None = None,
-    refinement: PhotoRefinement | None = None,
+    draft: Draft, up: UpDirection, geometry: Sequence[str], refinement: PhotoRefinement | None
 ) -> tuple[str, ...]:
     """All notes on a reconstruction, in the order of the report.
 
     Args:
-        scene, choice, context, target: the source, the chosen frames, the input views and the held-out ones.
-        classes: the class table of the Gaussians; None for a colour-only model.
+        draft: all of it but what is rendered.
         up: which way is up.
         geometry: what to know about where the Gaussians are, such as `notes_on_guesses`.
-        exposures: of the input photos; None if they are as taken.
-        placement, plan, labelling, features, refinement: as for `Reconstruction`.
+        refinement: what refining changed; None without it.
     """
-    names = [scene.frames[position].name for position in choice.context]
+    scene, choice, context, target = draft.scene, draft.choice, draft.context, draft.target
+    classes = draft.encoding.classes
     bounds = choice.depth_range
     notes: list[str] = [
         *scene.notes,
@@ -141,13 +121,16 @@ def collect_notes(
         notes.append(note_on_refinement(refinement))
     if not choice.targets:
         notes.append(NONE_HELD_OUT())
-    if placement is not None:
-        notes += placement.notes(names)
-    if exposures is not None:
-        notes.append(note_on_exposures(exposures))
-    if plan is not None and plan.short:
+    if draft.placement is not None:
+        notes += draft.placement.notes(draft.names)
+    if draft.exposures is not None:
+        notes.append(note_on_exposures(draft.exposures))
+    if draft.plan is not None and draft.plan.short:
         notes.append(MEMORY_WAS_SHORT())
-    notes += [*(labelling.notes if labelling else ()), *(features.notes if features else ())]
+    notes += [
+        *(draft.labelling.notes if draft.labelling else ()),
+        *(draft.features.notes if draft.features else ()),
+    ]
     if not up.certain:
         notes.append(UP_IS_UNCERTAIN(reason=up.reason))
     return tuple(notes)

@@ -15,13 +15,14 @@ from semgs.data.spread import spread
 from semgs.files.text import counted
 from semgs.geometry.gaussians import Gaussians
 from semgs.rendering.rendering import SEEN_ALPHA
-from semgs.run.steps.notes import collect_notes, notes_on_splat
-from semgs.run.steps.pipeline import RENDERING, render_views
-from semgs.run.steps.result import GivenSplat, Reconstruction
+from semgs.run.steps.draft import Draft
+from semgs.run.steps.finishing import finish
+from semgs.run.steps.notes import notes_on_splat
+from semgs.run.steps.result import GivenSplat, Reconstruction, RenderedViews
 from semgs.runtime.stopwatch import Stages
 from semgs.scene.encoding import Encoding
 from semgs.scene.pixel_votes import PixelVotes
-from semgs.scene.upright import Up, up_of
+from semgs.scene.upright import Up
 from semgs.segmenters.labelling import Labelling
 from semgs.splats.splat_scene import share_like_own, splat_scene
 
@@ -96,60 +97,35 @@ def label_splat(
     context = scene.read(choice.context, (height, width), bounds)
     target = scene.read(choice.targets, (height, width), bounds) if choice.targets else None
     x, y, z = map(float, scene.origin)
-    with stages(
-        "render",
-        RENDERING(views=f"{len(choice.context) + len(choice.targets)} views", gaussians=len(gaussians)),
-    ):
-        saved = splat_scene(
-            gaussians,
-            context.cameras,
-            frames=[scene.frames[position].name for position in choice.context],
-            source=scene.name,
-            model=f"{given.format} of {given.name}, classes from {labelling.description}",
-            unit="metric" if scene.unit == "metric" else "unknown",
-            origin=(x, y, z),
-        )
-        saved = replace(saved, gaussians=votes.labelled(), classes=source.classes)
-        encoding = Encoding(
-            gaussians=saved.gaussians,
-            depths=saved.depths,
-            confidences=saved.confidences,
-            depth_spread=torch.zeros_like(saved.depths),
-            depth_range=saved.depth_range,
-            classes=saved.classes,
-            stride=saved.stride,
-            places=saved.places,
-        )
-        rendered = render_views("context", scene, choice.context, context, encoding, min_confidence)
-        compared = None
-        if target is not None:
-            compared = render_views("target", scene, choice.targets, target, encoding, min_confidence)
-        direction = up_of(saved, up)
-    shown = [score.psnr_seen for score in rendered.scores if score.psnr_seen is not None]
-    quality = float(np.median(shown)) if shown else 0.0
-    seen = rendered.alphas >= SEEN_ALPHA
-    own = share_like_own(rendered.images, context.images, seen if context.hidden is None else seen & ~context.hidden)
-    found_notes = collect_notes(
-        scene,
-        choice,
-        context,
-        target,
-        source.classes,
-        direction,
-        geometry=[*notes, *notes_on_splat(int(votes.unseen.sum()), len(gaussians), quality, own)],
-        labelling=labelling,
+    saved = splat_scene(
+        gaussians,
+        context.cameras,
+        frames=[scene.frames[position].name for position in choice.context],
+        source=scene.name,
+        model=f"{given.format} of {given.name}, classes from {labelling.description}",
+        unit="metric" if scene.unit == "metric" else "unknown",
+        origin=(x, y, z),
     )
-    return Reconstruction(
-        scene=scene,
-        choice=choice,
-        encoding=encoding,
-        model=given.format,
-        context=rendered,
-        target=compared,
-        saved=saved,
-        up=direction,
-        notes=found_notes,
-        labelling=labelling,
-        min_confidence=min_confidence,
-        splat=given,
+    saved = replace(saved, gaussians=votes.labelled(), classes=source.classes)
+    encoding = Encoding(
+        gaussians=saved.gaussians,
+        depths=saved.depths,
+        confidences=saved.confidences,
+        depth_spread=torch.zeros_like(saved.depths),
+        depth_range=saved.depth_range,
+        classes=saved.classes,
+        stride=saved.stride,
+        places=saved.places,
     )
+
+    def about(rendered: RenderedViews) -> list[str]:
+        """The notes on the splat, from what it looks like."""
+        shown = [score.psnr_seen for score in rendered.scores if score.psnr_seen is not None]
+        quality = float(np.median(shown)) if shown else 0.0
+        seen = rendered.alphas >= SEEN_ALPHA
+        seen = seen if context.hidden is None else seen & ~context.hidden
+        own = share_like_own(rendered.images, context.images, seen)
+        return [*notes, *notes_on_splat(int(votes.unseen.sum()), len(gaussians), quality, own)]
+
+    draft = Draft(scene, choice, context, target, encoding, given.format, labelling, splat=given)
+    return finish(draft, saved, about, stages=stages, min_confidence=min_confidence, up=up)

@@ -1,0 +1,148 @@
+"""From some views of a scene to Gaussians with their depth and classes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+from semgs.data.bounds.depth_range import DepthRange
+from semgs.data.choosing.choice import Choice
+from semgs.data.frames import Frame
+from semgs.data.scene import Scene
+from semgs.data.views import Views
+from semgs.depth_maps.depth_source import DepthMaps
+from semgs.depth_maps.frame_maps import FrameMaps
+from semgs.depth_maps.map_depth import MapPlacement, find_reference, fits, place_at_maps, read_maps
+from semgs.depth_maps.sensor_depth import DepthSource, Placement, place_gaussians, read_measured
+from semgs.files.text import counted
+from semgs.model.encode import Network, encode
+from semgs.model.memory.memory_plan import MemoryPlan
+from semgs.runtime.notes import Kind
+from semgs.runtime.stopwatch import Stages
+from semgs.runtime.threads import adapt_threads
+from semgs.scene.encoding import Encoding
+from semgs.segmenters.class_source import ClassSource
+from semgs.segmenters.labelling import Labelling
+from semgs.segmenters.networks.cost import cost_of
+
+ENCODING = Kind("Encoding {count} views with {network}", "Building the room from {count} photos")
+
+
+class ViewEncoder:
+    """The steps from some views of a scene to Gaussians with their depth and classes.
+
+    Args:
+        scene, network, depth, labelling, stages: as for `reconstruct`.
+        size: (height, width) of the frames as read [px].
+
+    Attributes:
+        plan: how memory was used, in the first views for which it was short; None for a network that `memory_plan` does not support.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        network: Network,
+        size: tuple[int, int],
+        depth: DepthSource | DepthMaps,
+        labelling: Labelling | None,
+        stages: Stages,
+    ) -> None:
+        self._scene, self._network, self._size = scene, network, size
+        self._depth, self._labelling, self._stages = depth, labelling, stages
+        self._placements: dict[int, Placement | MapPlacement] = {}
+        self._segmenter_cost = self._depth_cost = ""
+        self.plan: MemoryPlan | None = None
+
+    def read(self, positions: Sequence[int], depth_range: DepthRange) -> Views:
+        """Read input frames.
+
+        Raises:
+            InputError: a frame cannot be read, or has no depth map, or the sensor measured too little of it.
+        """
+        if self._depth in ("sensor", "both"):
+            return read_measured(self._scene, positions, self._size, depth_range)
+        views = self._scene.read(positions, self._size, depth_range)
+        if isinstance(self._depth, FrameMaps) and (
+            views.depths is None or not (views.depths > 0).flatten(1).any(1).all()
+        ):
+            read_maps(self._depth, self._scene, positions, self._size)  # says which frame has none
+        return views
+
+    def read_target(self, choice: Choice) -> Views | None:
+        """Read the held-out frames; None if there are none.
+
+        Raises:
+            InputError: a frame cannot be read.
+        """
+        return self._scene.read(choice.targets, self._size, choice.depth_range) if choice.targets else None
+
+    def try_networks(self, positions: Sequence[int]) -> None:
+        """Measure what classes and depth maps of frames take to compute, to show it with these stages; before other stages raise the peak of memory."""
+        frames = [self._scene.frames[position] for position in positions]
+        if self._labelling is not None:
+            self._segmenter_cost = self._try(self._labelling.source, frames)
+        if not isinstance(self._depth, str):
+            self._depth_cost = self._try(self._depth, frames)
+
+    def _try(self, source: ClassSource | DepthMaps, frames: Sequence[Frame]) -> str:
+        """What the maps of frames take, to be put behind the title of a stage; "" if nothing is computed."""
+        with self._stages("load", f"Trying {source.title}"):
+            cost = cost_of(source, frames)
+        return "" if cost is None else f": {cost}"
+
+    def encode(self, positions: Sequence[int], views: Views, target: Views | None = None) -> Encoding:
+        """Encode views, place the Gaussians at a sensor's depth, and give them the classes of a segmenter, as requested.
+
+        Args:
+            positions: of the frames in the scene.
+            views: the frames as read.
+            target: views that will be rendered later and also need memory.
+
+        Raises:
+            NotEnoughMemoryError: it would not fit in memory.
+            ValueError: there are fewer than two views; or as `Labelling`.
+        """
+        adapt_threads()
+        with self._stages("encode", ENCODING(count=len(views), network=self._network.name)):
+            encoded = encode(self._network, views, target)
+        encoding = replace(encoded.encoding, classes=self._network.classes)
+        if self.plan is None or not self.plan.short:
+            self.plan = encoded.plan
+        if self._depth != "network":
+            encoding, placement = self._place(encoding, positions, views, self._depth)
+            for position, fit in zip(positions, placement.fits, strict=True):
+                self._placements.setdefault(position, replace(placement, fits=(fit,)))  # type: ignore[arg-type]
+        if self._labelling is not None:
+            title = (
+                f"Classes of {counted(len(views), 'photo')} from {self._labelling.source.title}{self._segmenter_cost}"
+            )
+            with self._stages("segment", title):
+                encoding = self._labelling(encoding, self._scene, positions, views)
+        return encoding
+
+    def _place(
+        self, encoding: Encoding, positions: Sequence[int], views: Views, depth: Literal["sensor", "both"] | DepthMaps
+    ) -> tuple[Encoding, Placement | MapPlacement]:
+        """Place the Gaussians at the depth of a sensor or of maps. Returns them, and how they were placed."""
+        count = f"{len(encoding.gaussians):,} Gaussians"
+        if isinstance(depth, str):
+            with self._stages("place", f"Placing {count} at the measured depth"):
+                return place_gaussians(encoding, views, depth, metric=self._scene.unit == "metric")
+        with self._stages("depth", f"Depth of {counted(len(views), 'photo')} from {depth.title}{self._depth_cost}"):
+            maps = read_maps(depth, self._scene, positions, views.size)
+        with self._stages("place", f"Placing {count} with the help of depth maps"):
+            reference = find_reference(
+                encoding, self._scene, positions, views, independent=not isinstance(depth, FrameMaps)
+            )
+            # If maps of an earlier window fit, one bad window is no reason to give up a walk.
+            trusted = any(isinstance(one, MapPlacement) and fits(one.fits[0]) for one in self._placements.values())
+            return place_at_maps(encoding, views, maps, depth, reference, trusted=trusted)
+
+    def placement(self, positions: Sequence[int]) -> Placement | MapPlacement | None:
+        """How the Gaussians of frames were placed when these were first encoded; None if their depth is the network's."""
+        if not self._placements:
+            return None
+        fits = tuple(self._placements[position].fits[0] for position in positions)
+        return replace(self._placements[positions[0]], fits=fits)  # type: ignore[arg-type]
