@@ -75,7 +75,7 @@ COMMANDS = {
     "poses": Command("poses:Poses", "Estimate the cameras of photos or a clip, and write them as a scene.", RUNS),
     "query": Command("scenes.query:Query", "Find what looks like an embedding in a reconstructed scene."),
     "export": Command("export:Export", "Write a scene for splat viewers, point clouds, ROS or training.", RUNS),
-    "render": Command("scenes.render:Render", "Render images or a video along a camera path."),
+    "render": Command("render:Render", "Render images or a video along a camera path.", RUNS),
     "view": Command("scenes.view:View", "Show a scene in 3D in the browser, or write it as one page."),
     "app": Command("scenes.app:App", "Open a page in the browser that makes labelled rooms from photos."),
     "prepare": Command("prepare:Prepare", "Convert scenes to compact zip files for training.", RUNS),

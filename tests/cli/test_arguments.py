@@ -154,7 +154,7 @@ def test_paths_are_expanded_and_empty_ones_refused_as_they_are_typed(monkeypatch
      ("--size", "1x1", "expected sides from 32 to 4096 pixels, found 1x1")],
 )  # fmt: skip
 def test_a_wrong_value_of_an_option_that_may_be_left_out_is_said_without_types(option: str, value: str, why: str):
-    from semgs.cli.commands.scenes.render import Render
+    from semgs.run.render import Render
 
     with pytest.raises(UsageError) as caught:
         parse(Render, "semgs render", ["a.ply", "--out", "a.mp4", option, value])

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from semgs.cli.progress import show_progress, show_stage
 from semgs.files.errors import InputError
 from semgs.files.folders import FILE_ENDINGS, check_folder, check_new_file, own_folder
 from semgs.files.paths import found_at, typed_path
 from semgs.files.text import counted, did_you_mean
 from semgs.run.opened_scene import open_given
 from semgs.run.options.types import Activated, Count, Probability, Size, optional
+from semgs.run.outcome import Outcome, Run
 from semgs.run.usage_errors import UsageError, what_the_user_gave
+from semgs.runtime.progress import Progress
 from semgs.splats.endings import is_splat
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ SWING, CIRCLE = 24.0, 360.0
 
 
 @dataclass(frozen=True)
-class Render:
+class Render(Run):
     """Render images or a video of a reconstructed scene along a camera path.
 
     SCENE is an output folder of semgs reconstruct, its scene.safetensors, or a splat of another program (PLY, SPZ, glTF). If OUT ends with .mp4, it is a video, with the images side by side.
@@ -90,8 +91,8 @@ class Render:
     overwrite: bool = False
     """Replace OUT from an earlier run, once the new one is complete."""
 
-    def run(self) -> None:
-        """Render, and print what was written.
+    def run(self, progress: Progress) -> Outcome:
+        """Render.
 
         Raises:
             InputError: the scene or the camera file cannot be used, or OUT cannot be written.
@@ -117,27 +118,25 @@ class Render:
             check_new_file(self.out, self.overwrite)
         else:
             check_folder(self.out, "render", self.overwrite, (self.scene, self.cameras, *self._camera_file()))
-        with show_stage("Reading the scene"):
+        with progress.stage("Reading the scene"):
             from semgs.export.video import check_video_library
 
             if video:
                 check_video_library()
             opened = open_given(self.scene, self.cameras, self.up, self.activated)
-            if opened.note:
-                print(f"note: {opened.note}")
             stills = self._stills(opened.scene)
             cameras, note = self._path_cameras(opened)
             if video:
                 self._check_sides(cameras, len(stills.shows))
         count = cameras.batch[0]
         if video:
-            self._write_video(stills, cameras)
-            print(f"{self.out}: {counted(count, 'image')}, {count / self.fps:.1f} s at {self.fps} images per second")
+            self._write_video(stills, cameras, progress)
+            written = f"{counted(count, 'image')}, {count / self.fps:.1f} s at {self.fps} images per second"
         else:
-            self._write_folder(stills, cameras)
-            print(f"{self.out}: {counted(count, 'image')} each of {', '.join(stills.shows)}")
-        if note:
-            print(f"note: {note}")
+            self._write_folder(stills, cameras, progress)
+            written = f"{counted(count, 'image')} each of {', '.join(stills.shows)}"
+        before, after = ([f"note: {one}"] if one else [] for one in (opened.note, note))
+        return Outcome((*before, f"{self.out}: {written}", *after), tuple(filter(None, (opened.note, note))))
 
     def _check_path(self) -> None:
         """Check what --path names, and that --up matters for it."""
@@ -210,12 +209,12 @@ class Render:
                 f"the images are {width} pixels wide side by side; a video has at most {WIDEST}: use --size or fewer --show"
             )
 
-    def _write_video(self, stills: Stills, cameras: Cameras) -> None:
+    def _write_video(self, stills: Stills, cameras: Cameras, progress: Progress) -> None:
         """Write the video."""
         from semgs.export.stills import side_by_side
         from semgs.export.video import write_video
 
-        with show_progress("Rendering", cameras.batch[0]) as done:
+        with progress.steps("Rendering", cameras.batch[0]) as done:
 
             def frames():
                 for index, images in enumerate(stills.images(cameras)):
@@ -224,14 +223,14 @@ class Render:
 
             write_video(self.out, frames(), self.fps)
 
-    def _write_folder(self, stills: Stills, cameras: Cameras) -> None:
+    def _write_folder(self, stills: Stills, cameras: Cameras, progress: Progress) -> None:
         """Write the folder."""
         from semgs.export.camera_files import write_camera_file
         from semgs.files.images.pictures import write_png
 
         with (
             own_folder(self.out, "render", self.overwrite) as folder,
-            show_progress("Rendering", cameras.batch[0]) as done,
+            progress.steps("Rendering", cameras.batch[0]) as done,
         ):
             for index, images in enumerate(stills.images(cameras)):
                 for show, image in zip(stills.shows, images, strict=True):
