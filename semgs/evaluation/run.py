@@ -11,6 +11,7 @@ from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.data.scene_lists import read_list
 from semgs.data.scenes import open_scenes
+from semgs.data.tables.class_groups import ClassGroups
 from semgs.data.tables.classes import ClassTable
 from semgs.depth_maps.depth_source import DepthMaps
 from semgs.evaluation.frames.frame_plan import FramePlan, frame_list, make_plan, read_plan
@@ -87,6 +88,7 @@ class Job:
         candidate: the method.
         remarks: further notes for the report, a sentence each.
         workers: parallel processes, each with one thread; 0 uses this process with all its threads.
+        groups: of classes, of which metrics are added; None for none.
     """
 
     data: LabelledScenes
@@ -94,6 +96,7 @@ class Job:
     candidate: Candidate
     remarks: tuple[str, ...] = ()
     workers: int = 0
+    groups: ClassGroups | None = None
 
 
 def open_labelled_scenes(
@@ -250,6 +253,8 @@ def run_evaluation(
         rows = score_method(
             job.plan, job.candidate.method, folder, save=subject.kind == "weights", workers=job.workers, done=done
         )
+        if job.groups is not None:
+            rows = [row.by_groups(job.groups) for row in rows]
         evaluation = Evaluation(
             subject=subject,
             data=str(job.data.path),
@@ -259,6 +264,7 @@ def run_evaluation(
             versions=versions(),
             hardware=hardware(job.candidate.device),
             notes=(*job.remarks, *notes(job.plan, job.data.scenes, rows, job.workers)),
+            groups=job.groups,
         )
         return _summary(write_evaluation(folder, evaluation), evaluation, out)
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 TITLES = {
     "miou": "mIoU", "miou_per_image": "mIoU/image", "miou_per_image_seen": "mIoU/image (seen)", "accuracy": "acc.",
     "accuracy_per_image": "acc./image", "accuracy_per_image_seen": "acc./image (seen)", "class_accuracy": "class acc.",
-    "class_accuracy_per_image": "class acc./image", "aurc": "AURC", "ece": "ECE", "psnr": "PSNR", "psnr_seen": "PSNR (seen)", "ssim": "SSIM", "lpips": "LPIPS",
+    "class_accuracy_per_image": "class acc./image", "miou_merged": "mIoU (merged)", "accuracy_merged": "acc. (merged)",
+    "aurc": "AURC", "ece": "ECE", "covered_95": "at 95 %", "psnr": "PSNR", "psnr_seen": "PSNR (seen)", "ssim": "SSIM", "lpips": "LPIPS",
     "depth_abs_rel": "depth error", "depth_abs_rel_seen": "depth error (seen)", "depth_delta_125": "depth δ<1.25",
     "unseen": "unseen", "not_given": "not given", "fps_encoding_each": "FPS",
 }  # fmt: skip
@@ -45,7 +46,7 @@ def shown_number(measure: str, value: float | None, digits: int = 3) -> str:
     """A metric as text; `digits` after the point for those that papers print with three, such as mIoU."""
     if value is None:
         return "–"
-    if measure in ("unseen", "not_given"):
+    if measure in ("unseen", "not_given", "covered_95"):
         return f"{100 * value:.1f} %"
     return (
         f"{value:.2f}"

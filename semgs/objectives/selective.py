@@ -63,6 +63,30 @@ def least_confidence(counts: Int[np.ndarray, "level 2"], coverage: float) -> flo
     return float(confidences()[::-1][place])
 
 
+def coverage_at_risk(counts: Counts, risk: float) -> Float64[np.ndarray, "*set"]:
+    """The largest share of the pixels, the most confident ones, of which at most this share is wrong; for at least one pixel in each set.
+
+    Within a level that begins after k pixels, of which e were wrong, and in which a share r is wrong, e + (x - k) r are wrong after x pixels: risk times x at
+    x = (k r - e) / (r - risk).
+    """
+    pixels, wrong = _most_confident_first(counts)
+    taken, missed = np.cumsum(pixels, -1), np.cumsum(wrong, -1)
+    fits = missed <= risk * taken
+    last = np.where(fits.any(-1), pixels.shape[-1] - 1 - np.argmax(fits[..., ::-1], -1), -1)[..., None]
+
+    def at(values: np.ndarray, place: np.ndarray) -> np.ndarray:
+        """Values at places of their last axis; 0 before the first."""
+        found = np.take_along_axis(values, np.clip(place, 0, values.shape[-1] - 1), -1)
+        return np.where(place < 0, 0, found)[..., 0]
+
+    before, gone = at(taken, last), at(missed, last)
+    following = np.minimum(last + 1, pixels.shape[-1] - 1)
+    rate = at(wrong, following) / np.maximum(at(pixels, following), 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = np.where(rate > risk, (before * rate - gone) / (rate - risk), before)
+    return np.asarray(np.maximum(before, crossing) / taken[..., -1])
+
+
 def area_under_risk_coverage(counts: Counts) -> Float64[np.ndarray, "*set"]:
     """The mean of the risk over all coverages (AURC), for at least one pixel in each set.
 

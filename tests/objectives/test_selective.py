@@ -14,6 +14,7 @@ from semgs.objectives.selective import (
     area_under_risk_coverage,
     confidences,
     counts_by_confidence,
+    coverage_at_risk,
     equal_mass_calibration_error,
     least_confidence,
     risks,
@@ -114,3 +115,26 @@ def test_impossible_and_certain_confidences_have_the_outermost_levels() -> None:
     assert counts[0].tolist() == [1, 0]
     assert counts.shape == (LEVELS, 2)
     assert confidences()[[0, -1]].tolist() == pytest.approx([1 / (1 + math.exp(6)), 1 / (1 + math.exp(-12))])
+
+
+def test_as_many_pixels_count_as_errors_allow():
+    """100 right, then 50 with 10 errors, then 50 wrong ones. After x > 100, 0.2 (x - 100) are wrong: 5 % at 0.15 x = 20, of 200. Sets go together."""
+    counts = np.zeros((2, LEVELS, 2), int)
+    counts[0, -3:] = (50, 0), (50, 40), (100, 100)
+    counts[1, 7] = (10, 10)
+    np.testing.assert_allclose(coverage_at_risk(counts, 0.05), [20 / 0.15 / 200, 1.0])
+    counts[1, 7] = (10, 0)
+    assert coverage_at_risk(counts[1], 0.05) == 0
+    # Of 40 %: after 150 pixels 10 are wrong, then all are: 10 + x - 150 = 0.4 x.
+    np.testing.assert_allclose(coverage_at_risk(counts[0], 0.4), min(1, 140 / 0.6 / 200))
+    np.testing.assert_allclose(coverage_at_risk(counts[0], 0.2), 140 / 0.8 / 200)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_it_is_the_last_place_where_the_risk_is_low_enough(seed: int):
+    confidence, right = pixels(seed)
+    counts = counts_by_confidence(confidence, right)
+    found = float(coverage_at_risk(counts, 0.1))
+    shares = np.arange(1, 3001) / 3000
+    fits = risks(counts, shares.tolist()) <= 0.1
+    assert abs(found - (shares[fits].max() if fits.any() else 0)) <= 1 / 3000

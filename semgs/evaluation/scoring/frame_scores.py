@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from jaxtyping import Int64, UInt8
 from torch import Tensor
 
+from semgs.data.tables.class_groups import ClassGroups
 from semgs.data.tables.classes import IGNORE
 from semgs.data.views import Views
 from semgs.evaluation.frames.frame_plan import Task
@@ -35,6 +36,7 @@ class FrameScores:
             the method does not say what it saw.
         seconds_encode, seconds_render: wall-clock.
         confidences: the labelled and seen pixels by their confidence, as `semgs.objectives.selective` counts them.
+        merged, merged_truth: `confusion` and `truth` by groups of classes; not saved, and None unless requested.
         hidden: pixels that count in none of them; not saved.
         fragments: share of the predicted class map in tiny regions (`paper.ablate.fragments`); not saved, and None unless requested.
     """
@@ -58,6 +60,14 @@ class FrameScores:
     confidences: Int64[np.ndarray, "level 2"] | None = None
     hidden: int = 0
     fragments: float | None = None
+    merged: Int64[np.ndarray, "group group"] | None = None
+    merged_truth: Int64[np.ndarray, " group"] | None = None
+
+    def by_groups(self, groups: ClassGroups) -> FrameScores:
+        """The same, with counts by groups of classes."""
+        if self.confusion is None or self.truth is None:
+            return self
+        return replace(self, merged=groups.merged(self.confusion), merged_truth=groups.merged(self.truth))
 
 
 def score(

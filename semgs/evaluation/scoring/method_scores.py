@@ -5,11 +5,12 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
+from semgs.data.tables.class_groups import ClassGroups
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.evaluation.frames.frame_plan import FramePlan, Task
 from semgs.evaluation.frames.predictions import Method, Prediction, write_maps, write_prediction
@@ -49,6 +50,11 @@ class MethodScores:
     baselines: dict[str, tuple[FrameScores, ...]]
     truth: str
     shown: dict[tuple[str, str], Prediction] = field(default_factory=dict)
+
+    def by_groups(self, groups: ClassGroups) -> MethodScores:
+        """The same, with counts by groups of classes."""
+        baselines = {name: tuple(one.by_groups(groups) for one in frames) for name, frames in self.baselines.items()}
+        return replace(self, method=tuple(one.by_groups(groups) for one in self.method), baselines=baselines)
 
 
 def score_method(

@@ -7,7 +7,8 @@
 | psnr, ssim, lpips | for each target; mean over targets |
 | depth_abs_rel, depth_delta_125 | over all pixels of all targets that have a true depth |
 | miou_per_image_seen, accuracy_per_image_seen, psnr_seen, depth_abs_rel_seen | the same over the seen pixels |
-| aurc, ece | over the labelled and seen pixels of all targets: `semgs.objectives.selective` |
+| miou_merged, accuracy_merged | as miou and accuracy, of groups of classes |
+| aurc, ece, covered_95 | over the labelled and seen pixels of all targets: `semgs.objectives.selective` |
 | unseen | share of all pixels |
 | not_given | share of the labelled pixels without a predicted class |
 
@@ -28,7 +29,7 @@ from jaxtyping import Float, Int, Int64
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.objectives.measures import TITLES
 from semgs.objectives.metrics import accuracy, class_accuracy, intersection_over_union, miou
-from semgs.objectives.selective import area_under_risk_coverage, equal_mass_calibration_error
+from semgs.objectives.selective import area_under_risk_coverage, coverage_at_risk, equal_mass_calibration_error
 
 CLASS_METRICS = (
     "miou", "miou_per_image", "accuracy", "accuracy_per_image", "class_accuracy", "class_accuracy_per_image", "not_given",
@@ -38,12 +39,18 @@ DEPTH_METRICS = ("depth_abs_rel", "depth_delta_125")
 SEEN_METRICS = ("miou_per_image_seen", "accuracy_per_image_seen", "psnr_seen", "depth_abs_rel_seen")
 """Metrics over the pixels that a method saw. Methods see different pixels, so these do not rank methods."""
 
-CONFIDENCE_METRICS = ("aurc", "ece")
+CONFIDENCE_METRICS = ("aurc", "ece", "covered_95")
+
+MERGED_METRICS = ("miou_merged", "accuracy_merged")
+"""Metrics of groups of classes (`semgs.data.tables.class_groups`)."""
+
+RISK = 0.05
+"""The share of wrong pixels up to which `covered_95` counts."""
 
 METRICS = tuple(name for name in TITLES if name != "fps_encoding_each")
 """All names, in the order of tables."""
 
-LOWER_IS_BETTER = ("lpips", "depth_abs_rel", "depth_abs_rel_seen", "unseen", "not_given", *CONFIDENCE_METRICS)
+LOWER_IS_BETTER = ("lpips", "depth_abs_rel", "depth_abs_rel_seen", "unseen", "not_given", "aurc", "ece")
 
 
 Values = Callable[[Int[np.ndarray, "trial n"], Int[np.ndarray, "trial scene"]], Float[np.ndarray, "metric trial"]]
@@ -76,6 +83,7 @@ def group_metrics(frames: Sequence[FrameScores]) -> list[MetricGroup]:
     """The metrics of some targets, in groups. Each group uses the targets that have what it needs."""
     groups: tuple[tuple[tuple[str, ...], str, Callable[..., Values]], ...] = (
         (CLASS_METRICS, "confusion", _class_values),
+        (MERGED_METRICS, "merged", _merged_values),
         *(((name,), name, partial(_means, name)) for name in (*PICTURE_METRICS, "psnr_seen", "unseen", "fragments")),
         *(
             ((f"{name}_per_image_seen",), f"{name}_seen", partial(_means_over_scenes, f"{name}_seen"))
@@ -95,7 +103,14 @@ def group_metrics(frames: Sequence[FrameScores]) -> list[MetricGroup]:
             group_confidences(
                 frames,
                 CONFIDENCE_METRICS,
-                lambda counts: np.stack([area_under_risk_coverage(counts), equal_mass_calibration_error(counts)], -1),
+                lambda counts: np.stack(
+                    [
+                        area_under_risk_coverage(counts),
+                        equal_mass_calibration_error(counts),
+                        coverage_at_risk(counts, RISK),
+                    ],
+                    -1,
+                ),
             )
         )
     return found
@@ -208,6 +223,19 @@ def _class_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values
         images = [_scene_means(values, scene_of, times, scene_times) for values in per_image]
         pairs = [column for pair in zip(overall, images, strict=True) for column in pair]
         return np.stack([*pairs, 1 - _ratio(summed.sum((1, 2)), truth.sum(1))])
+
+    return values
+
+
+def _merged_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
+    """Computes `MERGED_METRICS`."""
+    confusions = np.stack([frame.merged for frame in frames if frame.merged is not None])
+    truths = np.stack([frame.merged_truth for frame in frames if frame.merged_truth is not None])
+    flat = confusions.reshape(len(frames), -1).astype(np.float64)
+
+    def values(times: np.ndarray, scene_times: np.ndarray) -> np.ndarray:
+        total = torch.from_numpy((times @ flat).astype(np.int64).reshape(-1, *confusions.shape[1:]))
+        return np.stack([miou(total, torch.from_numpy(times @ truths > 0)).numpy(), accuracy(total).numpy()])
 
     return values
 

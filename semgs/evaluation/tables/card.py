@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from semgs.evaluation.scoring.intervals import units_in_words
-from semgs.evaluation.scoring.summary import CONFIDENCE_METRICS
 from semgs.evaluation.tables.comparison_tables import MARKED, ROWS
 from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
 from semgs.evaluation.tables.score_cells import interval_cells
@@ -17,6 +16,9 @@ from semgs.objectives.measures import TITLES, shown_number
 
 METRICS = ("miou", "miou_per_image", "accuracy", "psnr", "depth_abs_rel")
 """The columns."""
+
+CONFIDENCE = ("aurc", "ece")
+"""The columns of the table of confidence, beside those of `KEPT`."""
 
 KEPT = (50, 80, 90, 100)
 """Shares of the pixels, the most confident ones [%]."""
@@ -74,12 +76,12 @@ def _confidence(pairs: Sequence[tuple[SavedReport, SavedResult]]) -> Grid:
         points = {round(100 * point["coverage"]): point for point in result.numbers["risk_coverage"]}
         shares = [f"{100 * points[share]['risk']:.1f} % ({points[share]['confidence']:.2f})" for share in KEPT]
         name = Cell(f"{report.data_name} ({len(report.sizes)}), {result.views} views")
-        rows.append((name, *interval_cells(result.numbers, CONFIDENCE_METRICS), *map(Cell, shares)))
+        rows.append((name, *interval_cells(result.numbers, CONFIDENCE), *map(Cell, shares)))
     return Grid(
         title="Confidence",
         head=(
             "data (scenes), input views",
-            *[TITLES[name] for name in CONFIDENCE_METRICS],
+            *[TITLES[name] for name in CONFIDENCE],
             *[f"wrong in {share} %" for share in KEPT],
         ),
         rows=tuple(rows),

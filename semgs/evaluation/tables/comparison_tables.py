@@ -7,27 +7,35 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
+from semgs._version import __version__
 from semgs.evaluation.scoring.intervals import paired_differences
-from semgs.evaluation.scoring.summary import LOWER_IS_BETTER, SEEN_METRICS
+from semgs.evaluation.scoring.summary import LOWER_IS_BETTER, MERGED_METRICS, SEEN_METRICS
 from semgs.evaluation.tables.evaluation_report import COMPARED, SavedReport, SavedResult, worse_than_copy
 from semgs.evaluation.tables.published_results import MARK, PublishedTable
 from semgs.evaluation.tables.score_cells import score_cells
 from semgs.evaluation.tables.table_grid import Cell, Grid
 from semgs.files.errors import InputError
 from semgs.files.text import counted
+from semgs.model.weights.index import read_index
 from semgs.objectives.measures import MOSTLY_SEEN, TITLES, shown_number
 
 PAPER = ("miou_per_image", "accuracy_per_image", "class_accuracy_per_image", "fps_encoding_each")
 """The columns of the paper's tables. All but the last are means over images, as in the code of S-Ray and GSNeRF."""
 
 BRIEF = (
-    "miou", "miou_per_image", "accuracy", "class_accuracy", "psnr", "psnr_seen", "ssim", "depth_abs_rel", "depth_abs_rel_seen", "unseen",
+    "miou", "miou_merged", "miou_per_image", "accuracy", "accuracy_merged", "class_accuracy", "psnr", "psnr_seen", "ssim", "depth_abs_rel", "depth_abs_rel_seen", "unseen",
     "fps_encoding_each",
 )  # fmt: skip
 """The metrics that fit in a terminal."""
 
-DATA = ("miou", *PAPER[:3], "psnr", "fps_encoding_each")
+POOLED = ("miou", *MERGED_METRICS, "accuracy", "psnr", "depth_abs_rel")
+"""The columns beside those of the paper."""
+
+DATA = ("miou", *MERGED_METRICS, *PAPER[:3], "psnr", "fps_encoding_each")
 """The columns of a table of several data sets."""
+
+HASH = 8
+"""So many letters of the SHA-256 of weights tell them apart in tables."""
 
 ROWS = {
     "one_pass": "before refining",
@@ -114,23 +122,55 @@ def paper_grid(reports: Sequence[SavedReport], published: PublishedTable | None 
     )
 
 
+def pooled_grid(reports: Sequence[SavedReport]) -> Grid:
+    """What the paper's columns lack: one confusion matrix over all targets, PSNR, and the depth error. Reports as for `paper_grid`."""
+    views = sorted({count for report in reports for count in report.results})
+    every = [result.numbers for report in reports for result in report.results.values()]
+    shown = [metric for metric in POOLED if any(numbers.get(metric) is not None for numbers in every)]
+    trivial = _trivial(reports)
+
+    def row(name: str, numbers: Mapping[int, Mapping[str, Any]]) -> tuple[Cell, ...]:
+        """A row for all numbers of views."""
+        return (Cell(name), *(cell for count in views for cell in score_cells(numbers.get(count, {}), shown)))
+
+    rows = [
+        row(name, {count: result.numbers for count, result in report.results.items()})
+        for name, report in zip(distinct_names(reports), reports, strict=True)
+    ]
+    return Grid(
+        title="Over all targets together",
+        groups=tuple((f"{count} input views", len(shown)) for count in views),
+        head=("method", *[TITLES[metric] for _ in views for metric in shown]),
+        rows=(*rows, *(row(ROWS[name], numbers) for name, numbers in trivial.items())),
+        rules=(len(rows),) if trivial else (),
+        notes=(*_groups_of(reports), *_weights_of(reports)),
+    )
+
+
 def data_grid(reports: Sequence[SavedReport]) -> Grid:
     """Reports of different data, one below the other, each with the oracle that copies the nearest input view."""
     rows: list[tuple[Cell, ...]] = []
     rules: list[int] = []
+    shown = [one for one in DATA if one not in MERGED_METRICS or any(report.groups for report in reports)]
     for report in reports:
         rules += [len(rows)] if rows else []
         for views, result in report.results.items():
             scenes = len(report.sizes)
-            where = f"{report.name} on {report.data_name} ({counted(scenes, 'scene')}), {views} views"
-            rows.append((Cell(where), *score_cells(result.numbers, DATA, result.numbers["below_copy"])))
-            rows.append((Cell(f"  {ROWS['copy']}"), *score_cells(result.baselines.get("copy", {}), DATA)))
+            where = f"{with_hash(report)} on {report.data_name} ({counted(scenes, 'scene')}), {views} views"
+            rows.append((Cell(where), *score_cells(result.numbers, shown, result.numbers["below_copy"])))
+            rows.append((Cell(f"  {ROWS['copy']}"), *score_cells(result.baselines.get("copy", {}), shown)))
     return Grid(
         title=f"{len(reports)} evaluation{'s' * (len(reports) > 1)}, protocol {' and '.join(dict.fromkeys(report.protocol for report in reports))}",
-        head=("method and data", *[TITLES[metric] for metric in DATA]),
+        head=("method and data", *[TITLES[metric] for metric in shown]),
         rows=tuple(rows),
         rules=tuple(rules),
-        notes=("Rows of different data are not comparable with each other.", _measured_on(reports), MARKED),
+        notes=(
+            "Rows of different data are not comparable with each other.",
+            _measured_on(reports),
+            MARKED,
+            *_groups_of(reports),
+            *_weights_of(reports),
+        ),
     )
 
 
@@ -196,9 +236,14 @@ def overview_grid(report: SavedReport) -> Grid:
     )
 
 
+def with_hash(report: SavedReport) -> str:
+    """The name of a report's method, with the beginning of the hash of its weights."""
+    return report.name if report.sha256 is None else f"{report.name} {report.sha256[:HASH]}"
+
+
 def distinct_names(reports: Sequence[SavedReport]) -> list[str]:
-    """The reports' names; equal names get the folder or, if needed, a number."""
-    names = [report.name for report in reports]
+    """The names of the reports' methods, with the beginning of the hash of weights; equal ones get the folder or, if needed, a number."""
+    names = [with_hash(report) for report in reports]
     with_folder = [
         f"{name} ({report.path.absolute().parent.name})" if names.count(name) > 1 else name
         for name, report in zip(names, reports, strict=True)
@@ -206,6 +251,25 @@ def distinct_names(reports: Sequence[SavedReport]) -> list[str]:
     if len(set(with_folder)) == len(names):
         return with_folder
     return [f"{name} #{number}" if names.count(name) > 1 else name for number, name in enumerate(names, 1)]
+
+
+def _groups_of(reports: Sequence[SavedReport]) -> list[str]:
+    """Which groups of classes the merged metrics are of."""
+    names = dict.fromkeys(report.groups.name for report in reports if report.groups is not None)
+    return [f"Merged: by groups of classes ({', '.join(names)})."] if names else []
+
+
+def _weights_of(reports: Sequence[SavedReport]) -> list[str]:
+    """Which of the weights are the included ones."""
+    included = {one.sha256: one.name for one in read_index()}
+    hashes = dict.fromkeys(report.sha256 for report in reports if report.sha256 is not None)
+    if not hashes:
+        return []
+    said = [
+        f"{one[:HASH]} {f'is {included[one]} of semgs {__version__}' if one in included else 'is not included'}"
+        for one in hashes
+    ]
+    return [f"Weights, by the beginning of their SHA-256: {'; '.join(said)}."]
 
 
 def _measured_on(reports: Sequence[SavedReport]) -> str:
@@ -265,8 +329,10 @@ def _difference_row(
     """A metric of two reports, with difference and interval."""
     before, after = first.numbers[metric], second.numbers[metric]
     interval = differences.get(metric)
-    ends = "–" if interval is None else f"{_signed(metric, interval.low)} to {_signed(metric, interval.high)}"
-    clear = interval is not None and interval.excludes_zero
+    low, high = ("", "") if interval is None else (_signed(metric, interval.low), _signed(metric, interval.high))
+    ends = f"{low} to {high}" if low else "–"
+    # As printed: an interval that begins at +0.0003 is printed from 0.000, and nobody could see why it has a star.
+    clear = interval is not None and interval.excludes_zero and low[0] == high[0] and low[0] in "+−"
     arrow = " ↓" if metric in LOWER_IS_BETTER else ""
     return (
         Cell(TITLES[metric] + arrow),
@@ -281,4 +347,4 @@ def _difference_row(
 def _signed(metric: str, value: float) -> str:
     """A difference as text, with sign."""
     text = shown_number(metric, abs(value))
-    return text if float(text) == 0 else ("+" if value > 0 else "−") + text
+    return text if not set(text) & set("123456789") else ("+" if value > 0 else "−") + text

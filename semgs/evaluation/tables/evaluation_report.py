@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from statistics import median
 from typing import Any
 
+from semgs.data.tables.class_groups import ClassGroups
 from semgs.data.tables.classes import ClassTable
 from semgs.evaluation.frames.frame_plan import FramePlan, frame_list
 from semgs.evaluation.scoring.baselines import NAMES
@@ -19,6 +20,7 @@ from semgs.evaluation.scoring.score_records import decode_scores, encode_scores,
 from semgs.evaluation.scoring.summary import (
     CONFIDENCE_METRICS,
     LOWER_IS_BETTER,
+    MERGED_METRICS,
     METRICS,
     SEEN_METRICS,
     score_classes,
@@ -65,6 +67,7 @@ class Evaluation:
         classes: the class table of the labels; None if no scene has labels.
         versions, hardware: of the software and the machine.
         notes: for the user, a sentence each.
+        groups: of classes, of which metrics are added; None for none.
     """
 
     subject: EvaluatedMethod
@@ -75,6 +78,7 @@ class Evaluation:
     versions: Mapping[str, str]
     hardware: Mapping[str, str | int]
     notes: tuple[str, ...]
+    groups: ClassGroups | None = None
 
 
 def evaluation_numbers(evaluation: Evaluation) -> dict[str, Any]:
@@ -102,6 +106,7 @@ def evaluation_numbers(evaluation: Evaluation) -> dict[str, Any]:
         },
         "protocol": evaluation.plan.title,
         "classes": evaluation.classes and {"name": evaluation.classes.name, "names": list(evaluation.classes.names)},
+        "merge": evaluation.groups and asdict(evaluation.groups),
         "results": [_result(rows, evaluation.classes) for rows in evaluation.rows],
         "notes": list(evaluation.notes),
         "versions": dict(evaluation.versions),
@@ -205,6 +210,16 @@ class SavedResult:
     frames: tuple[FrameScores, ...]
     truth: str
 
+    def by_groups(self, groups: ClassGroups) -> SavedResult:
+        """The same with metrics of groups of classes, of the method."""
+        frames = tuple(frame.by_groups(groups) for frame in self.frames)
+        found, ends = summarise(frames), intervals(frames)
+        merged = {name: finite(found[name]) for name in MERGED_METRICS if name in found}
+        bounds = {name: [ends[name].low, ends[name].high] for name in merged if name in ends}
+        return replace(
+            self, frames=frames, numbers={**self.numbers, **merged, "intervals": {**self.numbers.get("intervals", {}), **bounds}},
+        )  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
 class SavedReport:
@@ -220,6 +235,8 @@ class SavedReport:
         data_name: short name of the data: the scene, or the last part of the path.
         hardware: of the evaluation; empty in reports of older versions.
         sha256: of the weights file; None for predictions.
+        class_names: of the table of the labels; empty without.
+        groups: of classes, of which it has metrics; None for none.
     """
 
     path: Path
@@ -231,6 +248,14 @@ class SavedReport:
     data_name: str = "data"
     hardware: Mapping[str, str | int] = field(default_factory=dict)
     sha256: str | None = None
+    class_names: tuple[str, ...] = ()
+    groups: ClassGroups | None = None
+
+    def by_groups(self, groups: ClassGroups) -> SavedReport:
+        """The same with metrics of groups of classes; of the method alone, as a report has no frames of baselines."""
+        return replace(
+            self, groups=groups, results={views: one.by_groups(groups) for views, one in self.results.items()}
+        )
 
 
 def read_report(path: str | Path) -> SavedReport:
@@ -264,7 +289,7 @@ def saved_report(path: Path, content: dict[str, Any]) -> SavedReport:
     """
     classes = content["classes"]
     results = [_saved_result(entry, len(classes["names"]) if classes else 0) for entry in content["results"]]
-    return SavedReport(
+    report = SavedReport(
         path=path,
         name=str(content["method"]["name"]),
         protocol=str(content["protocol"]),
@@ -274,7 +299,19 @@ def saved_report(path: Path, content: dict[str, Any]) -> SavedReport:
         data_name=data_name(str(content["data"]["path"]), [str(one["name"]) for one in content["data"]["scenes"]]),
         hardware=dict(content.get("hardware", {})),
         sha256=content["method"].get("sha256"),
+        class_names=tuple(map(str, classes["names"])) if classes else (),
     )
+    if not content.get("merge"):
+        return report
+    names, of = content["merge"]["names"], content["merge"]["of"]
+    groups = ClassGroups(str(content["merge"]["name"]), tuple(map(int, of)), tuple(map(str, names)))
+    if len(of) != len(report.class_names) or not all(0 <= one < len(names) for one in of):
+        raise ValueError("its groups do not fit its classes")
+    merged = {
+        views: replace(one, frames=tuple(frame.by_groups(groups) for frame in one.frames))
+        for views, one in report.results.items()
+    }
+    return replace(report, groups=groups, results=merged)
 
 
 def _saved_result(entry: dict[str, Any], classes: int) -> SavedResult:
@@ -286,7 +323,8 @@ def _saved_result(entry: dict[str, Any], classes: int) -> SavedResult:
     values = [entry["fps_encoding_each"]]
     for row in (entry, *entry["trivial"].values()):
         # Reports of older versions have neither metrics of the seen pixels nor of confidence.
-        values += [row.get(name) if name in (*SEEN_METRICS, *CONFIDENCE_METRICS) else row[name] for name in METRICS]
+        absent = (*SEEN_METRICS, *CONFIDENCE_METRICS, *MERGED_METRICS)
+        values += [row.get(name) if name in absent else row[name] for name in METRICS]
         values += [end for low, high in row.get("intervals", {}).values() for end in (low, high)]
     values += [label[name] for label in entry["per_class"] for name in ("pixels", "iou")]
     points = entry.get("risk_coverage") or ()

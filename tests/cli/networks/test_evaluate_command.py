@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import shutil
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
@@ -143,8 +144,10 @@ def test_compare_puts_reports_of_different_data_below_each_other(done: tuple[Pat
     code, told, errors = run("compare", report, tmp_path / "other", "--layout", "data")
     assert (code, errors) == (0, "")
     lines = [line.split("  ")[0].strip() for line in told.splitlines()]
-    assert "noise on room (1 scene), 2 views" in lines
-    assert "noise on house (1 scene), 3 views" in lines
+    plain = [re.sub(r"^noise [0-9a-f]{8} on", "noise on", line) for line in lines]
+    assert "noise on room (1 scene), 2 views" in plain
+    assert "noise on house (1 scene), 3 views" in plain
+    assert "noise on room (1 scene), 2 views" not in lines, "each row names its weights by their hash"
     assert told.count("oracle: nearest input view's true labels") >= 4
     assert "not comparable with each other" in told
 
@@ -227,9 +230,21 @@ def test_compare_prints_differences(done: tuple[Path, str]):
     report = folder / "out"
     code, told, _ = run("compare", report, report / "report.json", "--layout", "difference")
     assert code == 0
-    assert "noise #2 minus noise #1" in told
+    assert re.search(r"noise ([0-9a-f]{8}) #2 minus noise \1 #1", told)
     assert "paired bootstrap over frames (fewer than five scenes)" in told
     assert "0.000 to 0.000" in told
+
+
+def test_compare_adds_metrics_of_groups_and_says_which_weights_are_included(done: tuple[Path, str]):
+    report = done[0] / "out"
+    code, told, _ = run("compare", report, "--merge", "coarse13")
+    assert code == 0
+    assert "mIoU (merged)" in told
+    assert "Merged: by groups of classes (13 groups)." in told
+    assert re.search(r"Weights, by the beginning of their SHA-256: [0-9a-f]{8} is not included\.", told)
+    code, _, errors = run("compare", report, "--merge", "finer")
+    assert code == 2
+    assert "finer: expected groups of classes: alike or coarse13, or a file" in errors
 
 
 @pytest.fixture

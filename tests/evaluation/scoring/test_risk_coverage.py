@@ -33,6 +33,7 @@ def test_a_curve_is_over_the_pixels_of_all_targets_together() -> None:
     assert summarise(frames) == {
         "aurc": pytest.approx(0.2 - 0.2 * math.log(2)),
         "ece": pytest.approx((10 * abs(0.9 - 1) + 10 * (0.6 - 0.6)) / 20, abs=0.003),
+        "covered_95": pytest.approx(0.4 * 10 / (0.4 - 0.05) / 20),  # 0.4 (x - 10) = 0.05 x
     }
 
 

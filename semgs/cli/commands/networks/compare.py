@@ -31,12 +31,15 @@ class Compare:
     ]
     """Reports, or the folders that contain them. Differences are relative to the first."""
     layout: Literal["paper", "difference", "data", "card"] = "paper"
-    """paper: the columns of the paper's tables. difference: each report minus the first, with paired 95 % bootstrap intervals. data:
+    """paper: the columns of the paper's tables, then metrics over all targets together. difference: each report minus the first, with paired 95 % bootstrap intervals. data:
     reports of different data, one below the other. card: as data, with intervals and a table of classes, for a model card."""
     published: Annotated[
         Literal["scannet", "scannetpp", "ablation"] | None, optional("{scannet,scannetpp,ablation}")
     ] = None
     """With --layout paper: add the numbers that the paper published, with a note on what is unknown about them."""
+    merge: Annotated[str, optional("alike|coarse13|FILE")] = ""
+    """Add metrics of groups of classes: alike (table, desk and counter; chair and sofa; curtains), coarse13 (13 groups of ScanNet's 20), or a JSON file; see
+    docs/evaluate.md."""
     format: Literal["text", "markdown", "latex"] = "text"
     """For a terminal, a page or a paper (LaTeX with booktabs)."""
 
@@ -56,13 +59,24 @@ class Compare:
             raise UsageError("--published needs --layout paper")
         if self.layout == "difference" and len(self.reports) < 2:
             raise UsageError("--layout difference needs two or more reports")
+        from semgs.data.tables.class_groups import class_groups
         from semgs.evaluation.tables.card import card_grids
-        from semgs.evaluation.tables.comparison_tables import check_comparable, data_grid, difference_grids, paper_grid
+        from semgs.evaluation.tables.comparison_tables import (
+            check_comparable,
+            data_grid,
+            difference_grids,
+            paper_grid,
+            pooled_grid,
+        )
         from semgs.evaluation.tables.evaluation_report import read_report
         from semgs.evaluation.tables.published_results import PUBLISHED
         from semgs.evaluation.tables.table_grid import printed
 
         reports = [read_report(path) for path in self.reports]
+        if self.merge:
+            if any(not report.class_names for report in reports):
+                raise UsageError("--merge is for reports with classes; one has none")
+            reports = [report.by_groups(class_groups(self.merge, report.class_names)) for report in reports]
         if self.layout not in ("data", "card"):
             check_comparable(reports)
         with what_the_user_gave():
@@ -73,5 +87,6 @@ class Compare:
             elif self.layout == "card":
                 grids = card_grids(reports)
             else:
-                grids = [paper_grid(reports, PUBLISHED[self.published] if self.published else None)]
+                published = PUBLISHED[self.published] if self.published else None
+                grids = [paper_grid(reports, published), pooled_grid(reports)]
         print("\n\n".join(printed(grid, self.format) for grid in grids))

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from semgs.data.scene import Scene
+    from semgs.data.tables.class_groups import ClassGroups
     from semgs.data.tables.classes import ClassTable
     from semgs.depth_maps.depth_source import DepthMaps
     from semgs.evaluation.frames.frame_plan import FramePlan
@@ -103,6 +104,9 @@ class Evaluate:
     before. See docs/refine.md."""
     exposure: Exposure = "as-taken"
     """Bring the input views to a common exposure, as for semgs reconstruct. Target views stay as taken; by default all views do, as in the paper."""
+    merge: Annotated[str, optional("alike|coarse13|FILE")] = ""
+    """Add metrics of groups of classes: alike (table, desk and counter; chair and sofa; curtains), coarse13 (13 groups of ScanNet's 20), or a JSON file; see
+    docs/evaluate.md."""
     single: bool = False
     """Score the classes of each image by itself."""
     allow_seen: bool = False
@@ -150,7 +154,7 @@ class Evaluate:
             depth = self._depth_maps()
             candidate = self._candidate(plan, data.classes, device, labelling, depth, precision)
             remarks = (*self._remarks(plan, labelling, depth), *self._computed(precision))
-            job = Job(data, plan, candidate, remarks, self.workers)
+            job = Job(data, plan, candidate, remarks, self.workers, self._groups(data.classes))
         with what_fits(), show_progress(f"Evaluating {candidate.subject.name}", len(plan.tasks)) as done:
             summary = run_evaluation(self.out, job, overwrite=self.overwrite, done=done)
         print(summary)
@@ -240,6 +244,7 @@ class Evaluate:
             "--workers": bool(self.workers),
             "--segmenter": self.segmenting.segmenter is not None,
             "--depth": self.depth is not None,
+            "--merge": bool(self.merge),
         }
         if given := [option for option, is_given in refused.items() if is_given]:
             raise UsageError(f"--single classifies each image by itself, so it cannot go with {', '.join(given)}")
@@ -283,6 +288,20 @@ class Evaluate:
                 precision,
                 self.exposure,
             )
+
+    def _groups(self, classes: ClassTable | None) -> ClassGroups | None:
+        """The groups of classes; None without the option.
+
+        Raises:
+            InputError: they cannot be used, or no scene has labels.
+        """
+        if not self.merge:
+            return None
+        from semgs.data.tables.class_groups import class_groups
+
+        if classes is None:
+            raise InputError(self.data, "labelled scenes for --merge", "none with labels")
+        return class_groups(self.merge, classes.names)
 
     def _depth_maps(self) -> Callable[[Scene], DepthMaps] | None:
         """The source of depth maps; None without the option."""
