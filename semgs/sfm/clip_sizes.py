@@ -93,7 +93,7 @@ def is_mirrored(path: Path) -> bool:
                 else:
                     mirrors[name] = _mirrors(name, data)
     if len(found) > 1:
-        advice = "convert it first, which applies it: ffmpeg -i CLIP converted.mp4"
+        advice = f"convert it first, which applies it: ffmpeg -i {path.name} converted.mp4"
         page = "it is mirrored by its header. Convert it to H.264 in MP4"
         raise InputError(path, "a clip that is not mirrored by its header", "one that is", advice=advice, page=page)
     return True in found
