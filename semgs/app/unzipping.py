@@ -158,4 +158,4 @@ def _bytes_of(name: str) -> int:
 
 def _is_clutter(path: Path) -> bool:
     """Whether a member is what systems add to zips."""
-    return "__MACOSX" in path.parts or path.name in (".DS_Store", "Thumbs.db")
+    return "__MACOSX" in path.parts or path.name in (".DS_Store", "Thumbs.db") or path.name.startswith("._")

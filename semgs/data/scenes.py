@@ -26,7 +26,7 @@ from semgs.data.scene_details import SceneDetails, Unit
 from semgs.data.scene_lists import SceneList, scenes_by_name
 from semgs.data.spread import spread
 from semgs.files.errors import InputError, readable
-from semgs.files.paths import existing_folder, trained_splat, typed_path, without_dots
+from semgs.files.paths import existing_folder, not_hidden, trained_splat, typed_path, without_dots
 from semgs.files.text import listed
 
 
@@ -283,6 +283,9 @@ def _is_known(path: Path) -> bool:
     return any(layout.recognises(path) for layout in LAYOUTS)
 
 
+UNPACKERS = {".zstd": "zstd", ".zst": "zstd", ".gz": "gzip", ".bz2": "bzip2", ".lz4": "lz4", ".xz": "xz"}
+"""What unpacks files of these endings."""
+
 _NO_VIDEOS = "a video has no poses; semgs poses CLIP OUT estimates them, and OUT is a scene"
 
 
@@ -295,6 +298,9 @@ def _unknown_layout(path: Path, expected: str) -> InputError:
 
 def _hint(path: Path) -> str:
     """What to do about a path without a known layout: the likeliest remedy."""
+    if (packed := _packed_recording(path)) is not None:
+        program = UNPACKERS[packed.suffix.lower()]
+        return f"{packed.name} is a recording that is compressed by {program}; unpack it first: {program} -d {packed}"
     if path.is_file():
         if path.suffix.lower() in SPLATS:
             return "a splat is a result and has no photos; semgs view, render and export open it"
@@ -325,6 +331,14 @@ def _hint(path: Path) -> str:
     ):
         return _NO_VIDEOS
     return "docs/data.md lists the known ones" if files else "the folder is empty"
+
+
+def _packed_recording(path: Path) -> Path | None:
+    """The first recording at a path, or in a folder, that is compressed as a whole; None if there is none."""
+    for file in [path] if path.is_file() else not_hidden(path.iterdir()):
+        if file.suffix.lower() in UNPACKERS and Path(file.stem).suffix.lower() in ros.ENDINGS:
+            return file
+    return None
 
 
 def _scene_below(path: Path) -> Path | None:

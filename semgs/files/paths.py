@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
 from typing import Literal
@@ -68,6 +69,11 @@ def existing_folder(path: str | Path, expected: str = "a folder with a scene") -
             return path.parent
         nearest = next(parent for parent in path.absolute().parents if parent.is_dir())
     raise InputError(path, expected, "nothing there", advice=f"the path exists up to {nearest}")
+
+
+def not_hidden(paths: Iterable[Path]) -> list[Path]:
+    """Paths sorted, without those whose name begins with a dot, as of the files ._NAME that macOS writes beside each file on other systems' disks."""
+    return sorted(path for path in paths if not path.name.startswith("."))
 
 
 def found_at(path: str | Path) -> Literal["a file", "a folder", "nothing there"]:

@@ -87,7 +87,7 @@ class Export(Run):
     cameras: Annotated[Path | None, optional("SCENE")] = None
     """For a splat: the scene with its cameras, in its coordinates."""
     activated: Activated = "auto"
-    """A splat as PLY: whether scales are lengths and opacities 0 to 1, not logarithms and logits as the format says; auto is what they look like."""
+    """A splat as PLY or glTF: whether scales are lengths and opacities 0 to 1, not logarithms and logits; auto is what they look like."""
     colour: tuple[Literal["photo", "classes"], ...] = ("photo",)
     """Colours of --as ply; with both, two files."""
     labels: bool = False

@@ -73,7 +73,7 @@ class LabelSplat(Run):
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
     """The direction that is up in the scene's coordinates."""
     activated: Activated = "auto"
-    """PLY: whether scales are lengths and opacities 0 to 1, not logarithms and logits as the format says; auto is what they look like."""
+    """PLY or glTF: whether scales are lengths and opacities 0 to 1, not logarithms and logits; auto is what they look like."""
     min_confidence: Probability = 0.0
     """Pixels whose likeliest class is less likely than this are unknown in class maps: light grey, 254 in label files."""
     device: Device = "auto"

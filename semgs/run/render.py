@@ -85,7 +85,7 @@ class Render(Run):
     cameras: Annotated[Path | None, optional("SCENE")] = None
     """For a splat: the scene with its cameras, in its coordinates. Without it, cameras are put around the splat, or inside if it is a room."""
     activated: Activated = "auto"
-    """A splat as PLY: whether scales are lengths and opacities 0 to 1, not logarithms and logits as the format says; auto is what they look like."""
+    """A splat as PLY or glTF: whether scales are lengths and opacities 0 to 1, not logarithms and logits; auto is what they look like."""
     min_confidence: Probability = 0.0
     """Pixels whose likeliest class is less likely than this are unknown: grey in the class map."""
     overwrite: bool = False

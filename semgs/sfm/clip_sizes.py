@@ -1,4 +1,4 @@
-"""The sizes of frames that a clip's header announces, read without decoding anything, and a limit for frames that are larger.
+"""The sizes of frames that a clip's header announces, and whether they are mirrored, read without decoding anything, and a limit for frames that are larger.
 
 Opening a clip already decodes frames, so its size has to be known before. The containers are MP4 and MOV (ISO/IEC 14496-12), Matroska and WebM
 (RFC 9559), and AVI.
@@ -30,8 +30,14 @@ LEAST_ALLOCATION = 1 << 26
 _BOXES = (b"moov", b"trak", b"mdia", b"minf", b"stbl")
 _LISTS = (b"hdrl", b"strl")
 _SEGMENT, _TRACKS, _ENTRY, _VIDEO = 0x18538067, 0x1654AE6B, 0xAE, 0xE0
-_ELEMENTS = (_SEGMENT, _TRACKS, _ENTRY, _VIDEO)
+_PROJECTION, _YAW = 0x7670, 0x7673
+_ELEMENTS = (_SEGMENT, _TRACKS, _ENTRY, _VIDEO, _PROJECTION)
 _WIDTH, _HEIGHT = 0xB0, 0xBA
+_HALF_TURNS = frozenset(struct.pack(form, yaw) for form in (">f", ">d") for yaw in (180, -180))
+"""The yaws that mean mirrored frames; others are of panoramas."""
+
+_MATRICES = {b"mvhd": (36, 48), b"tkhd": (40, 52)}
+"""Where the matrix of a movie and of a track begins in their boxes of version 0 and 1."""
 _EBML = b"\x1aE\xdf\xa3"
 
 
@@ -62,7 +68,35 @@ def read_clip_sizes(path: Path) -> list[tuple[int, int]]:
         if start[:4] == b"RIFF" and start[8:12] == b"AVI ":
             chunks = parts.avi(12, end)
             return [size for (_, header), (_, picture) in _pairs(chunks) if (size := _avi_size(header, picture))]
-        return [size for _, entries in parts.mp4(0, end) for size in _mp4_sizes(entries)]
+        return [size for name, entries in parts.mp4(0, end) if name == b"stsd" for size in _mp4_sizes(entries)]
+
+
+def is_mirrored(path: Path) -> bool:
+    """Whether a clip's frames are to be shown mirrored, apart from rotations, as some phones record with the front camera.
+
+    In MP4 and MOV, the product of the matrices of movie and track then has a negative determinant.
+
+    Raises:
+        InputError: they are in Matroska, where it depends on the version of FFmpeg what OpenCV does, or only in some of several video tracks.
+    """
+    with path.open("rb") as file:
+        start = file.read(12)
+        end = file.seek(0, 2)
+        parts, found = _Parts(file), set[bool]()
+        if start[:4] == _EBML:
+            found = {False, *(data in _HALF_TURNS for kind, data in parts.matroska(0, end) if kind == _YAW)}
+        elif start[:4] != b"RIFF":
+            mirrors = {b"mvhd": False, b"tkhd": False}
+            for name, data in parts.mp4(0, end):
+                if name == b"stsd":
+                    found.add(mirrors[b"mvhd"] != mirrors[b"tkhd"])
+                else:
+                    mirrors[name] = _mirrors(name, data)
+    if len(found) > 1:
+        advice = f"convert it first, which applies it: ffmpeg -i {path.name} converted.mp4"
+        page = "it is mirrored by its header. Convert it to H.264 in MP4"
+        raise InputError(path, "a clip that is not mirrored by its header", "one that is", advice=advice, page=page)
+    return True in found
 
 
 def limit_frames(pixels: int) -> None:
@@ -98,7 +132,7 @@ class _Parts:
         return self._left >= 0 and depth <= DEEPEST
 
     def mp4(self, place: int, end: int, parent: bytes = b"", depth: int = 1) -> Iterator[tuple[bytes, bytes]]:
-        """The contents of all sample descriptions (`stsd`) of video tracks."""
+        """The contents of all sample descriptions (`stsd`) of video tracks, and before them those of the headers with matrices."""
         kind = b""
         while place + 8 <= end and self._counted(depth):
             start = self._read(place, 16)
@@ -113,7 +147,7 @@ class _Parts:
                     yield from self.mp4(inside, after, name, depth + 1)
             elif name == b"hdlr" and parent == b"mdia":
                 kind = self._read(inside + 8, 4)
-            elif name == b"stsd":
+            elif name == b"stsd" or name in _MATRICES:
                 yield name, self._read(inside, after - inside)
             place += length
 
@@ -129,7 +163,7 @@ class _Parts:
             place += 8 + length + length % 2
 
     def matroska(self, place: int, end: int, depth: int = 1) -> Iterator[tuple[int, bytes]]:
-        """The numbers of all video tracks."""
+        """The numbers of all video tracks: widths, heights and yaws."""
         while place < end and self._counted(depth):
             start = self._read(place, 12)
             name_length = 9 - start[0].bit_length()
@@ -143,9 +177,18 @@ class _Parts:
             after = end if length == marker - 1 else min(inside + length, end)  # all ones: of unknown length
             if name in _ELEMENTS:
                 yield from self.matroska(inside, after, depth + 1)
-            elif name in (_WIDTH, _HEIGHT):
+            elif name in (_WIDTH, _HEIGHT, _YAW):
                 yield name, self._read(inside, min(8, after - inside))
             place = after
+
+
+def _mirrors(name: bytes, header: bytes) -> bool:
+    """Whether the matrix of a movie or track mirrors; its numbers are a, b, u, c, d."""
+    place = _MATRICES[name][header[:1] == b"\1"]
+    if place + 20 > len(header):
+        return False
+    across, turn, _, other, down = struct.unpack_from(">5i", header, place)
+    return bool(across * down < turn * other)
 
 
 def _mp4_sizes(description: bytes) -> Iterator[tuple[int, int]]:

@@ -16,9 +16,10 @@ from semgs.files.images.pictures import MOST_PIXELS, jpeg_bytes
 from semgs.files.paths import check_utf8
 from semgs.runtime.notes import Kind
 from semgs.sfm.clip_containers import check_container, only_this_file
-from semgs.sfm.clip_sizes import check_clip_size, limit_frames
+from semgs.sfm.clip_sizes import check_clip_size, is_mirrored, limit_frames
 from semgs.sfm.photos import BLANK, QUALITY, PhotoSet, UprightPhoto, is_panorama, sharpness_of, small_grey
 
+MIRRORED = "The clip's header says that it is mirrored; its frames were mirrored, as players show them."
 CHOSEN = Kind("{chosen} of {count} frames of the clip were chosen: sharp ones, with motion between them.{times}", "")
 
 MOST_JUDGED = 900
@@ -64,7 +65,7 @@ class Judged:
 
 
 def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
-    """Write the frames to use of a clip as JPEGs, turned as its rotation flag says, and stretched to square pixels.
+    """Write the frames to use of a clip as JPEGs, turned and mirrored as its header says, and stretched to square pixels.
 
     Args:
         path: the clip.
@@ -172,6 +173,7 @@ def _frames(path: Path, step: int) -> Iterator[tuple[int, float, np.ndarray]]:
     video = _opened(path)
     try:
         across, down = _stretch(path, video)
+        mirrored = is_mirrored(path)
         for index in takewhile(lambda _: video.grab(), count()):
             if index >= MOST_FRAMES:
                 raise InputError(path, f"a clip of at most {MOST_FRAMES:,} frames", "more", advice="cut it")
@@ -179,6 +181,8 @@ def _frames(path: Path, step: int) -> Iterator[tuple[int, float, np.ndarray]]:
                 good, pixels = video.retrieve()
                 if not good:  # a frame that became too large on the way; those behind it would be as large
                     break
+                if mirrored:  # OpenCV has turned the frame, by 180 degrees in place of a mirroring left to right
+                    pixels = cv2.flip(pixels, int(video.get(cv2.CAP_PROP_ORIENTATION_META) % 180 > 0))
                 if across != down:
                     pixels = cv2.resize(pixels, None, fx=across, fy=down, interpolation=cv2.INTER_LINEAR)
                 yield index, video.get(cv2.CAP_PROP_POS_MSEC) / 1000, cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB)
@@ -208,7 +212,9 @@ def _stretch(path: Path, video: cv2.VideoCapture) -> tuple[float, float]:
 
 
 def _notes_on_shape(path: Path) -> Iterator[str]:
-    """That frames are stretched, if they are."""
+    """That frames are mirrored or stretched, if they are."""
+    if is_mirrored(path):
+        yield MIRRORED
     video = _opened(path)
     try:
         across, down = _stretch(path, video)

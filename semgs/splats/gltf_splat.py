@@ -3,6 +3,8 @@
 Primitives of points with the extension are read, of all nodes of the scene; other meshes are left out. From the specification
 (https://github.com/KhronosGroup/glTF/tree/main/extensions/2.0/Khronos/KHR_gaussian_splatting): ROTATION is a quaternion (x, y, z, w), SCALE the standard
 deviations, OPACITY is 0..1, and SH_DEGREE_d_COEF_n are the harmonics, in the basis of 3DGS, n counted from order -d. glTF has y up; coordinates stay the file's.
+
+Some exporters write logarithms and logits, as PLY has them; see `StoredAs`.
 """
 
 from __future__ import annotations
@@ -22,18 +24,31 @@ from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.harmonics import MAX_DEGREE
 from semgs.geometry.rigid import move_gaussians
 from semgs.geometry.rotations import matrix_from_quaternion
+from semgs.runtime.notes import Kind
 from semgs.splats.gltf_container import Container, open_container
+from semgs.splats.plain_ply import FEWEST
 from semgs.splats.splat import Splat, Usable, check_count, make_gaussians, note_left_out, without_footprints
 
 EXTENSION = "KHR_gaussian_splatting"
 KERNEL, COLOURS = "ellipse", "srgb_rec709_display"
-WIDTHS = {"POSITION": 3, f"{EXTENSION}:ROTATION": 4, f"{EXTENSION}:SCALE": 3, f"{EXTENSION}:OPACITY": 1}
+SCALE, OPACITY = f"{EXTENSION}:SCALE", f"{EXTENSION}:OPACITY"
+WIDTHS = {"POSITION": 3, f"{EXTENSION}:ROTATION": 4, SCALE: 3, OPACITY: 1}
 
 FOOTPRINT = "_FOOTPRINT"
 """The attribute of our own files with the footprints that their scales contain, which are taken away here."""
 
 SIMILAR = 1e-3
 """How far the axes of a node may be from a rotation times a scale."""
+
+LOGARITHMS = Kind(
+    "Scales look like logarithms, not like lengths, and are read as such; --activated yes reads lengths.",
+    "Scales look like logarithms, not like lengths, and are read as such.",
+)
+LOGITS = Kind(
+    "Opacities look like logits, not like 0 to 1, and are read as such; --activated yes reads 0 to 1.",
+    "Opacities look like logits, not like 0 to 1, and are read as such.",
+)
+"""What is said if a glTF is read in another way than its specification says."""
 
 _HARMONIC = re.compile(rf"{EXTENSION}:SH_DEGREE_(\d+)_COEF_(\d+)")
 
@@ -53,12 +68,26 @@ class Part:
     matrix: Float64[np.ndarray, "4 4"]
 
 
-def read_gltf(path: Path, data: bytes) -> Splat:
+@dataclass(frozen=True)
+class StoredAs:
+    """How numbers are stored, by default as in the specification.
+
+    Attributes:
+        logarithms: scales are logarithms. They look so if most are negative.
+        logits: opacities are logits. They look so if most are outside 0..1, and some are negative.
+    """
+
+    logarithms: bool = False
+    logits: bool = False
+
+
+def read_gltf(path: Path, data: bytes, activated: bool | None = None) -> Splat:
     """The splat of a .glb or .gltf file.
 
     Args:
         path: the file, whose folder may have its buffers.
         data: its bytes.
+        activated: whether scales are lengths and opacities are 0 to 1, not logarithms and logits; None for what they look like.
 
     Raises:
         InputError: it is damaged, has no Gaussians, or they are compressed, have other colours or kernels, or are stretched by a node.
@@ -76,7 +105,8 @@ def read_gltf(path: Path, data: bytes) -> Splat:
     count = sum(file.count(part.attributes.get("POSITION"), part.place) for part in parts)
     check_count(path, count)
     file.check_size(count)
-    read = [_gaussians(file, part) for part in parts]
+    stored = _look(file, parts) if activated is None else StoredAs(not activated, not activated)
+    read = [_gaussians(file, part, stored) for part in parts]
     kept = np.concatenate([one.kept for one in read])
     names = set.intersection(*({name for name in part.attributes if name.startswith("_")} for part in parts))
     together, extra = _together([one.gaussians for one in read]), {}
@@ -88,7 +118,22 @@ def read_gltf(path: Path, data: bytes) -> Splat:
     generator = file.content["asset"].get("generator")
     said = (generator,) if isinstance(generator, str) else ()
     left_out = note_left_out(len(kept) - len(together), len(kept))
-    return Splat(together, "glTF", "y", extra=extra, comments=said).noted(*left_out)
+    return Splat(together, "glTF", "y", extra=extra, comments=said).noted(
+        *left_out,
+        *([LOGARITHMS()] if activated is None and stored.logarithms else []),
+        *([LOGITS()] if activated is None and stored.logits else []),
+    )
+
+
+def _look(file: Container, parts: list[Part]) -> StoredAs:
+    """How the numbers of all primitives look. Fewer than `FEWEST` are refused if they are not as in the specification."""
+    scales, opacities = (
+        np.concatenate([_column(file, part, name, WIDTHS[name]) for part in parts]) for name in (SCALE, OPACITY)
+    )
+    if len(scales) < FEWEST:
+        return StoredAs()
+    outside = (opacities < 0) | (opacities > 1)
+    return StoredAs(bool((scales < 0).mean() > 0.5), bool(outside.mean() > 0.5 and opacities.min() < 0))
 
 
 def _parts(file: Container) -> Iterator[Part]:
@@ -130,7 +175,7 @@ def _part(file: Container, primitive: dict[str, Any], place: str, matrix: np.nda
     return Part(attributes, place, matrix)
 
 
-def _gaussians(file: Container, part: Part) -> Usable:
+def _gaussians(file: Container, part: Part, stored: StoredAs) -> Usable:
     """The Gaussians of a primitive, in the coordinates of the scene."""
     columns = {name: _column(file, part, name, width) for name, width in WIDTHS.items()}
     degree = _degree(file, part)
@@ -140,6 +185,9 @@ def _gaussians(file: Container, part: Part) -> Usable:
     counts = {len(means), len(rotations), len(scales), len(opacities), len(harmonics)}
     if len(counts) > 1:
         raise InputError(file.path, "attributes of one length", ", ".join(map(str, sorted(counts))), part.place)
+    with np.errstate(over="ignore"):
+        scales = np.exp(scales) if stored.logarithms else scales
+        opacities = 1 / (1 + np.exp(-opacities)) if stored.logits else opacities
     footprints = None
     if FOOTPRINT in part.attributes:
         scales, footprints = without_footprints(scales, _column(file, part, FOOTPRINT, 1)[:, 0].astype(np.float64))

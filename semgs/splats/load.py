@@ -28,7 +28,7 @@ def load_splat(path: str | Path, activated: bool | None = None) -> Splat:
 
     Args:
         path: the file.
-        activated: as for `read_plain_ply`; other formats say it.
+        activated: as for `read_plain_ply` and `read_gltf`; other formats say it.
 
     Raises:
         InputError: it is missing, no splat, damaged, or many numbers in it are not valid. The error names the first one.
@@ -46,7 +46,7 @@ def load_splat(path: str | Path, activated: bool | None = None) -> Splat:
     if is_spz(data):
         return read_spz(file, data)
     if gltf_container.is_gltf(data):
-        return read_gltf(file, data)
+        return read_gltf(file, data, activated)
     kind = OTHERS.get(file.suffix.lower()) if data else None
     advice = None if kind is None else f"convert it first: splat-transform {file.name} {file.stem}.ply"
     raise InputError(file, EXPECTED, kind or ("another kind of file" if data else "an empty file"), advice=advice)

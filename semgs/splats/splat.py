@@ -175,7 +175,8 @@ def without_footprints(
         within = (footprints >= 0) & (footprints <= squares.min(axis=1) * (1 + ROUNDING))
     if len(footprints) != len(scales) or not within.all():
         return scales, None
-    return np.sqrt((squares - footprints[:, None]).clip(min=0)), footprints
+    own = np.sqrt((squares - footprints[:, None]).clip(min=0))
+    return np.where(scales < 0, scales, own), footprints  # negative ones stay, to be refused
 
 
 def _check_steps(path: Path, means: Float[np.ndarray, "g 3"], scales: Float[np.ndarray, "g 3"]) -> None:

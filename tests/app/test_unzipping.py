@@ -110,6 +110,7 @@ def test_backslashes_of_windows_separate_folders(tmp_path: Path):
         ("images\\0.jpg", b"x"),
         ("images\\near/1.jpg", b"y"),
         ("__MACOSX\\a", b"z"),
+        ("images\\._0.jpg", b"z"),
     )
     (tmp_path / "out").mkdir()
     unpack_zip(tmp_path / "a.zip", tmp_path / "out", Limits())

@@ -17,7 +17,7 @@ from semgs.app.limits import Limits
 from semgs.app.uploads import UnusableUploadError, Upload, prepare
 from semgs.files.errors import InputError
 from semgs.sfm import clips
-from semgs.sfm.clip_sizes import check_clip_size, read_clip_sizes
+from semgs.sfm.clip_sizes import check_clip_size, is_mirrored, read_clip_sizes
 
 
 def box(name: bytes, *contents: bytes) -> bytes:
@@ -189,3 +189,39 @@ def test_frames_that_become_much_larger_on_the_way_are_not_decoded(tmp_path: Pat
         timeout=100,
     )
     assert told.stdout == "[True, False]\n"
+
+
+def movie(mirrored: bool, *tracks: bool, version: int = 0) -> bytes:
+    """An MP4 of video tracks; headers of version 1 have longer times. A mirroring matrix begins with -1, 0, 0, 0, 1."""
+
+    def header(name: bytes, place: int, mirrors: bool) -> bytes:
+        numbers = struct.pack(">5i", (-1 if mirrors else 1) << 16, 0, 0, 0, 1 << 16)
+        return box(name, bytes([version]), bytes(place + 12 * version - 1), numbers, bytes(16))
+
+    boxes = [box(b"trak", header(b"tkhd", 40, one), track(b"vide", 64, 48)[8:]) for one in tracks]
+    return box(b"ftyp", b"isom", bytes(4)) + box(b"moov", header(b"mvhd", 36, mirrored), *boxes)
+
+
+@pytest.mark.parametrize("version", [0, 1])
+@pytest.mark.parametrize(("whole", "tracks"), [(False, False), (False, True), (True, False), (True, True)])
+def test_matrices_of_a_movie_and_its_track_mirror_together(tmp_path: Path, whole: bool, tracks: bool, version: int):
+    """Mirrored twice is not mirrored."""
+    (tmp_path / "a.mp4").write_bytes(movie(whole, tracks, version=version))
+    assert is_mirrored(tmp_path / "a.mp4") is (whole != tracks)
+
+
+def mkv(yaw: bytes) -> bytes:
+    """The header of a Matroska file whose projection has a yaw."""
+    video = element(0xE0, element(0xB0, b"\x40") + element(0x7670, element(0x7673, yaw)))
+    return element(0x1A45DFA3, b"") + element(0x18538067, element(0x1654AE6B, element(0xAE, video)))
+
+
+def test_clips_are_refused_if_it_is_unknown_whether_their_frames_come_mirrored(tmp_path: Path):
+    """Two tracks of which one is mirrored, and a yaw of 180 degrees; a yaw of 90 degrees is of a panorama."""
+    for name, data in (("a.mp4", movie(False, True, False)), ("b.mkv", mkv(struct.pack(">d", 180))), ("c.mkv", mkv(struct.pack(">f", -180)))):  # fmt: skip
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(InputError, match="expected a clip that is not mirrored by its header, found one that is; "):
+            is_mirrored(tmp_path / name)
+    for name, data in (("d.mkv", mkv(struct.pack(">f", 90))), ("e.webm", webm(64, 48)), ("f.avi", avi(64, 48))):
+        (tmp_path / name).write_bytes(data)
+        assert not is_mirrored(tmp_path / name)

@@ -12,14 +12,23 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from clip_files import show_as, write_clip
+from clip_files import show_as, with_matrix, write_clip
 from PIL import Image
 
 from semgs.cli.main import main
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_optics, read_rgb, read_upright
-from semgs.sfm.clips import LEAST_MOTION, Judged, copy_frames, has_uneven_times, measure_motion, moving, sharpest
+from semgs.sfm.clips import (
+    LEAST_MOTION,
+    MIRRORED,
+    Judged,
+    copy_frames,
+    has_uneven_times,
+    measure_motion,
+    moving,
+    sharpest,
+)
 from semgs.sfm.photos import (
     MOST_PHOTOS,
     PhotoSet,
@@ -308,6 +317,39 @@ def test_frames_are_turned_as_the_rotation_flag_says(tmp_path: Path):
     assert [photo.size for photo in found.photos] == [(160, 200)] * 4
     for index, one in enumerate(upright):
         assert np.abs(read_rgb(tmp_path / "out" / f"frame_{index:05d}.jpg").astype(int) - one).mean() < 10
+
+
+@pytest.mark.parametrize(
+    ("matrix", "rows"),
+    [
+        ((1, 0, 0, 1), ["ab", "cd"]),
+        ((0, 1, -1, 0), ["ca", "db"]),  # clockwise
+        ((-1, 0, 0, -1), ["dc", "ba"]),
+        ((0, -1, 1, 0), ["bd", "ac"]),
+        ((-1, 0, 0, 1), ["ba", "dc"]),  # left to right
+        ((1, 0, 0, -1), ["cd", "ab"]),  # top to bottom
+        ((0, 1, 1, 0), ["ac", "bd"]),  # rows are columns
+        ((0, -1, -1, 0), ["db", "ca"]),
+    ],
+)
+def test_frames_are_turned_and_mirrored_as_the_matrix_says(
+    tmp_path: Path, matrix: tuple[int, int, int, int], rows: list[str]
+):
+    """Quarters of a stored frame are a and b, and c and d below; x grows to the right, y downwards."""
+    bright = {"a": 200, "b": 140, "c": 80, "d": 20}
+    grain = np.random.default_rng(0).integers(-20, 21, (160, 200), np.int16)
+    grain = cv2.resize(grain[::4, ::4], (200, 160), interpolation=cv2.INTER_NEAREST)
+    quarters = np.kron([[200, 140], [80, 20]], np.ones((80, 100)))[..., None]
+    stored = [(quarters + np.roll(grain, 8 * step, 1)[..., None]).repeat(3, 2).clip(0, 255) for step in range(4)]
+    path = with_matrix(write_clip(tmp_path / "a.mp4", [one.astype(np.uint8) for one in stored]), *matrix)
+    (tmp_path / "out").mkdir()
+    found = copy_frames(path, tmp_path / "out", 4)
+    height, width = found.photos[0].size
+    assert (height, width) == ((160, 200) if matrix[0] else (200, 160))
+    shown = read_rgb(tmp_path / "out" / found.photos[0].name).mean(-1).reshape(2, height // 2, 2, width // 2)
+    np.testing.assert_allclose(shown.mean((1, 3)), [[bright[one] for one in row] for row in rows], atol=5)
+    mirrored = matrix[0] * matrix[3] - matrix[1] * matrix[2] < 0
+    assert found.notes[1:] == ((MIRRORED,) if mirrored else ())
 
 
 def wide_again(picture: np.ndarray, width: int, height: int) -> np.ndarray:

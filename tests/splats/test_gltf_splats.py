@@ -17,6 +17,7 @@ from traced_memory import most_memory
 from semgs.export.gltf import save_gltf
 from semgs.files.errors import InputError
 from semgs.geometry.rigid import move_gaussians
+from semgs.runtime.notes import Note
 from semgs.splats.load import load_splat
 from semgs.splats.splat import Splat
 
@@ -235,3 +236,61 @@ def test_a_byte_of_minus_128_is_minus_one(tmp_path: Path):
     content["accessors"][rotation] |= {"componentType": 5120, "normalized": True}
     splat = load_splat(save(tmp_path / "a.glb", glb(content, bytes(body))))
     torch.testing.assert_close(splat.gaussians.colour.quaternions[0], torch.tensor([0, -(0.5**0.5), 0.5**0.5, 0]))
+
+
+def logs_glb(scale: tuple[float, ...], opacities: tuple[float, ...], footprint: float | None = None) -> bytes:
+    """60 equal Gaussians, whose opacities repeat."""
+    arrays = {name: np.repeat(values, 60, 0) for name, values in gltf_arrays().items()}
+    arrays[f"{SPLAT}:SCALE"] = np.full((60, 3), scale, "<f4")
+    arrays[f"{SPLAT}:OPACITY"] = np.resize(opacities, (60, 1)).astype("<f4")
+    if footprint is not None:
+        arrays["_FOOTPRINT"] = np.full((60, 1), footprint, "<f4")
+    return glb(*gltf(arrays))
+
+
+def test_scales_that_are_mostly_negative_are_logarithms_and_a_note_says_so(tmp_path: Path):
+    """exp(-3) = 0.0498, exp(-2) = 0.1353, exp(0.5) = 1.6487; opacities, 0.25, are those of the specification."""
+    splat = read(tmp_path, logs_glb((-3, -2, 0.5), (0.25,)))
+    assert splat.gaussians.colour.scales[1].tolist() == pytest.approx([0.049787, 0.135335, 1.648721], rel=1e-5)
+    assert splat.gaussians.opacities.tolist() == [0.25] * 60
+    assert [(note, note.on_page) for note in splat.notes if isinstance(note, Note)] == [
+        (
+            "Scales look like logarithms, not like lengths, and are read as such; --activated yes reads lengths.",
+            "Scales look like logarithms, not like lengths, and are read as such.",
+        )
+    ]
+
+
+def test_opacities_that_are_mostly_outside_0_to_1_are_logits_and_a_note_says_so(tmp_path: Path):
+    """1 / (1 + exp(2)) = 0.1192, 1 / (1 + exp(-2)) = 0.8808; scales, 1, 2 and 1/e, are those of the specification."""
+    splat = read(tmp_path, logs_glb((1, 2, 1 / np.e), (-2, 2, 0)))
+    assert splat.gaussians.opacities[:3].tolist() == pytest.approx([0.119203, 0.880797, 0.5], rel=1e-5)
+    assert splat.gaussians.colour.scales[0].tolist() == pytest.approx([1, 2, 0.367879], rel=1e-5)
+    assert [note[:27] for note in splat.notes] == ["Opacities look like logits,"]
+
+
+def test_what_the_user_says_of_logarithms_decides(tmp_path: Path):
+    path = save(tmp_path / "a.glb", logs_glb((-3, -2, -1), (2,)))
+    with pytest.raises(InputError, match="opacity of Gaussian 0: expected 0 to 1, found 2"):  # bytes, perhaps
+        load_splat(path)
+    with pytest.raises(InputError, match="expected 0 to 1, found 2"):
+        load_splat(path, activated=True)
+    splat = load_splat(path, activated=False)
+    assert splat.notes == ()
+    assert splat.gaussians.colour.scales[0].tolist() == pytest.approx([0.049787, 0.135335, 0.367879], rel=1e-5)
+    assert splat.gaussians.opacities[:1].tolist() == pytest.approx([0.880797], rel=1e-5)
+
+
+def test_a_few_negative_scales_are_refused_also_in_our_own_files(tmp_path: Path):
+    """A footprint of 0.01 is within the squares of -3, 2 and 1, whose roots without it would all be positive."""
+    arrays = gltf_arrays()
+    arrays[f"{SPLAT}:SCALE"] = np.array([[-3, 2, 1]], "<f4")
+    for extra in ({}, {"_FOOTPRINT": np.array([[0.01]], "<f4")}):
+        with pytest.raises(InputError, match="scale of Gaussian 0: expected finite numbers, 0 or more, found -3"):
+            read(tmp_path, glb(*gltf(arrays | extra)))
+
+
+def test_logarithms_in_our_own_files_contain_the_footprint(tmp_path: Path):
+    """exp(-1)^2 = 0.135335; without 0.01, its root is 0.354027."""
+    splat = read(tmp_path, logs_glb((-1, -1, -1), (0.25,), footprint=0.01))
+    assert splat.gaussians.colour.scales[0].tolist() == pytest.approx([0.354027] * 3, rel=1e-5)

@@ -36,3 +36,12 @@ def show_as(path: Path, width: int, height: int) -> Path:
     struct.pack_into(">2I", content, content.index(b"tkhd") + MATRIX_AT + 36, width << 16, height << 16)
     path.write_bytes(content)
     return path
+
+
+def with_matrix(path: Path, across: int, down: int, across_from_y: int, down_from_y: int) -> Path:
+    """Let the header of an MP4 say that (x, y) is shown at (across x + across_from_y y, down x + down_from_y y), up to a shift; numbers are -1, 0 or 1."""
+    content = bytearray(path.read_bytes())
+    numbers = [one << 16 for one in (across, down, 0, across_from_y, down_from_y)]
+    struct.pack_into(">5i", content, content.index(b"tkhd") + MATRIX_AT, *numbers)
+    path.write_bytes(content)
+    return path

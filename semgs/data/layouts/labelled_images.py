@@ -15,7 +15,7 @@ import numpy as np
 
 from semgs.data.cameras.lens import Lens
 from semgs.data.frames import Frame
-from semgs.data.layouts.parts.usable_frames import PICTURES
+from semgs.data.layouts.parts.usable_frames import pictures_in
 from semgs.data.maps import ClassMap
 from semgs.data.scene import Scene
 from semgs.data.tables.class_files import read_class_file
@@ -42,9 +42,7 @@ def open_labelled_images(path: Path) -> Scene:
     """
     label_set = read_class_file(path / CLASSES)
     names: dict[str, Path] = {}
-    for image in sorted((path / "images").iterdir()):
-        if image.suffix.lower() not in PICTURES:
-            continue
+    for image in pictures_in(path / "images"):
         if image.stem in names:
             raise InputError(image, "images of different names", f"{image.stem}, as {names[image.stem].name}")
         names[image.stem] = image

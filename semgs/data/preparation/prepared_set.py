@@ -34,7 +34,7 @@ from semgs.files.claims import is_begun
 from semgs.files.errors import InputError
 from semgs.files.folders import check_writable, lock_folder
 from semgs.files.hashes import sha256
-from semgs.files.paths import typed_path
+from semgs.files.paths import not_hidden, typed_path
 from semgs.runtime.workers import WorkerKilledError, outcomes
 
 SETTINGS, INDEX, SUMS = "settings.json", "index.json", "SHA256SUMS"
@@ -236,7 +236,7 @@ class PreparedSet:
         """Write the hashes and index of all archives in the folder; returns the content of the index."""
         known = _sums(self.out)
         scenes, total, sums = [], Counter[str](), {}
-        for archive in sorted(self.out.glob("*.zip")):
+        for archive in not_hidden(self.out.glob("*.zip")):
             record = read_record(archive)
             if record is None:
                 continue

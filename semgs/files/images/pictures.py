@@ -360,7 +360,8 @@ def _numbers(data: bytes, path: str | Stored, colours: Mapping[Colour, int] | No
             return pixels.astype(np.uint8) // _SCALED.get(_depth(data), 1)
         grey, opaque = pixels[..., 0], image.mode == "RGB" or bool((pixels[..., -1] == 255).all())
         if _depth(data) != 8 or not opaque or (image.mode != "LA" and (pixels[..., 1:3] != grey[..., None]).any()):
-            raise InputError(path, expected, f"a PNG of mode {image.mode}")
+            advice = None if colours is None else "convert its colours to class numbers"
+            raise InputError(path, expected, f"a PNG of mode {image.mode}", advice=advice)
         return grey
 
 

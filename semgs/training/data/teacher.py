@@ -20,7 +20,7 @@ from torch.nn.functional import avg_pool2d, grid_sample, log_softmax
 from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.files.errors import InputError
-from semgs.files.paths import typed_path
+from semgs.files.paths import not_hidden, typed_path
 
 STRIDE = 8
 """Pixels of the image along each side of a texel of the teacher's maps."""
@@ -46,7 +46,7 @@ class Teacher:
             InputError: it has no maps.
         """
         folder = typed_path(name)
-        first = next(iter(sorted(folder.glob("*/*.npy"))), None)
+        first = next(iter(not_hidden(folder.glob("*/*.npy"))), None)
         if first is None:
             raise InputError(
                 folder, "class probabilities of training pictures, SOURCE/SCENE.npy", "none",

@@ -83,3 +83,11 @@ def test_weights_repeat_the_terms_that_the_set_states(tmp_path: Path, numbers: d
     silent = write_image_set(tmp_path / "rooms", numbers)
     assert terms_of(open_scene(stated, needs_cameras=False)).text == "flats: CC BY 2.0, see sources.json"
     assert "not known" in terms_of(open_scene(silent, needs_cameras=False)).text
+
+
+def test_files_of_macos_beside_images_are_ignored(tmp_path: Path, numbers: dict[str, np.ndarray]):
+    folder = write_image_set(tmp_path / "flats", numbers)
+    for name in ("images/._a.png", "labels/._a.png", "images/._c.jpg"):
+        (folder / name).write_bytes(b"\0\5\26\7Mac OS X")
+    scene = open_scene(folder, needs_cameras=False)
+    assert [frame.name for frame in scene.frames] == ["images/a.png", "images/b.png", "images/c.png"]

@@ -14,6 +14,7 @@ from scenes_on_disk import write_labelled
 from training_data import run_data, run_portions, run_validation
 
 from semgs.files.errors import InputError
+from semgs.files.images.pictures import write_png
 from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.training_settings import TrainingSettings
 
@@ -95,3 +96,17 @@ def test_validation_shows_each_image_once(photos: Path, tmp_path: Path):
     settings = replace(SETTINGS, data=("rooms",), validation=str(photos), validation_scenes=3)
     found = run_validation(settings, tmp_path)
     assert len({different(batch.context.images) for batch in found}) == 3
+
+
+@pytest.mark.parametrize("class_weights", [None, "inverse_root_frequency"])
+def test_labels_as_colours_are_refused_by_what_they_are(tmp_path: Path, class_weights: str | None):
+    """Not as labels that are missing. One image whose labels can be read is enough to begin, as training counts the others."""
+    photos = write_image_set(tmp_path / "photos", {name: np.zeros((16, 24), np.uint8) for name in "ab"})
+    for name in "ab":
+        write_png(photos / f"labels/{name}.png", np.full((16, 24, 3), (0, 128, 64), np.uint8))
+    settings = replace(SETTINGS, data=(str(photos),), class_weights=class_weights)
+    told = r"a\.png: expected a PNG of one channel, found a PNG of mode RGB; convert its colours to class numbers$"
+    with pytest.raises(InputError, match=told):
+        run_data(settings, tmp_path)
+    write_png(photos / "labels/b.png", np.zeros((16, 24), np.uint8))
+    assert run_data(settings, tmp_path).scenes == 1

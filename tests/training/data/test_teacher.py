@@ -90,6 +90,7 @@ def test_a_teacher_in_the_home_folder(scans: Path, tmp_path: Path, monkeypatch: 
 
 
 def test_maps_are_found_by_the_names_of_scene_and_source(scans: Path, tmp_path: Path):
+    (tmp_path / "teacher/scans/._scene0.npy").write_bytes(b"\0\5\26\7Mac OS X")  # is ignored
     teacher = Teacher.open(tmp_path / "teacher")
     assert teacher.classes == 3
     first, second = (open_scene(scans / f"scene{number}") for number in range(2))

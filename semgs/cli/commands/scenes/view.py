@@ -80,7 +80,7 @@ class View:
     cameras: Annotated[Path | None, optional("SCENE")] = None
     """A splat: the scene with its cameras, in its coordinates. Without it, cameras are put around the splat, or inside if it is a room."""
     activated: Activated = "auto"
-    """A splat as PLY: whether scales are lengths and opacities 0 to 1, not logarithms and logits as the format says; auto is what they look like."""
+    """A splat as PLY or glTF: whether scales are lengths and opacities 0 to 1, not logarithms and logits; auto is what they look like."""
     port: Annotated[int, one_word("INT", at_least(1))] = 8080
     """Port of the viewer; if it is taken, the next free one."""
     host: str = LOOPBACK

@@ -79,6 +79,8 @@ def open_polycam(path: Path, details: SceneDetails) -> Scene:
     unposed = [image.name for time, image in images.items() if time not in cameras]
     depths, confidences = (capture.numbered(place, (".png",)) for place in (DEPTH, CONFIDENCE))
     uncorrected = capture.numbered(IMAGES, PICTURES) if optimised else images
+    keyframes = {*raw, *uncorrected, *cameras}
+    lacking = [str(time) for time in sorted(keyframes - {*cameras, *images})] if optimised else []
     given, calibrations, shots = calibration_from_details(details), dict[Stored, Calibration](), list[Shot]()
     for time, camera in sharp.items():
         image = images.get(time) or path / folder / f"{time}.jpg"
@@ -97,6 +99,7 @@ def open_polycam(path: Path, details: SceneDetails) -> Scene:
             *([] if optimised else [NOT_OPTIMISED]),
             *([f"Fewer than two frames have a blur_score of {SHARP:g}: the sharper half is used. Expect a softer result."] if few else []),
             *note_lacking(unposed, len(images), "images have no camera file and are left out"),
+            *note_lacking(lacking, len(keyframes), "keyframes have no corrected camera and image and are left out"),
         ],
         left_out=note_lacking(blurred, len(cameras), f"frames have a blur_score below {least:g} and are left out"),
     ).scene()  # fmt: skip

@@ -31,6 +31,7 @@ from semgs.data.maps import MILLIMETRE, DepthMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
+from semgs.files.paths import not_hidden
 from semgs.files.text import natural_order
 from semgs.runtime.notes import Kind
 
@@ -168,7 +169,7 @@ def _side_by_side(path: Path) -> Files | None:
 def _unread(path: Path) -> list[str]:
     """A note about depth maps in an unsupported format."""
     for folder in (path / name for name in DEPTHS):
-        kinds = sorted({one.suffix.lower() for one in folder.iterdir()} - {""}) if folder.is_dir() else []
+        kinds = sorted({one.suffix.lower() for one in not_hidden(folder.iterdir())} - {""}) if folder.is_dir() else []
         if kinds:
             return [
                 f"{folder.name}/ has files of other kinds than {', '.join(MAPS)} ({', '.join(kinds)}): depth is left out."

@@ -96,14 +96,12 @@ def lens_of(path: Path, topic: str, info: Any, size: tuple[int, int], *, rectifi
     )
     projected = rectified and (p[:1].any() or np.any(d))  # some drivers leave P empty
     matrix = p.reshape(3, 4)[:, :3] if projected else k.reshape(3, 3)
-    if not matrix[0, 0] > 0:
-        raise InputError(
-            path,
-            "a calibrated camera",
-            "a focal length of zero",
-            topic,
-            "or give the intrinsics: --intrinsics fx fy cx cy",
-        )
+    finite = bool(np.isfinite(matrix).all())
+    if not (finite and matrix[0, 0] > 0):
+        used = "P, the matrix of rectified images" if projected else "K, the matrix of raw images"
+        found = f"{'a focal length of zero' if finite else 'NaN or infinity'} in {used}"
+        advice = "or give the intrinsics: --intrinsics fx fy cx cy"
+        raise InputError(path, "a calibrated camera", found, topic, advice)
     bins = max(1, int(info.binning_x)), max(1, int(info.binning_y))
     roi = info.roi
     full = not (roi.width and roi.height)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from semgs.files.bags import METADATA
+from semgs.files.paths import not_hidden
 
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER = b"\x02" + struct.pack("<QQQI", 20, 0, 0, 0) + MAGIC
@@ -103,7 +104,9 @@ def recordings_of(path: Path) -> list[Path]:
     Args:
         path: of the bag, a file or a folder.
     """
-    files = sorted(file for ending in ("mcap", "db3") for file in path.glob(f"*.{ending}")) if path.is_dir() else [path]
+    files = (
+        not_hidden(file for ending in ("mcap", "db3") for file in path.glob(f"*.{ending}")) if path.is_dir() else [path]
+    )
     made = [CutRecording(file) if _ends_early(file) else file for file in files]
     said = (path / METADATA).read_bytes() if (path / METADATA).is_file() else b""
     salvaged = any(isinstance(one, CutRecording) for one in made) or _UNSTATED.search(said) is not None

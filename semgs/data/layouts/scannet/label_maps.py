@@ -15,6 +15,7 @@ from semgs.data.tables.nyu40 import NAMES
 from semgs.files.archives import members
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_numbers
+from semgs.files.paths import not_hidden
 from semgs.files.stored import Stored
 
 FILTERED, UNFILTERED, UNZIPPED = "label-filt", "label", "*_2d-label-filt"
@@ -31,7 +32,7 @@ class ScanLabels:
 
 def has_labels(folder: Path) -> bool:
     """Whether a folder contains label maps, extracted or not."""
-    return (folder / FILTERED).is_dir() or any(folder.glob(f"{UNZIPPED}*"))
+    return (folder / FILTERED).is_dir() or bool(not_hidden(folder.glob(f"{UNZIPPED}*")))
 
 
 def read_scan_labels(folder: Path, as_gsnerf: bool) -> ScanLabels:
@@ -69,10 +70,10 @@ def _meant(maps: Mapping[int, Stored], labels: np.ndarray) -> dict[int, MapSourc
 
 def _label_maps(folder: Path) -> tuple[dict[int, Stored], str]:
     """The label maps by frame number, and their kind. Extracted maps are preferred to those in a zip file."""
-    for place in (folder, *sorted(folder.glob(UNZIPPED))):
+    for place in (folder, *not_hidden(folder.glob(UNZIPPED))):
         if found := numbered_files(place / FILTERED, endings=(".png",)):
             return dict(found), FILTERED
-    archives = sorted(folder.glob(f"{UNZIPPED}.zip"))
+    archives = not_hidden(folder.glob(f"{UNZIPPED}.zip"))
     if archives:
         inside = {
             int(Path(name).stem): member

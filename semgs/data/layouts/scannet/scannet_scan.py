@@ -30,6 +30,7 @@ from semgs.data.scene import Scene
 from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError, input_error
 from semgs.files.images.pictures import read_header, read_uint16
+from semgs.files.paths import not_hidden
 from semgs.files.stored import Stored
 
 LAYOUT = "ScanNet"
@@ -247,7 +248,7 @@ class _Scan:
 
 def _recordings(folder: Path) -> list[Path]:
     """The recordings in a folder."""
-    return sorted(one for one in folder.glob("*.sens") if one.is_file()) if folder.is_dir() else []
+    return not_hidden(one for one in folder.glob("*.sens") if one.is_file()) if folder.is_dir() else []
 
 
 def _dialect(folder: Path) -> _Dialect | None:

@@ -55,7 +55,7 @@ def check_labelled(scenes: Sequence[Scene], settings: DataSettings, learning: Su
     """Refuse data without labels if classes are to be learned.
 
     Raises:
-        InputError: there are no labels at all, or no pixel has one.
+        InputError: there are no labels at all, no pixel has one, or the files cannot be read.
     """
     labelled = any(scene.classes is not None for scene in scenes) or any(source.is_rooms for source in settings.sources)
     if learning.without_labels is not None and not labelled:

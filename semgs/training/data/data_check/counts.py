@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
@@ -57,17 +56,29 @@ def count_pixels(settings: DataSettings, scenes: Sequence[Scene]) -> list[Pixels
 
 
 def any_labelled(settings: DataSettings, scenes: Sequence[Scene]) -> bool:
-    """Whether a pixel of the frames in which classes are counted has a label of the table."""
-    labelled = (views for scene in scenes if scene.classes for views in _read_some(scene))
-    return any(_count_labels([views], settings.table).any() for views in labelled)
+    """Whether a pixel of the frames in which classes are counted has a label of the table.
+
+    Raises:
+        InputError: none has, and a frame cannot be read, such as labels as colours.
+    """
+    unread = list[InputError]()
+    labelled = (views for scene in scenes if scene.classes for views in _read_some(scene, unread))
+    if any(_count_labels([views], settings.table).any() for views in labelled):
+        return True
+    if unread:
+        raise unread[0]
+    return False
 
 
-def _read_some(scene: Scene) -> Iterator[Views]:
-    """A few frames spread over a scene; unreadable ones are skipped here, since training reports them."""
+def _read_some(scene: Scene, unread: list[InputError] | None = None) -> Iterator[Views]:
+    """A few frames spread over a scene; errors of unreadable ones are added to `unread`, since training reports them."""
     count = FRAMES_COUNTED if scene.posed else len(scene)
     for index in spread(range(len(scene)), count):
-        with contextlib.suppress(InputError):
+        try:
             yield scene.read([index], "native", INDOOR_DEPTH_RANGE)  # labels need no depth range of their own
+        except InputError as error:
+            if unread is not None:
+                unread.append(error)
 
 
 def _count_labels(samples: Iterable[Views], classes: ClassTable) -> Pixels:

@@ -8,7 +8,13 @@ from pathlib import Path
 from semgs.data.tables.classes import ClassTable
 from semgs.files.errors import InputError
 from semgs.training.data.data_check.checks import check_labelled, check_scenes, check_validation, label_notes
-from semgs.training.data.data_check.counts import class_shares, count_pixels, inverse_frequency, make_folders
+from semgs.training.data.data_check.counts import (
+    any_labelled,
+    class_shares,
+    count_pixels,
+    inverse_frequency,
+    make_folders,
+)
 from semgs.training.data.data_check.open_sources import check_bad, open_source, training_paths
 from semgs.training.data.data_check.scene_record import RECORD, read_counts, scenes_before, terms_of_run, write_record
 from semgs.training.data.data_settings import DataSettings, view_counts
@@ -75,6 +81,7 @@ def check_data(settings: DataSettings, learning: SupervisionSettings, init: str,
         write_record(out / RECORD, scenes, pixels, before, terms)
     shares = class_shares(settings, opened, pixels)
     if needs_counts and not shares.any():
+        any_labelled(settings, scenes)  # files that cannot be read are the better reason
         raise InputError(
             ", ".join(settings.data), f"pixels of the classes of {settings.table.name}, to count them", "none"
         )

@@ -211,3 +211,19 @@ def test_images_without_a_camera_are_left_out_and_counted(tmp_path: Path):
     scene = open_scene(tmp_path)
     assert len(scene) == 7
     assert scene.notes == (f"1 of 8 images have no camera file and are left out, the first is {TIMES[1]}.jpg.",)
+
+
+@pytest.mark.parametrize("raw", ["cameras", "images"])
+def test_keyframes_without_a_corrected_camera_and_image_are_counted(tmp_path: Path, raw: str):
+    """Two of eight have neither; the other folder of raw data may be missing."""
+    write_polycam(tmp_path, miniature())
+    write_polycam(tmp_path, miniature(), kind="corrected_")
+    for index in (1, 4):
+        (tmp_path / f"keyframes/corrected_cameras/{TIMES[index]}.json").unlink()
+        (tmp_path / f"keyframes/corrected_images/{TIMES[index]}.jpg").unlink()
+    shutil.rmtree(tmp_path / f"keyframes/{'images' if raw == 'cameras' else 'cameras'}")
+    scene = open_scene(tmp_path)
+    assert len(scene) == 6
+    assert (
+        f"2 of 8 keyframes have no corrected camera and image and are left out, the first is {TIMES[1]}." in scene.notes
+    )

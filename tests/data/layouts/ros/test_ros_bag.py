@@ -39,6 +39,7 @@ from miniatures import back_projected, check_projection, check_read, miniature
 
 from semgs.data.layouts.ros.bag import BagFile, stamp_of
 from semgs.data.layouts.ros.camera import lens_of
+from semgs.data.layouts.ros.cut_bags import recordings_of
 from semgs.data.layouts.ros.image_messages import as_file, ending_of
 from semgs.data.layouts.ros.rvl import decode_rvl
 from semgs.data.scene import Scene
@@ -306,7 +307,18 @@ def test_binning_and_regions_of_interest_move_the_camera(settings: dict, focal: 
     ("settings", "message"),
     [
         ({"size": (480, 640)}, "a CameraInfo for 64x48 pixels .* found 640x480; or give .* --intrinsics fx fy cx cy"),
-        ({"k": np.zeros((3, 3))}, "a calibrated camera, found a focal length of zero"),
+        (
+            {"k": np.zeros((3, 3))},
+            "a calibrated camera, found a focal length of zero in K, the matrix of raw images; or give",
+        ),
+        (
+            {"k": np.full((3, 3), np.nan)},
+            "a calibrated camera, found NaN or infinity in K, the matrix of raw images; or give",
+        ),
+        (
+            {"k": np.array([[57.5, 0, np.nan], [0, 56, 24], [0, 0, 1]])},
+            "a calibrated camera, found NaN or infinity in K",
+        ),
         ({"d": (0.1, 0.2, 0.3, 0.4), "model": "equidistant"}, "a lens of plumb_bob .* found equidistant"),
         ({"d": (0.1, 0, 0, 0, 0, 0.2, 0, 0), "model": "rational_polynomial"}, "a lens of plumb_bob"),
         ({"d": (-9.0, 0.0, 0.0, 0.0, 0.0)}, "a possible camera"),
@@ -781,5 +793,33 @@ def test_without_p_a_rectified_camera_has_k(tmp_path: Path):
     expected = lens_of(tmp_path, INFO, told, (48, 64), rectified=False)
     assert lens_of(tmp_path, INFO, told, (48, 64), rectified=True) == expected
     told.d = np.array([0.1, 0, 0, 0, 0])
-    with pytest.raises(InputError, match="a focal length of zero"):
+    with pytest.raises(InputError, match="found a focal length of zero in P, the matrix of rectified images; or give"):
         lens_of(tmp_path, INFO, told, (48, 64), rectified=True)
+    told.p[:] = np.nan
+    with pytest.raises(InputError, match="found NaN or infinity in P, the matrix of rectified images; or give"):
+        lens_of(tmp_path, INFO, told, (48, 64), rectified=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "program"),
+    [("a.mcap.zstd", "zstd"), ("a.db3.zst", "zstd"), ("a.bag.gz", "gzip"), ("A.MCAP.ZSTD", "zstd")],
+)
+def test_recordings_that_are_compressed_as_a_whole_say_what_unpacks_them(tmp_path: Path, name: str, program: str):
+    """Given by themselves, or in a folder without metadata.yaml, where a file ._NAME of macOS does not count."""
+    file = tmp_path / name
+    file.write_bytes(b"\x28\xb5\x2f\xfd")
+    (tmp_path / f"._{name}").touch()
+    told = f"found no known layout; {name} is a recording that is compressed by {program}; unpack it first: {program} -d {file}"
+    for path in (file, tmp_path):
+        for opened in (open_scene, open_scenes):
+            with pytest.raises(InputError) as error:
+                opened(path)
+            assert str(error.value).endswith(told)
+
+
+def test_files_of_macos_beside_recordings_are_ignored(tmp_path: Path):
+    """A list of topics that does not say what its recordings are lets each of them be opened."""
+    (tmp_path / "metadata.yaml").write_text("storage_identifier: ''\n")
+    for name in ("a.db3", "._a.db3"):
+        (tmp_path / name).touch()
+    assert recordings_of(tmp_path) == [tmp_path / "a.db3"]

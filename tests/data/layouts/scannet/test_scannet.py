@@ -571,3 +571,12 @@ def test_a_recording_of_2_gigabytes_is_read_in_less_than_200_megabytes(tmp_path,
     count, resident, allocated = told.stdout.split()
     assert int(count) == frames
     assert max(float(resident), float(allocated)) < 200
+
+
+def test_files_of_macos_beside_a_recording_are_ignored(copied: Path):
+    """Its recording, and the zip file of its label maps."""
+    for one in [*copied.glob("*.sens"), *copied.glob("*.zip")]:
+        (copied / f"._{one.name}").write_bytes(b"\0\5\26\7Mac OS X")
+    scene = open_scene(copied)
+    assert (len(scene), scene.name) == (len(open_scene(copied / "scene0000_00.sens")), "scene0000_00")
+    assert all(frame.labels is not None for frame in scene.frames)
