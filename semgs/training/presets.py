@@ -49,7 +49,7 @@ def paper() -> TrainingSettings:
 
 
 def base_text() -> TrainingSettings:
-    """As `paper`, with every sentence of the paper read word by word; MVSplat's weights do not fit its heads, so it starts from random ones."""
+    """As `paper`, with every sentence of the paper read word by word. It starts from random weights; with --init, MVSplat's fill all but its heads."""
     losses = LossWeights(0.1, 1.0, 0.001, smoothness_over="sum")
     return replace(
         paper(),

@@ -13,6 +13,7 @@ from semgs.files.errors import InputError, input_error
 from semgs.files.paths import found_at, typed_path
 from semgs.files.strict_json import parse_json
 from semgs.model.build import build
+from semgs.model.gaussians.heads import PaperDecoder
 from semgs.model.networks import NAMES, NETWORKS
 from semgs.model.settings import NetworkSettings
 from semgs.model.weights import mvsplat
@@ -194,8 +195,14 @@ def semantic_tensors(model: SemGS) -> frozenset[str]:
     return frozenset(name for name in model.state_dict() if name.startswith("semantic."))
 
 
+HEADS = "colour.heads."
+"""Beginning of the tensor names of the colour branch's heads."""
+
+
 def from_mvsplat(model: SemGS, path: Path, seed: int) -> SemGS:
     """The network, which was initialised with this seed, with colour branch and depth from MVSplat's checkpoint.
+
+    Heads as in the paper's text have other layers than MVSplat's and stay as initialised: the paper loads the extractor and the depth network, and does not name heads.
 
     Raises:
         InputError: the file cannot be read or does not fit; the tensor is named.
@@ -203,10 +210,15 @@ def from_mvsplat(model: SemGS, path: Path, seed: int) -> SemGS:
     tensors = mvsplat.read(path)
     own = model.state_dict()
     foreign = mvsplat.renamed(tensors, path)
-    semantic = semantic_tensors(model)
-    fresh = {key: value for key, value in own.items() if key not in foreign and key in semantic}
+    drawn = {"the semantic branch": semantic_tensors(model)}
+    if isinstance(model.colour.heads, PaperDecoder):
+        foreign = {key: value for key, value in foreign.items() if not key.startswith(HEADS)}
+        drawn["the colour heads"] = frozenset(key for key in own if key.startswith(HEADS))
+    fresh = {key: own[key] for part in drawn.values() for key in part if key not in foreign}
     fill(model, foreign | fresh, path, model.name)
-    model.origin = f"{path.name}: all {len(foreign)} tensors of MVSplat taken" + (
-        f"; {len(fresh)} tensors of the semantic branch drawn at random with seed {seed}" if fresh else ""
+    counts = [f"{count} tensors of {part}" for part, keys in drawn.items() if (count := len(keys & fresh.keys()))]
+    model.origin = (
+        f"{path.name}: {'all ' if len(foreign) == len(tensors) else ''}{len(foreign)} tensors of MVSplat taken"
+        + (f"; {' and '.join(counts)} drawn at random with seed {seed}" if counts else "")
     )
     return model

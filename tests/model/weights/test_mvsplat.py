@@ -123,6 +123,19 @@ def test_base_takes_all_tensors_and_draws_its_semantic_branch(state, checkpoint)
     assert all(torch.equal(own[name], fresh.state_dict()[name]) for name in semantic)
 
 
+def test_heads_of_the_papers_text_are_drawn_and_all_else_is_mvsplats(state, checkpoint):
+    network, plain = load("base_text", weights=checkpoint), load("base_text", weights="random")
+    theirs = {our_name(name): tensor for name, tensor in state.items()}
+    own = network.state_dict()
+    taken = {name for name in own if name in theirs and not name.startswith("colour.heads.")}
+    heads = {name for name in own if name.startswith("colour.heads.")}
+    assert f"{len(taken)} tensors of MVSplat taken" in network.origin
+    assert f"and {len(heads)} tensors of the colour heads drawn at random with seed 0" in network.origin
+    assert {name.split(".")[0] for name in set(own) - taken - heads} == {"semantic"}
+    assert all(torch.equal(own[name], theirs[name]) for name in taken)
+    assert all(torch.equal(own[name], plain.state_dict()[name]) for name in heads)
+
+
 def test_every_one_of_the_471_is_missed_by_its_name_and_measured(state, monkeypatch):
     """On a network whose tensors take no memory: what is missing or of another shape is told before any is looked at."""
     with torch.device("meta"):

@@ -146,17 +146,16 @@ def vertex_labels(folder: Path, count: int, labels: Mapping[str, int]) -> UInt8[
             f"{len(segments)}",
             key="segIndices",
         )
-    sizes = np.bincount(segments)
+    known, segment_of, sizes = np.unique(segments, return_inverse=True, return_counts=True)  # their numbers may be huge
     groups = []
     for order, group in enumerate(read_fields(folder / ANNOTATIONS).objects("segGroups")):
-        parts = np.unique(_whole_numbers(group, "segments"))
-        parts = parts[parts < len(sizes)]
+        parts = np.flatnonzero(np.isin(known, _whole_numbers(group, "segments")))
         label = labels.get(normal(group.text("label") or ""), IGNORE)
         groups.append((-int(sizes[parts].sum()), -order, label, parts))
     of_segments = np.full(len(sizes), IGNORE, np.uint8)
     for *_, label, parts in sorted(groups, key=lambda group: group[:2]):
         of_segments[parts] = label
-    return of_segments[segments]
+    return of_segments[segment_of]
 
 
 def masked_vertices(path: Path, count: int) -> Int[np.ndarray, " n"]:

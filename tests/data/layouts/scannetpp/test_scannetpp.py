@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import tracemalloc
 import warnings
 from importlib.util import find_spec
 from pathlib import Path
@@ -362,6 +363,19 @@ def test_of_objects_that_share_a_vertex_the_smallest_counts_even_if_it_has_no_la
     small_mesh(tmp_path, groups, [3, 3, 7, 9, 11, 5])
     labels = vertex_labels(tmp_path, 6, {"wall": 0, "door": 7, "window": 8})
     assert labels.tolist() == [0, 0, 255, 7, 7, 255]  # of two as small as each other the first
+
+
+def test_segments_may_have_any_numbers_without_taking_memory_for_those_between(tmp_path):
+    """Counting up to the largest number took a gigabyte for one damaged file."""
+    small_mesh(tmp_path, [{"label": "wall", "segments": [2**62]}], [2**62, 5, 2**62])
+    tracemalloc.start()
+    try:
+        labels = vertex_labels(tmp_path, 3, {"wall": 0})
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert labels.tolist() == [0, 255, 0]
+    assert most < 1e6
 
 
 def test_what_was_cast_is_kept_and_what_changed_is_cast_anew(copied, cache, monkeypatch):
