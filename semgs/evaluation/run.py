@@ -14,7 +14,7 @@ from semgs.data.scenes import open_scenes
 from semgs.data.tables.class_groups import ClassGroups
 from semgs.data.tables.classes import ClassTable
 from semgs.depth_maps.depth_source import DepthMaps
-from semgs.evaluation.frames.frame_plan import FramePlan, frame_list, make_plan, read_plan
+from semgs.evaluation.frames.frame_plan import FramePlan, frame_list, index_of, make_plan, read_plan
 from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.predictions import Method
 from semgs.evaluation.frames.protocols import neighbours, peers
@@ -280,6 +280,7 @@ def write_evaluation(folder: Path, evaluation: Evaluation) -> SavedReport:
     """
     numbers = evaluation_numbers(evaluation)
     write_json(folder / "frames.json", frame_list(evaluation.plan))
+    write_json(folder / "index.json", index_of(evaluation.plan))
     write_json(folder / "report.json", numbers)
     if evaluation.subject.kind == "weights":
         for rows in evaluation.rows:

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from semgs.data.scene import Scene
 from semgs.evaluation.frames.protocols import TargetSample
@@ -153,7 +154,7 @@ def frame_list(plan: FramePlan) -> dict:
 def read_plan(
     path: str | Path, scenes: Sequence[Scene], views: Sequence[int] = (), size: tuple[int, int] | None = None
 ) -> FramePlan:
-    """The plan in a file: `frames.json` or `report.json` of an evaluation, or one written by hand.
+    """The plan in a file: `frames.json` or `report.json` of an evaluation, one written by hand, or an index of pixelSplat's form.
 
     Args:
         path: of the file.
@@ -187,11 +188,57 @@ def read_plan(
     return _checked(FramePlan(f"pinned: {content.get('protocol', 'by hand')}", tuple(kept)))
 
 
+def index_of(plan: FramePlan) -> dict[str, Any]:
+    """The plan as pixelSplat and its descendants list frames, by their positions in the scene; `read_plan` reads it, too.
+
+    Entries of a scene with several sets of contexts are a list, which those programs do not know.
+    """
+    index: dict[str, Any] = {}
+    for scene in plan.scenes:
+        targets: dict[tuple[int, ...], list[int]] = {}
+        for task in plan.tasks:
+            if task.scene is scene:
+                targets.setdefault(task.sample.contexts, []).append(task.sample.target)
+        entries = [{"context": list(contexts), "target": found} for contexts, found in targets.items()]
+        index[scene.name] = entries if len(entries) > 1 else entries[0]
+    return index
+
+
+def _is_index(content: object) -> bool:
+    """Whether the content of a file looks like an index of pixelSplat's form."""
+    if not isinstance(content, dict) or "format" in content:
+        return False
+    first = next(
+        (one for value in content.values() for one in (value if isinstance(value, list) else [value]) if one), None
+    )
+    return isinstance(first, dict) and {"context", "target"} <= first.keys()
+
+
+def _from_index(path: Path, index: dict[str, Any]) -> dict[str, Any]:
+    """A list of frames as ours. Scenes without an entry (null) are left out, as in pixelSplat."""
+    scenes = []
+    for name, value in index.items():
+        samples = []
+        for entry in value if isinstance(value, list) else [value]:
+            if entry is None:
+                continue
+            held = entry if isinstance(entry, dict) else {}
+            contexts, targets = held.get("context"), held.get("target")
+            if not isinstance(contexts, list) or not isinstance(targets, list):
+                raise InputError(path, "lists of frames, context and target", f"{entry!r:.60}", key=name)
+            samples += [{"target": target, "contexts": contexts} for target in targets]
+        if samples:
+            scenes.append({"scene": name, "samples": samples})
+    return {"protocol": f"the index {path.name}", "scenes": scenes}
+
+
 def _frames_of(path: Path) -> dict:
     """The list of frames in a JSON file."""
     content = read_json(path, "a JSON file of frames")
     if isinstance(content, dict) and isinstance(content.get("frames"), dict):
         content = content["frames"]  # of a report
+    if _is_index(content):
+        return _from_index(path, content)
     if not isinstance(content, dict) or (content.get("format"), content.get("version")) != (FORMAT, VERSION):
         raise InputError(path, f"format {FORMAT!r}, version {VERSION}", "something else", key="format")
     return content
@@ -215,17 +262,17 @@ def _size(path: str | Path, value: object, place: str) -> tuple[int, int] | None
 
 
 def _sample(path: str | Path, scene: Scene, entry: object, place: str) -> TargetSample:
-    """The sample with the given frame names: two or more contexts and a target, all different."""
+    """The sample with the given frames, by name or by position: two or more contexts and a target, all different."""
     held = entry if isinstance(entry, dict) else {}
     contexts = held.get("contexts")
     listed = [held.get("target"), *(contexts if isinstance(contexts, list) else [])]
-    names = [name for name in listed if isinstance(name, str)]
+    names = [name for name in listed if isinstance(name, str) or type(name) is int]
     if len(names) < 3 or len(names) < len(listed):
         raise InputError(path, "a target and two or more contexts, by name", f"{entry!r:.60}", key=place)
     with input_error(path, f"frames of {scene.name}", key=place):
         positions = [scene.index(name) for name in names]
     if len(set(positions)) != len(positions):
-        raise InputError(path, "different frames", ", ".join(names), key=place)
+        raise InputError(path, "different frames", ", ".join(map(str, names)), key=place)
     return TargetSample(tuple(positions[1:]), positions[0])
 
 

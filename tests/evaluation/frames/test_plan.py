@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +9,15 @@ from pathlib import Path
 import pytest
 
 from semgs.data.scene import Scene
-from semgs.evaluation.frames.frame_plan import FramePlan, Task, distinct_stems, frame_list, make_plan, read_plan
+from semgs.evaluation.frames.frame_plan import (
+    FramePlan,
+    Task,
+    distinct_stems,
+    frame_list,
+    index_of,
+    make_plan,
+    read_plan,
+)
 from semgs.evaluation.frames.protocols import TargetSample, neighbours
 from semgs.files.errors import InputError
 
@@ -125,3 +134,41 @@ def test_a_name_with_dots_keeps_them_in_its_files(make_scene: MakeScene):
     task = Task(scene, (36, 48), TargetSample((0, 2), 1))
     object.__setattr__(scene.frames[1], "name", "images/IMG.2024.01.png")
     assert task.stem == "N2/attic/IMG.2024.01"
+
+
+def test_an_index_as_pixelsplat_has_them_is_read_by_positions_and_written_again(make_scene: MakeScene, tmp_path: Path):
+    scenes = [make_scene("hall", frames=12), make_scene("attic", frames=12)]
+    index = {
+        "hall": {"context": [2, 6], "target": [3, 5]},
+        "attic": [{"context": [0, 4], "target": [1]}, {"context": [4, 8, 11], "target": [6]}],
+        "gone": None,
+    }
+    (tmp_path / "index.json").write_text(json.dumps(index))
+    plan = read_plan(tmp_path / "index.json", scenes)
+    samples = [(task.scene.name, task.sample.contexts, task.sample.target) for task in plan.tasks]
+    assert samples == [
+        ("hall", (2, 6), 3),
+        ("hall", (2, 6), 5),
+        ("attic", (0, 4), 1),
+        ("attic", (4, 8, 11), 6),
+    ]
+    assert plan.protocol == "pinned: the index index.json"
+    assert index_of(plan) == {name: index[name] for name in ("hall", "attic")}
+
+
+@pytest.mark.parametrize(
+    ("index", "said"),
+    [
+        ({"hall": {"context": [2, 60], "target": [3]}}, "frames of hall"),
+        ({"hall": {"context": [2, 6], "target": [6]}}, "different frames"),
+        ({"hall": {"context": [2], "target": [6]}}, "a target and two or more contexts"),
+        ({"hall": {"context": [2, 6], "target": 3}}, "lists of frames, context and target"),
+        ({"cellar": {"context": [2, 6], "target": [3]}}, "one of the scenes hall"),
+    ],
+)
+def test_an_index_that_does_not_fit_is_refused_in_one_line(
+    index: dict, said: str, make_scene: MakeScene, tmp_path: Path
+):
+    (tmp_path / "index.json").write_text(json.dumps(index))
+    with pytest.raises(InputError, match=re.escape(said)):
+        read_plan(tmp_path / "index.json", [make_scene("hall", frames=12)])

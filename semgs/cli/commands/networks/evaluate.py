@@ -52,12 +52,12 @@ class Evaluate:
     The protocol sets the target views and their input views:
     - neighbours: every inner frame is a target; its inputs are the nearest frames, alternately before and after
     - peers: the test frames and inputs of S-Ray; with --gsnerf-distance, the inputs that GSNeRF's code chooses
-    - pinned FILE: the frames in frames.json or report.json of an earlier evaluation
+    - pinned FILE: the frames in frames.json or report.json of an earlier evaluation, or in an index of pixelSplat's form
 
     The output folder contains
     - report.html: start here: tables, confusion matrices, scores per class, best and worst frames
     - report.json: all numbers, with 95 % intervals; semgs compare makes tables from several
-    - frames.json: the frames by name, for --protocol pinned
+    - frames.json: the frames by name, for --protocol pinned; index.json: by position, as pixelSplat and its descendants list them
     - predictions/: the rendered maps, in the format of --predictions; truth/: the true labels at the same size
 
     Every table has simple baselines: the nearest input view copied with its true labels (an oracle), the input views warped with
