@@ -17,11 +17,11 @@ from semgs.depth_maps.depth_source import DepthMaps
 from semgs.evaluation.frames.frame_plan import FramePlan, frame_list, index_of, make_plan, read_plan
 from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.predictions import Method
-from semgs.evaluation.frames.protocols import neighbours, peers
+from semgs.evaluation.frames.protocols import aside, neighbours, peers
 from semgs.evaluation.frames.saved import TIMING, SavedPredictions
 from semgs.evaluation.page.evaluation_page import evaluation_page
 from semgs.evaluation.scoring.method_scores import PREDICTIONS, score_method
-from semgs.evaluation.tables.comparison_tables import overview_grid
+from semgs.evaluation.tables.comparison_tables import kinds_grid, overview_grid
 from semgs.evaluation.tables.environment import hardware, versions
 from semgs.evaluation.tables.evaluation_report import (
     EvaluatedMethod,
@@ -46,6 +46,9 @@ from semgs.segmenters.labelling import Labelling
 
 VIEWS = (2, 3, 4)
 """The default numbers of contexts: the paper's."""
+
+ASIDE_VIEWS = (2,)
+"""Those of scenes drawn for targets aside."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +149,7 @@ def plan_targets(
     """The plan of a protocol.
 
     Args:
-        protocol: ("neighbours",), ("peers",), or ("pinned", FILE).
+        protocol: ("neighbours",), ("peers",), ("aside",), or ("pinned", FILE).
         scenes: to evaluate on.
         views: numbers of contexts; empty for the default, or those of the pinned file.
         size: (height, width) of all scenes [px]; None for the default, or that of the pinned file.
@@ -159,6 +162,8 @@ def plan_targets(
         return read_plan(protocol[1], scenes, views, size)
     if protocol[0] == "neighbours":
         return make_plan("neighbours", neighbours, scenes, views or VIEWS, size)
+    if protocol[0] == "aside":
+        return make_plan("aside", aside, scenes, views or ASIDE_VIEWS, size)
     if gsnerf_distance:
         as_gsnerf = partial(peers, distance="gsnerf")
         return make_plan("peers, GSNeRF's distance", as_gsnerf, scenes, views or VIEWS, size)
@@ -298,6 +303,7 @@ def _summary(report: SavedReport, evaluation: Evaluation, out: Path) -> str:
         [
             printed(overview_grid(report), "text"),
             "",
+            *(line for grid in [kinds_grid(report)] if grid is not None for line in (printed(grid, "text"), "")),
             *(f"note  {sentence}" for sentence in evaluation.notes),
             *([""] if evaluation.notes else []),
             f"Open {out / 'report.html'} in a browser.",

@@ -11,6 +11,7 @@ TITLES = {
     "class_accuracy_per_image": "class acc./image", "miou_merged": "mIoU (merged)", "accuracy_merged": "acc. (merged)",
     "aurc": "AURC", "ece": "ECE", "covered_95": "at 95 %", "psnr": "PSNR", "psnr_seen": "PSNR (seen)", "ssim": "SSIM", "lpips": "LPIPS",
     "depth_abs_rel": "depth error", "depth_abs_rel_seen": "depth error (seen)", "depth_delta_125": "depth δ<1.25",
+    "psnr_edges": "PSNR (edges)", "depth_edges": "depth error (edges)", "psnr_gradients": "PSNR (gradients)", "made_up": "made up", "flyers": "flyers",
     "unseen": "unseen", "not_given": "not given", "fps_encoding_each": "FPS",
 }  # fmt: skip
 """Headings of the metrics, in the order of tables."""
@@ -46,10 +47,10 @@ def shown_number(measure: str, value: float | None, digits: int = 3) -> str:
     """A metric as text; `digits` after the point for those that papers print with three, such as mIoU."""
     if value is None:
         return "–"
-    if measure in ("unseen", "not_given", "covered_95"):
+    if measure in ("unseen", "not_given", "covered_95", "made_up", "flyers"):
         return f"{100 * value:.1f} %"
     return (
         f"{value:.2f}"
-        if measure in ("psnr", "psnr_seen", "fps_encoding_each", "fps_encoding_shared")
+        if measure in ("psnr", "psnr_seen", "psnr_edges", "psnr_gradients", "fps_encoding_each", "fps_encoding_shared")
         else f"{value:.{digits}f}"
     )

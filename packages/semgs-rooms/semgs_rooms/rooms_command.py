@@ -58,6 +58,8 @@ class Rooms:
     style: Style = "home"
     """home: rooms furnished as people live. closeup: homes seen from close by, in dark and strong colours. other: a second, different world,
     reserved for testing."""
+    aside: bool = False
+    """Instead of walks, draw two input views of each room and views 20 and 40 cm and 15 and 30 degrees aside of them, for semgs evaluate --protocol aside."""
     assets: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="DIR")] = ()
     """Folder of meshes and images, verified against its lock. Half of the homes use its meshes, most use its images. Repeatable.
     Without it, built-in furniture only."""
@@ -79,7 +81,7 @@ class Rooms:
 
         library = self._library()
         with what_the_user_gave():
-            settings = RoomSettings(self.seed, self.size, self.frames, self.style, library)
+            settings = RoomSettings(self.seed, self.size, self.frames, self.style, library, self.aside)
         try:
             if self.out is not None:
                 self._write(self.out, settings)

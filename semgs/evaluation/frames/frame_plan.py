@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from semgs.data.scene import Scene
-from semgs.evaluation.frames.protocols import TargetSample
+from semgs.evaluation.frames.protocols import TargetSample, kind_aside
 from semgs.files.errors import InputError, input_error
 from semgs.files.strict_json import read_json
 from semgs.files.text import listed
@@ -54,6 +54,11 @@ class Task:
     def contexts(self) -> tuple[str, ...]:
         """The names of the contexts' frames."""
         return tuple(self.scene.frames[index].name for index in self.sample.contexts)
+
+    @property
+    def kind(self) -> str:
+        """How far the target is aside of the input views, such as "20 cm"; empty for other targets."""
+        return kind_aside(self.target)
 
     def __str__(self) -> str:
         return self.stem

@@ -6,7 +6,9 @@ A protocol is a function from a scene and a number of views to a list of samples
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from pathlib import PurePosixPath
 from typing import Literal
 
 import numpy as np
@@ -21,6 +23,13 @@ PEERS_SOURCE_STEP = 5
 PEERS_FIRST_TARGET = 2
 PEERS_TARGET_STEP = 20
 PEERS_TARGETS = 10
+
+
+ASIDE = re.compile(r"aside_\d+_(\d+)(cm|deg)")
+"""Stems of targets that `semgs rooms --aside` draws, such as aside_0_20cm."""
+
+INPUT = re.compile(r"input_\d+")
+"""Stems of their input views."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +55,28 @@ def neighbours(scene: Scene, views: int) -> list[TargetSample]:
     """
     _check(scene, views, sources=len(scene) - 1, least=3)
     return [TargetSample(frames_around(target, len(scene), views), target) for target in range(1, len(scene) - 1)]
+
+
+def kind_aside(frame: str) -> str:
+    """How far a frame is aside of the input views, by its name: "20 cm", "15°"; empty for others."""
+    found = ASIDE.fullmatch(PurePosixPath(frame).stem)
+    return "" if found is None else f"{found[1]} cm" if found[2] == "cm" else f"{found[1]}°"
+
+
+def aside(scene: Scene, views: int) -> list[TargetSample]:
+    """Views beside those that a network gets, in scenes drawn for it: each frame called aside, from the input views.
+
+    Raises:
+        InputError: the scene was not drawn for it, or with another number of input views.
+    """
+    stems = [PurePosixPath(frame.name).stem for frame in scene.frames]
+    contexts = tuple(index for index, stem in enumerate(stems) if INPUT.fullmatch(stem))
+    targets = [index for index, frame in enumerate(scene.frames) if kind_aside(frame.name)]
+    if not contexts or not targets:
+        raise InputError(scene.path, "a scene with views aside", "none", advice="semgs rooms OUT --aside draws them")
+    if len(contexts) != views:
+        raise InputError(scene.path, f"{views} input views", f"{len(contexts)}", advice=f"use --views {len(contexts)}")
+    return [TargetSample(contexts, target) for target in targets]
 
 
 def peers(scene: Scene, views: int, distance: Literal["sray", "gsnerf"] = "sray") -> list[TargetSample]:

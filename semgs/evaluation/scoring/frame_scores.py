@@ -36,6 +36,7 @@ class FrameScores:
             the method does not say what it saw.
         seconds_encode, seconds_render: wall-clock.
         confidences: the labelled and seen pixels by their confidence, as `semgs.objectives.selective` counts them.
+        psnr_edges, depth_edges, psnr_gradients, made_up, flyers: as in `semgs.evaluation.scoring.aside_scores.AsideScores`; None for targets that are not aside.
         merged, merged_truth: `confusion` and `truth` by groups of classes; not saved, and None unless requested.
         hidden: pixels that count in none of them; not saved.
         fragments: share of the predicted class map in tiny regions (`paper.ablate.fragments`); not saved, and None unless requested.
@@ -60,6 +61,11 @@ class FrameScores:
     confidences: Int64[np.ndarray, "level 2"] | None = None
     hidden: int = 0
     fragments: float | None = None
+    psnr_edges: float | None = None
+    depth_edges: float | None = None
+    psnr_gradients: float | None = None
+    made_up: float | None = None
+    flyers: float | None = None
     merged: Int64[np.ndarray, "group group"] | None = None
     merged_truth: Int64[np.ndarray, " group"] | None = None
 

@@ -16,6 +16,7 @@ from semgs.evaluation.frames.frame_plan import FramePlan, Task
 from semgs.evaluation.frames.predictions import Method, Prediction, write_maps, write_prediction
 from semgs.evaluation.frames.protocols import nearest_first
 from semgs.evaluation.frames.reading import make_inputs, read_frame, read_views
+from semgs.evaluation.scoring.aside_scores import aside_scores
 from semgs.evaluation.scoring.baselines import copy_nearest, predict_majority, warp_contexts
 from semgs.evaluation.scoring.frame_scores import FrameScores, score
 from semgs.evaluation.scoring.similarity import PerceptualDistance, perceptual_distance
@@ -130,11 +131,20 @@ class _TargetScorer:
             write_maps(self.folder / TRUTH, task.truth_stem, Prediction(labels=target.labels[0]), metric=True)
         ordered = [views[position] for position in nearest_first(task.scene, task.sample)]
         warped = warp_contexts(ordered, target)
+
+        def scored(given: Prediction) -> FrameScores:
+            """The scores of a prediction."""
+            scores = score(task, given, target, self.perceptual)
+            if not task.kind:
+                return scores
+            unseen = None if warped is None else warped.unseen
+            return replace(scores, **vars(aside_scores(given, target, unseen)))
+
         scores = _TargetScores(
-            method=score(task, prediction, target, self.perceptual),
-            one_pass=None if prediction.one_pass is None else score(task, prediction.one_pass, target, self.perceptual),
-            copy=score(task, copy_nearest(ordered[0]), target, self.perceptual),
-            warp=None if warped is None else score(task, warped, target, self.perceptual),
+            method=scored(prediction),
+            one_pass=None if prediction.one_pass is None else scored(prediction.one_pass),
+            copy=scored(copy_nearest(ordered[0])),
+            warp=None if warped is None else scored(warped),
             truth=_hash_truth(target),
         )
         return scores, prediction

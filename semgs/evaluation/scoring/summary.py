@@ -10,6 +10,7 @@
 | miou_merged, accuracy_merged | as miou and accuracy, of groups of classes |
 | aurc, ece, covered_95 | over the labelled and seen pixels of all targets: `semgs.objectives.selective` |
 | unseen | share of all pixels |
+| psnr_edges, depth_edges, psnr_gradients, made_up, flyers | of targets aside: `semgs.evaluation.scoring.aside_scores`; mean over targets |
 | not_given | share of the labelled pixels without a predicted class |
 
 Means over classes use the classes that occur in the truth, of the whole set or of the image.
@@ -44,13 +45,27 @@ CONFIDENCE_METRICS = ("aurc", "ece", "covered_95")
 MERGED_METRICS = ("miou_merged", "accuracy_merged")
 """Metrics of groups of classes (`semgs.data.tables.class_groups`)."""
 
+ASIDE_METRICS = ("psnr_edges", "depth_edges", "psnr_gradients", "made_up", "flyers")
+"""Metrics of targets aside (`semgs.evaluation.scoring.aside_scores`)."""
+
 RISK = 0.05
 """The share of wrong pixels up to which `covered_95` counts."""
 
 METRICS = tuple(name for name in TITLES if name != "fps_encoding_each")
 """All names, in the order of tables."""
 
-LOWER_IS_BETTER = ("lpips", "depth_abs_rel", "depth_abs_rel_seen", "unseen", "not_given", "aurc", "ece")
+LOWER_IS_BETTER = (
+    "lpips",
+    "depth_abs_rel",
+    "depth_abs_rel_seen",
+    "unseen",
+    "not_given",
+    "aurc",
+    "ece",
+    "depth_edges",
+    "made_up",
+    "flyers",
+)
 
 
 Values = Callable[[Int[np.ndarray, "trial n"], Int[np.ndarray, "trial scene"]], Float[np.ndarray, "metric trial"]]
@@ -84,7 +99,10 @@ def group_metrics(frames: Sequence[FrameScores]) -> list[MetricGroup]:
     groups: tuple[tuple[tuple[str, ...], str, Callable[..., Values]], ...] = (
         (CLASS_METRICS, "confusion", _class_values),
         (MERGED_METRICS, "merged", _merged_values),
-        *(((name,), name, partial(_means, name)) for name in (*PICTURE_METRICS, "psnr_seen", "unseen", "fragments")),
+        *(
+            ((name,), name, partial(_means, name))
+            for name in (*PICTURE_METRICS, "psnr_seen", "unseen", "fragments", *ASIDE_METRICS)
+        ),
         *(
             ((f"{name}_per_image_seen",), f"{name}_seen", partial(_means_over_scenes, f"{name}_seen"))
             for name in ("miou", "accuracy")

@@ -241,6 +241,42 @@ def with_hash(report: SavedReport) -> str:
     return report.name if report.sha256 is None else f"{report.name} {report.sha256[:HASH]}"
 
 
+ASIDE = (
+    "psnr",
+    "ssim",
+    "psnr_edges",
+    "psnr_gradients",
+    "depth_abs_rel",
+    "depth_edges",
+    "unseen",
+    "made_up",
+    "flyers",
+    "miou",
+    "accuracy",
+)
+"""The columns of a table of targets aside."""
+
+
+def kinds_grid(report: SavedReport) -> Grid | None:
+    """The metrics of targets by how far they are aside of the input views; None if none is."""
+    rows = [
+        (Cell(f"{kind['kind']}, {views} views"), Cell(str(kind["samples"])), *score_cells(kind, ASIDE))
+        for views, result in report.results.items()
+        for kind in result.numbers.get("kinds", ())
+    ]
+    if not rows:
+        return None
+    return Grid(
+        title="Aside of the input views",
+        head=("off the nearest input view", "targets", *[TITLES[metric] for metric in ASIDE]),
+        rows=tuple(rows),
+        notes=(
+            "Edges: within 6 px of a depth step. Gradients: PSNR of differences between neighbouring pixels. Made up: drawn where no input view looks. Flyers: drawn, "
+            "but the true surface is over 1.25 times as far.",
+        ),
+    )
+
+
 def distinct_names(reports: Sequence[SavedReport]) -> list[str]:
     """The names of the reports' methods, with the beginning of the hash of weights; equal ones get the folder or, if needed, a number."""
     names = [with_hash(report) for report in reports]

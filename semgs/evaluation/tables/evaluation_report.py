@@ -11,6 +11,7 @@ from typing import Any
 from semgs.data.tables.class_groups import ClassGroups
 from semgs.data.tables.classes import ClassTable
 from semgs.evaluation.frames.frame_plan import FramePlan, frame_list
+from semgs.evaluation.frames.protocols import kind_aside
 from semgs.evaluation.scoring.baselines import NAMES
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.intervals import choose_units, intervals
@@ -18,6 +19,7 @@ from semgs.evaluation.scoring.method_scores import MethodScores
 from semgs.evaluation.scoring.risk_coverage import risk_coverage
 from semgs.evaluation.scoring.score_records import decode_scores, encode_scores, finite, number, seconds
 from semgs.evaluation.scoring.summary import (
+    ASIDE_METRICS,
     CONFIDENCE_METRICS,
     LOWER_IS_BETTER,
     MERGED_METRICS,
@@ -137,6 +139,12 @@ def _result(rows: MethodScores, classes: ClassTable | None) -> dict[str, Any]:
             {"scene": scene, **_metrics(these), "samples": len(these)}
             for scene in scenes
             for these in [[frame for frame in rows.method if frame.scene == scene]]
+        ],
+        "kinds": [
+            {"kind": kind, **_numbers(these), "samples": len(these)}
+            for kind in dict.fromkeys(kind_aside(frame.target) for frame in rows.method)
+            if kind
+            for these in [[frame for frame in rows.method if kind_aside(frame.target) == kind]]
         ],
         "truth_sha256": rows.truth,
         "per_frame": [encode_scores(frame) for frame in rows.method],
@@ -323,7 +331,7 @@ def _saved_result(entry: dict[str, Any], classes: int) -> SavedResult:
     values = [entry["fps_encoding_each"]]
     for row in (entry, *entry["trivial"].values()):
         # Reports of older versions have neither metrics of the seen pixels nor of confidence.
-        absent = (*SEEN_METRICS, *CONFIDENCE_METRICS, *MERGED_METRICS)
+        absent = (*SEEN_METRICS, *CONFIDENCE_METRICS, *MERGED_METRICS, *ASIDE_METRICS)
         values += [row.get(name) if name in absent else row[name] for name in METRICS]
         values += [end for low, high in row.get("intervals", {}).values() for end in (low, high)]
     values += [label[name] for label in entry["per_class"] for name in ("pixels", "iou")]

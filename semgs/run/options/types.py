@@ -20,7 +20,7 @@ from semgs.viewer.access import host_name
 SMALLEST_SIDE, LARGEST_SIDE = 32, 4096
 """Limits for the sides of images [px]."""
 
-PROTOCOLS = ("neighbours", "peers", "pinned FILE")
+PROTOCOLS = ("neighbours", "peers", "aside", "pinned FILE")
 """The protocols, as they are typed."""
 
 DEVICES = ("auto", "cpu", "cuda")
@@ -161,7 +161,7 @@ Protocol = Annotated[
     tuple[str, ...],
     words("*", "NAME [FILE]", _protocol),
 ]
-"""("neighbours",), ("peers",), or ("pinned", FILE)."""
+"""("neighbours",), ("peers",), ("aside",), or ("pinned", FILE)."""
 
 AllowedHosts = Annotated[
     tuple[Annotated[str, one_word("NAME", host_name)], ...], tyro.conf.UseAppendAction, optional("NAME")

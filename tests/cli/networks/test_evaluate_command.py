@@ -76,7 +76,7 @@ def test_all_files_appear_and_the_table_is_printed(done: tuple[Path, str]):
     folder, told = done
     out = folder / "out"
     assert {path.name for path in out.iterdir()} == {
-        ".semgs", "frames.json", "predictions", "report.html", "report.json", "truth",
+        ".semgs", "frames.json", "index.json", "predictions", "report.html", "report.json", "truth",
     }  # fmt: skip
     report = numbers(out)
     assert [entry["views"] for entry in report["results"]] == [2, 3]
@@ -289,7 +289,7 @@ def test_options_of_a_network_are_not_for_predictions(refused: Refused, tmp_path
 
 def test_an_unknown_protocol_lists_the_known(refused: Refused):
     line = refused("small", "--protocol", "neighbors")
-    assert "expected one of neighbours, peers, pinned FILE, found 'neighbors'" in line
+    assert "expected one of neighbours, peers, aside, pinned FILE, found 'neighbors'" in line
     assert "expected a FILE after pinned" in refused("small", "--protocol", "pinned")
     assert "expected one of" in refused("small", "--protocol", "peers", "7")
     assert "no such file" in refused("small", "--protocol", "pinned", "nowhere.json")

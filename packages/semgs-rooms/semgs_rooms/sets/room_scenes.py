@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from semgs_rooms.plans.floor_plan import FloorPlan
 from semgs_rooms.plans.style import STYLES, Style
 from semgs_rooms.sets.carried_cameras import draw_camera, draw_habit, draw_path
 from semgs_rooms.sets.room_stream import generator, keep_overlap, shoot
+from semgs_rooms.sets.views_aside import views_aside
 
 SHADED = "shaded"
 """Lighting method. Earlier releases also had another one and wrote this entry, so files still contain it."""
@@ -39,11 +41,13 @@ class DrawnScene:
         views: with labels and depths.
         plan: of the room.
         files: of the assets in the room.
+        names: of the views, as stems of their files; None for numbers.
     """
 
     views: Views
     plan: FloorPlan
     files: tuple[str, ...] = ()
+    names: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,7 @@ class RoomSettings:
         frames: of each scene.
         style: of the rooms.
         library: meshes and images to use, None for none. It is identified by the locks of its folders, not by their paths.
+        aside: instead of a walk, two input views and views beside them, for the protocol aside of `semgs evaluate`; `frames` does not count.
 
     Raises:
         ValueError: a field is out of range.
@@ -66,6 +71,7 @@ class RoomSettings:
     frames: int = 12
     style: Style = "home"
     library: Library | None = None
+    aside: bool = False
 
     def __post_init__(self) -> None:
         checks = {
@@ -83,7 +89,7 @@ class RoomSettings:
         assets = None if self.library is None else f"lock {', '.join(self.library.lock_digests)}"
         return {
             "semgs": __version__ + EDITIONS[self.style], "seed": self.seed, "size": list(self.size),
-            "frames": self.frames, "style": self.style, "render": SHADED, "assets": assets,
+            "frames": self.frames, "style": self.style, "render": SHADED, "assets": assets, **({"aside": True} if self.aside else {}),
         }  # fmt: skip
 
 
@@ -99,6 +105,10 @@ def draw_scene(settings: RoomSettings, index: int) -> DrawnScene:
     room = build_room(rng, settings.library, settings.style)
     habit = draw_habit(rng, settings.style)
     camera = draw_camera(rng, settings.size, habit)
+    if settings.aside:
+        path = keep_overlap(rng, room, draw_path(rng, room, camera, 0.5, habit), camera, habit.overlap)
+        named = views_aside(room, path.pose(-0.5), path.pose(0.5), camera)
+        return DrawnScene(shoot(rng, room, [*named.values()], camera), room.plan, room.files, tuple(named))
     reach = (settings.frames - 1) / 2
     path = keep_overlap(rng, room, draw_path(rng, room, camera, reach, habit), camera, habit.overlap)
     poses = [path.pose(float(s)) for s in np.linspace(-reach, reach, settings.frames)]
@@ -126,7 +136,7 @@ def write_scene(folder: str | Path, settings: RoomSettings, index: int = 0) -> N
     if settings.library is not None:
         record["assets"] = list(walk.files)
     with own_folder(folder, "rooms") as fresh:
-        write_views(fresh, walk.views)
+        write_views(fresh, walk.views, names=walk.names)
         write_json(fresh / ROOM, record)
 
 
@@ -143,8 +153,8 @@ def class_pixels(views: Views) -> dict[str, int]:
     return {**named, "ignored": int(counts[IGNORE])}
 
 
-def write_views(folder: Path, views: Views, quality: int = 92) -> None:
-    """Write unbatched views with labels and depths into an existing folder.
+def write_views(folder: Path, views: Views, quality: int = 92, names: Sequence[str] | None = None) -> None:
+    """Write unbatched views with labels and depths into an existing folder, under names or as 000, 001, ....
 
     Raises:
         ValueError: labels or depths are missing.
@@ -156,7 +166,7 @@ def write_views(folder: Path, views: Views, quality: int = 92) -> None:
     frames = []
     for i in range(len(views)):
         picture = (views.images[i].permute(1, 2, 0) * 255).round().byte().numpy()
-        stem = f"{i:03d}"
+        stem = f"{i:03d}" if names is None else names[i]
         write_bytes(folder / "images" / f"{stem}.jpg", jpeg_bytes(picture, quality))
         write_png(folder / "depth" / f"{stem}.png", np.round(views.depths[i].numpy() / MILLIMETRE).astype(np.uint16))
         write_png(folder / "labels" / f"{stem}.png", views.labels[i].numpy())

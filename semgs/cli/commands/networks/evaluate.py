@@ -52,6 +52,7 @@ class Evaluate:
     The protocol sets the target views and their input views:
     - neighbours: every inner frame is a target; its inputs are the nearest frames, alternately before and after
     - peers: the test frames and inputs of S-Ray; with --gsnerf-distance, the inputs that GSNeRF's code chooses
+    - aside: in scenes of semgs rooms --aside, views 20 and 40 cm and 15 and 30 degrees off the input views, with metrics of edges
     - pinned FILE: the frames in frames.json or report.json of an earlier evaluation, or in an index of pixelSplat's form
 
     The output folder contains
@@ -87,7 +88,7 @@ class Evaluate:
     predictions: Annotated[Path | None, optional("DIR")] = None
     """Score another method's label maps instead of WEIGHTS: DIR/N2/SCENE/STEM.png, class number per pixel, 255 = no prediction."""
     protocol: Protocol = ("neighbours",)
-    """neighbours, peers, or pinned FILE."""
+    """neighbours, peers, aside, or pinned FILE."""
     views: Annotated[SeveralViews, optional()] = ()
     """Numbers of input views. By default 2, 3 and 4, or those in the pinned file or the predictions."""
     size: AutoSize = None
