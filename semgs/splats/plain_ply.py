@@ -23,6 +23,7 @@ from jaxtyping import Float
 from semgs.data.ply_tables import PlyTables
 from semgs.files.errors import InputError
 from semgs.geometry.harmonics import DEGREE_0
+from semgs.runtime.notes import Kind
 from semgs.splats.splat import (
     DEGREES,
     Splat,
@@ -51,8 +52,14 @@ FEWEST, SAMPLED = 50, 1000
 LARGE = 1.5
 """Gaussians are seldom so many times as large as the distance to their nearest neighbour."""
 
-LENGTHS = ("Scales look like lengths, not like logarithms, and are read as such; --activated no reads logarithms.",)
-SHARES = ("Opacities look like 0 to 1, not like logits, and are read as such; --activated no reads logits.",)
+LENGTHS = Kind(
+    "Scales look like lengths, not like logarithms, and are read as such; --activated no reads logarithms.",
+    "Scales look like lengths, not like logarithms, and are read as such.",
+)
+SHARES = Kind(
+    "Opacities look like 0 to 1, not like logits, and are read as such; --activated no reads logits.",
+    "Opacities look like 0 to 1, not like logits, and are read as such.",
+)
 """What is said if a PLY is read in another way than its format says."""
 
 Columns = Mapping[str, np.ndarray]
@@ -115,8 +122,8 @@ def read_plain_ply(path: Path, ply: PlyTables, activated: bool | None = None) ->
         ),
     ).noted(
         *note_left_out(len(means) - len(usable.gaussians), len(means)),
-        *(LENGTHS if activated is None and lengths else ()),
-        *(SHARES if activated is None and shares else ()),
+        *([LENGTHS()] if activated is None and lengths else []),
+        *([SHARES()] if activated is None and shares else []),
     )
 
 
