@@ -1,15 +1,21 @@
-"""Parses the arguments of a command into its options, or says in one line what is wrong. No torch."""
+"""Parses the arguments of a command into its options, or says in one line what is wrong. No torch.
+
+Help texts are paragraphs. tyro keeps line breaks that they have in the source, which then end lines early.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from itertools import pairwise, takewhile
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_origin
+from types import MappingProxyType
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
+import docstring_parser
 import tyro
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
@@ -132,14 +138,50 @@ def _parse(options: type[Options], program: str, arguments: Sequence[str]) -> Op
     """The options as tyro parses them. If the arguments are wrong, tyro prints why to stderr and exits."""
     description = None
     if {"-h", "--help"} & set(arguments):
-        from semgs.cli.help_text import description_of, join_lines
-
         join_lines(options)
         description = description_of(options)
     config = (tyro.conf.DisallowNone,) if _presets(options) else (tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone)
     return tyro.cli(
         options, prog=program, args=list(arguments), description=description, config=config, registry=_TYPES
     )
+
+
+def join_lines(options: type) -> None:
+    """Give every option of a command its help as paragraphs, in the field's metadata, where tyro looks first.
+
+    Args:
+        options: a dataclass; dataclasses among the types of its fields are included.
+    """
+    for one in _nested(options, set()):
+        help_of = {
+            told.arg_name: told.description
+            for parent in filter(dataclasses.is_dataclass, reversed(one.__mro__))
+            for told in docstring_parser.parse_from_object(parent).params
+        }
+        for field in dataclasses.fields(one):
+            if text := help_of.get(field.name):
+                field.metadata = MappingProxyType({**field.metadata, "help": paragraphs(text)})
+
+
+def description_of(options: type) -> str:
+    """What a command does, from the docstring of its options, as paragraphs."""
+    return paragraphs(docstring_parser.parse(options.__doc__ or "").description or "")
+
+
+def paragraphs(text: str) -> str:
+    """A text without line breaks, except between paragraphs and before the items of a list."""
+    return re.sub(r"(?<!\n)\n[ \t]*(?![ \t]*(?:\n|- ))", " ", text.strip())
+
+
+def _nested(options: Any, seen: set[type]) -> Iterator[type]:
+    """A dataclass, those in the types of its fields, and those that inherit from them, each once."""
+    for argument in get_args(options):
+        yield from _nested(argument, seen)
+    if isinstance(options, type) and dataclasses.is_dataclass(options) and options not in seen:
+        seen.add(options)
+        yield options
+        for kin in (*get_type_hints(options, include_extras=True).values(), *options.__subclasses__()):
+            yield from _nested(kin, seen)
 
 
 def _presets(options: type) -> tuple[str, ...]:

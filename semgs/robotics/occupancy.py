@@ -15,18 +15,19 @@ from dataclasses import dataclass
 from math import inf
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float, Float64, Int8, Int64, UInt8
 from scipy.ndimage import binary_closing
 from torch import Tensor
 
 from semgs.data.tables.classes import IGNORE, SCANNET20, ClassTable
-from semgs.geometry.cameras import Cameras
+from semgs.geometry.cameras import Cameras, back_project
 from semgs.geometry.gaussians import Gaussians
-from semgs.rendering.rendering import class_numbers
-from semgs.robotics.carving import passes
+from semgs.rendering.render import render
+from semgs.rendering.rendering import SEEN_ALPHA, class_numbers
 from semgs.robotics.floor import NoFloorError, floor_height
 from semgs.robotics.level import level_from_world
-from semgs.robotics.rays import free_parts, rays_of
+from semgs.scene.encoding import block_size, per_gaussian
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 """What cells and voxels contain, as in ROS's nav_msgs/OccupancyGrid."""
@@ -42,6 +43,12 @@ ROUNDING = 1e-9
 
 MOST_VOXELS = 400_000_000
 """More would not fit into the memory of a small machine."""
+
+TOGETHER = 8192
+"""Rays that are followed at once."""
+
+SPREADS = 1.0
+"""Rays stop this many standard deviations before their end."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +72,21 @@ class Occupancy:
     resolution: float
     floor: float
     level_from_world: Float64[np.ndarray, "3 3"]
+
+
+@dataclass(frozen=True)
+class SightRays:
+    """What the cameras of the input views saw, in the level frame.
+
+    Attributes:
+        origins: where each ray starts [m].
+        ends: where it stops [m].
+        spread: standard deviation of the logarithm of its length.
+    """
+
+    origins: Float64[np.ndarray, "r 3"]
+    ends: Float64[np.ndarray, "r 3"]
+    spread: Float64[np.ndarray, " r"]
 
 
 def occupancy(
@@ -188,6 +210,99 @@ def closed(blocked: Bool[np.ndarray, "x y"], width: float) -> Bool[np.ndarray, "
     offsets = np.arange(-reach, reach + 1)
     disc = np.hypot(offsets[:, None], offsets) <= radius
     return binary_closing(np.pad(blocked, reach), disc)[reach or None : -reach or None, reach or None : -reach or None]
+
+
+def rays_of(
+    gaussians: Gaussians,
+    cameras: Cameras,
+    level: Float64[np.ndarray, "3 3"],
+    depths: Float[Tensor, "v h w"] | None,
+    depth_spread: Float[Tensor, "v h w"] | None,
+) -> SightRays:
+    """From each camera to its own Gaussians, or, if Gaussians do not belong to pixels, to the points at the given or rendered depths."""
+    (views,), count = cameras.batch, len(gaussians)
+    spread = torch.zeros(views, *cameras.size) if depth_spread is None else depth_spread
+    stride = block_size(count, views, *cameras.size)
+    if not stride:
+        if depths is None:
+            depths = _rendered_depths(gaussians, cameras)
+        ends = back_project(depths.double(), cameras)
+        known = depths > 0
+        origins = cameras.centres[:, None, None].expand(ends.shape)[known]
+        ends, spread = ends[known], spread[known]
+    else:
+        ends = gaussians.means.detach().double()
+        origins = cameras.centres.repeat_interleave(count // views, 0)
+        spread = per_gaussian(spread[:, None], stride)[:, 0]
+    found = (one.cpu().double().numpy() for one in (origins, ends))
+    origins, ends = (one @ level.T for one in found)
+    return SightRays(origins, ends, spread.cpu().double().numpy())
+
+
+def _rendered_depths(gaussians: Gaussians, cameras: Cameras) -> Float[Tensor, "v h w"]:
+    """The depth that each camera sees, 0 where it sees little."""
+    with torch.no_grad():
+        views = [render(gaussians, cameras[index : index + 1]) for index in range(cameras.batch[0])]
+    return torch.cat([torch.where(view.alphas >= SEEN_ALPHA, view.depths, 0) for view in views])
+
+
+def free_parts(
+    rays: SightRays, reach: float, origin: Float64[np.ndarray, " 3"], resolution: float
+) -> tuple[Float64[np.ndarray, "r 3"], Float64[np.ndarray, "r 3"]]:
+    """Both ends of the parts of rays that are free, in voxels: up to `reach`, and to a voxel before their end or to where their depth is uncertain."""
+    along = rays.ends - rays.origins
+    lengths = np.linalg.norm(along, axis=-1)
+    free = np.minimum(lengths * np.exp(-SPREADS * rays.spread), lengths - resolution).clip(0, reach)
+    stops = rays.origins + along * (free / lengths.clip(min=1e-9))[:, None]
+    return (rays.origins - origin) / resolution, (stops - origin) / resolution
+
+
+def passes(
+    origins: Float64[np.ndarray, "r 3"], ends: Float64[np.ndarray, "r 3"], shape: tuple[int, int, int]
+) -> Int64[np.ndarray, "x y z"]:
+    """How many rays pass through each voxel, the voxels of both ends included.
+
+    All rays of a block take one step at a time into the neighbour behind the side that they leave through (Amanatides and Woo, "A fast voxel traversal algorithm for ray
+    tracing", Eurographics 1987).
+
+    Args:
+        origins, ends: in units of voxels from the corner of the grid; parts outside of the grid are left out.
+        shape: of the grid.
+    """
+    counts = np.zeros(int(np.prod(shape)), np.int64)
+    for start in range(0, len(origins), TOGETHER):
+        block = slice(start, start + TOGETHER)
+        counts += np.bincount(_visited(origins[block], ends[block], shape), minlength=len(counts))
+    return counts.reshape(shape)
+
+
+def _visited(
+    origins: Float64[np.ndarray, "r 3"], ends: Float64[np.ndarray, "r 3"], shape: tuple[int, int, int]
+) -> Int64[np.ndarray, " n"]:
+    """The voxels on each ray, one after the other, as positions in the flat grid."""
+    along = ends - origins
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sides = np.stack((-origins, np.array(shape) - origins)) / along
+    # Along an axis on which a ray stands still it is always inside, or never.
+    still = np.where((origins >= 0) & (origins < shape), np.inf, -np.inf)
+    enters = np.where(along == 0, -still, sides.min(0)).max(1).clip(min=0)
+    leaves = np.where(along == 0, still, sides.max(0)).min(1).clip(max=1)
+    inside = enters < leaves
+    origins, along, enters, leaves = (array[inside] for array in (origins, along, enters, leaves))
+    cells = np.floor(origins + enters[:, None] * along).astype(np.int64).clip(0, np.array(shape) - 1)
+    steps = np.sign(along).astype(np.int64)
+    strides = np.array([shape[1] * shape[2], shape[2], 1])
+    found = []
+    while len(cells):
+        found.append(cells @ strides)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossings = np.where(along == 0, np.inf, (cells + (steps > 0) - origins) / along)
+        axis = crossings.argmin(1)
+        rows = np.arange(len(cells))
+        cells[rows, axis] += steps[rows, axis]
+        going = (crossings[rows, axis] < leaves) & (cells >= 0).all(1) & (cells < shape).all(1)
+        cells, steps, origins, along, leaves = (array[going] for array in (cells, steps, origins, along, leaves))
+    return np.concatenate(found) if found else np.zeros(0, np.int64)
 
 
 def _labels(gaussians: Gaussians, classes: ClassTable | None) -> Int64[np.ndarray, " g"] | None:

@@ -9,7 +9,7 @@ import pytest
 from paper_commands import COMMANDS as WORKSHOP
 from paper_commands import main
 
-from semgs.cli.help_text import paragraphs
+from semgs.cli.arguments import paragraphs
 from semgs.cli.main import COMMANDS
 from semgs.training.presets import PRESETS
 

@@ -16,9 +16,7 @@ from known_scenes import write_scene
 
 from semgs.data.scenes import open_scene
 from semgs.depth_maps.alignment import Reference, align
-from semgs.depth_maps.exported_network import open_exported_network
-from semgs.depth_maps.opening import open_depth_maps
-from semgs.depth_maps.predicted_maps import PredictedMaps
+from semgs.depth_maps.opening import PredictedMaps, open_depth_maps, open_exported_network
 from semgs.depth_maps.transformers_network import TransformersNetwork, open_transformers_network
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import write_png

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from semgs.depth_maps.registration import Registration, registration
+from semgs.depth_maps.sensor_depth import Registration, registration
 
 SIZE = (120, 160)
 

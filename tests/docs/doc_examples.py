@@ -33,8 +33,8 @@ from semgs.cli.arguments import parse
 from semgs.cli.main import COMMANDS
 from semgs.data.scenes import open_scenes
 from semgs.data.tables.class_files import read_class_file
-from semgs.depth_maps.exported_network import read_depth_network
 from semgs.depth_maps.map_folder import MapRecord
+from semgs.depth_maps.opening import read_depth_network
 from semgs.evaluation.frames.frame_plan import read_plan
 from semgs.files.records import make_record
 from semgs.segmenters.networks.exported import read_segmenter

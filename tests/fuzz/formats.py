@@ -107,7 +107,7 @@ FORMATS = {
         ),
         Format(
             "depth-maps", (depth_maps,), ("maps/*", "*.json"), read_depth_maps,
-            ("semgs/depth_maps/map_folder.py", "semgs/depth_maps/exported_network.py", "semgs/segmenters/networks/network_files.py"),
+            ("semgs/depth_maps/map_folder.py", "semgs/depth_maps/opening.py", "semgs/segmenters/networks/network_files.py"),
         ),
         Format(
             "small-files", (small_files,), ("*",), read_small_files,

@@ -312,8 +312,8 @@ def depth_maps(folder: Path) -> Path:
 
 
 def read_depth_maps(path: Path, out: Path, changed: Sequence[str]) -> None:
-    from semgs.depth_maps.exported_network import read_depth_network
     from semgs.depth_maps.map_folder import open_map_folder
+    from semgs.depth_maps.opening import read_depth_network
 
     scene = open_scene(path / "scene")
     if "network.json" in changed:

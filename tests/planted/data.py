@@ -94,12 +94,12 @@ DATA = (
         of_predictions("poses_intrinsics_depth_and_images_are_read_as_each_tool_writes_them"),
     ),
     Mutant(
-        "predicted depth is stretched to the photo without its crop", f"{PREDICTIONS}/stored_maps.py",
+        "predicted depth is stretched to the photo without its crop", f"{PREDICTIONS}/prediction_scene.py",
         "carry_over(self.values, self.lens, pixels.lens)", "carry_over(self.values, pixels.lens, pixels.lens)",
         of_predictions("photos_beside_the_file_are_the_frames_and_crop_and_resize_are_undone"),
     ),
     Mutant(
-        "predicted poses of the other direction are read", f"{PREDICTIONS}/agreement.py",
+        "predicted poses of the other direction are read", f"{PREDICTIONS}/prediction_scene.py",
         "inverse = np.linalg.inv(world_from_camera)", "inverse = world_from_camera",
         of_predictions("poses_and_depth_that_contradict_each_other_are_refused_with_the_reason"),
     ),

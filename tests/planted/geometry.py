@@ -102,7 +102,7 @@ GEOMETRY = (
         "for part in range(parts)]", "for part in range(parts - 1)]", ("tests/runtime/test_kernels.py",),
     ),
     Mutant(
-        "what a kernel calls is compiled twice, by the clock", "semgs/runtime/compile_time.py",
+        "what a kernel calls is compiled twice, by the clock", "semgs/runtime/stopwatch.py",
         "            if self.depth == 0:\n                self.seconds +=", "            if True:\n                self.seconds +=",
         ("tests/runtime/test_stopwatch.py",),
     ),

@@ -71,7 +71,7 @@ RECONSTRUCTION = (
         ("tests/run/test_sensor_depth.py::test_both_weighs_log_depths_by_their_inverse_variances",),
     ),
     Mutant(
-        "depth maps that lie to the right are found to the left", "semgs/depth_maps/registration.py",
+        "depth maps that lie to the right are found to the left", "semgs/depth_maps/sensor_depth.py",
         "margin - right :", "margin + right :",
         ("tests/depth_maps/test_registration.py::test_shifted_depth_is_found_to_within_half_a_window",),
     ),

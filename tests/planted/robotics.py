@@ -16,17 +16,17 @@ ROBOTICS = (
         ("tests/robotics/test_boxes.py::test_a_turned_box_has_its_sides_and_its_yaw",),
     ),
     Mutant(
-        "rays free the voxels behind the side that they enter", "semgs/robotics/carving.py",
+        "rays free the voxels behind the side that they enter", "semgs/robotics/occupancy.py",
         "(cells + (steps > 0) - origins) / along", "(cells + (steps < 0) - origins) / along",
-        ("tests/robotics/test_carving.py::test_random_rays_visit_what_the_slow_twin_says",),
+        ("tests/robotics/test_occupancy.py::test_random_rays_visit_what_the_slow_twin_says",),
     ),
     Mutant(
-        "rays do not stop at their end", "semgs/robotics/carving.py",
+        "rays do not stop at their end", "semgs/robotics/occupancy.py",
         ".min(1).clip(max=1)", ".min(1)",
-        ("tests/robotics/test_carving.py::test_random_rays_visit_what_the_slow_twin_says",),
+        ("tests/robotics/test_occupancy.py::test_random_rays_visit_what_the_slow_twin_says",),
     ),
     Mutant(
-        "rays free what they end in and beyond", "semgs/robotics/rays.py",
+        "rays free what they end in and beyond", "semgs/robotics/occupancy.py",
         "rays.origins + along * (free / lengths.clip(min=1e-9))[:, None]", "rays.origins + along * 1.2",
         ("tests/robotics/test_occupancy.py::test_what_no_ray_reached_is_never_free",),
     ),
@@ -36,7 +36,7 @@ ROBOTICS = (
         ("tests/robotics/test_occupancy.py::test_what_no_ray_reached_is_never_free",),
     ),
     Mutant(
-        "uncertain depth frees as much as certain depth", "semgs/robotics/rays.py",
+        "uncertain depth frees as much as certain depth", "semgs/robotics/occupancy.py",
         "lengths * np.exp(-SPREADS * rays.spread)", "lengths",
         ("tests/robotics/test_occupancy.py::test_uncertain_depth_frees_less_and_gaussians_in_no_order_need_no_depths",),
     ),

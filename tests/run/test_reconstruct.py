@@ -22,7 +22,7 @@ from semgs.geometry.cameras import Cameras
 from semgs.model.encode import Network
 from semgs.objectives.metrics import psnr
 from semgs.rendering.rendering import Rendering, confidence_maps, label_maps
-from semgs.robotics.rays import rays_of
+from semgs.robotics.occupancy import rays_of
 from semgs.run.output.report import Provenance, report_numbers
 from semgs.run.steps.notes import strangers
 from semgs.run.steps.pipeline import reconstruct

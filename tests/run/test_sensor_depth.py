@@ -14,8 +14,7 @@ from run.conftest import SIZE, Oracle
 from semgs.data.choosing.choice import choose_named
 from semgs.data.scene import Scene
 from semgs.data.views import Views
-from semgs.depth_maps.registration import Registration
-from semgs.depth_maps.sensor_depth import OPACITY, place_gaussians, sensor_spread
+from semgs.depth_maps.sensor_depth import OPACITY, Registration, place_gaussians, sensor_spread
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_uint16, write_png
 from semgs.geometry.cameras import Cameras

@@ -9,7 +9,6 @@ import pytest
 from numba.core.event import trigger_event
 from recorded_progress import RecordedProgress
 
-from semgs.runtime import compile_time as compiling
 from semgs.runtime import stopwatch as module
 from semgs.runtime.stopwatch import Stages
 
@@ -27,7 +26,6 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    monkeypatch.setattr(compiling, "perf_counter", clock)
     monkeypatch.setattr(module, "perf_counter", clock)
     return clock
 

@@ -3,7 +3,8 @@
 Poses are camera to world with OpenCV axes, in metres. They are not finite if tracking was lost; such frames are dropped, so frames are
 numbered as in other papers' code. Intrinsics are in pixels with the *centre* of the first pixel at (0, 0), as in ScanNet's own tools, so half
 a pixel is added. Depth is 16 bits, in millimetres unless a recording says otherwise, from a separate camera with the pose of the colour
-camera; it is mapped to the colour camera with both K. Labels are ids of `semgs.data.layouts.scannet.scannet_labels`.
+camera; it is mapped to the colour camera with both K. Label maps, extracted or in the downloaded zip file, have ids of
+`semgs.data.layouts.scannet.scannet_labels`.
 http://www.scan-net.org, https://github.com/ScanNet/ScanNet
 """
 
@@ -22,20 +23,33 @@ from semgs.data.layouts.parts.sentences import note_lacking
 from semgs.data.layouts.parts.trajectories import read_pose
 from semgs.data.layouts.parts.usable_frames import numbered_files
 from semgs.data.layouts.scannet.intrinsics import PLACES, ScanCamera, find_camera, has_intrinsics
-from semgs.data.layouts.scannet.label_maps import ScanLabels, has_labels, read_scan_labels
+from semgs.data.layouts.scannet.scannet_labels import FILE_NAME, find_table, labels_of_ids, read_table
 from semgs.data.layouts.scannet.sens import read_recording
-from semgs.data.maps import DepthMap, DepthThroughLens, MapSource
+from semgs.data.maps import DepthMap, DepthThroughLens, IdMap, MapSource
 from semgs.data.paper_variants import GSNERF_LABELS, READINGS, ROWS_972
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import SCANNET20
+from semgs.data.tables.nyu40 import NAMES
+from semgs.files.archives import members
 from semgs.files.errors import InputError, input_error
-from semgs.files.images.pictures import read_header, read_uint16
+from semgs.files.images.pictures import read_header, read_numbers, read_uint16
 from semgs.files.paths import not_hidden
 from semgs.files.stored import Stored
 
 LAYOUT = "ScanNet"
 LOOKED_FOR = "a ScanNet scan (SCAN.sens, or color/ and pose/)"
 APPLICABLE = (ROWS_972, GSNERF_LABELS)
+
+FILTERED, UNFILTERED, UNZIPPED = "label-filt", "label", "*_2d-label-filt"
+
+
+@dataclass(frozen=True)
+class ScanLabels:
+    """The label maps by frame number, or why there are none."""
+
+    maps: Mapping[int, MapSource]
+    notes: tuple[str, ...] = ()
+    unread: InputError | None = None
 
 
 @dataclass(frozen=True)
@@ -269,6 +283,60 @@ def _dialect(folder: Path) -> _Dialect | None:
 def _numbered(folder: Path, endings: Sequence[str]) -> dict[int, Path]:
     """The files of a folder that are named by a number, perhaps after `frame-`, sorted by number."""
     return numbered_files(folder, "", endings) or numbered_files(folder, "frame-", endings)
+
+
+def has_labels(folder: Path) -> bool:
+    """Whether a folder contains label maps, extracted or not."""
+    return (folder / FILTERED).is_dir() or bool(not_hidden(folder.glob(f"{UNZIPPED}*")))
+
+
+def read_scan_labels(folder: Path, as_gsnerf: bool) -> ScanLabels:
+    """The label maps of a scan.
+
+    Raises:
+        InputError: the zip file or a map cannot be read.
+    """
+    maps, where = _label_maps(folder)
+    if not maps:
+        sentence = f"There are no labels ({FILTERED}/ or SCAN{UNZIPPED[1:]}.zip): only colour and depth are read."
+        return ScanLabels({}, (sentence,))
+    first = maps[min(maps)]
+    if read_numbers(first).dtype == np.uint8:
+        if where == FILTERED:
+            advice = f"if they are NYU40's, name the folder {UNFILTERED}"
+            raise InputError(first, "16-bit ids, as ScanNet has them", "8 bits", advice=advice)
+        # scannet_frames_25k
+        labels = labels_of_ids({number: number for number in range(len(NAMES) + 1)}, as_gsnerf)
+        return ScanLabels(_meant(maps, labels), ("The 8-bit labels are NYU40's, as in scannet_frames_25k.",))
+    table = find_table(folder)
+    if table is None:
+        sentence = f"{FILE_NAME} is neither with the scan nor above it, so the labels cannot be read."
+        return ScanLabels({}, (sentence,))
+    try:
+        return ScanLabels(_meant(maps, read_table(table).labels(as_gsnerf)))
+    except InputError as error:
+        return ScanLabels({}, unread=error)
+
+
+def _meant(maps: Mapping[int, Stored], labels: np.ndarray) -> dict[int, MapSource]:
+    """Label maps by frame number, given the label of each id."""
+    return {number: IdMap(path, labels) for number, path in maps.items()}
+
+
+def _label_maps(folder: Path) -> tuple[dict[int, Stored], str]:
+    """The label maps by frame number, and their kind. Extracted maps are preferred to those in a zip file."""
+    for place in (folder, *not_hidden(folder.glob(UNZIPPED))):
+        if found := numbered_files(place / FILTERED, endings=(".png",)):
+            return dict(found), FILTERED
+    archives = not_hidden(folder.glob(f"{UNZIPPED}.zip"))
+    if archives:
+        inside = {
+            int(Path(name).stem): member
+            for name, member in members(archives[0]).items()
+            if name.lower().endswith(".png") and Path(name).stem.isdecimal()
+        }
+        return dict(sorted(inside.items())), FILTERED
+    return dict(numbered_files(folder / UNFILTERED, endings=(".png",))), UNFILTERED
 
 
 def _lens(path: Path, key: str, matrix: np.ndarray, size: tuple[int, int]) -> Lens:

@@ -20,7 +20,7 @@ from phone_captures import as_jpegs, record3d_metadata, write_record3d, zipped
 
 from semgs.cli.main import main
 from semgs.data.layouts.phones import record3d
-from semgs.data.layouts.phones.lzfse_files import LzfseFile, _inflated
+from semgs.data.layouts.phones.record3d import LzfseFile, _inflated
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError
 
@@ -224,7 +224,7 @@ def test_a_build_of_lzfse_that_hides_its_function_is_used_with_complete_data_onl
     def hidden(name: str) -> None:
         raise OSError(name)
 
-    monkeypatch.setattr("semgs.data.layouts.phones.lzfse_files.ctypes.CDLL", hidden)
+    monkeypatch.setattr("semgs.data.layouts.phones.record3d.ctypes.CDLL", hidden)
     assert _inflated(data, 1000) == bytes(range(100))
     assert _inflated(data, 40) == bytes(range(40))
     assert _inflated(data[:-4], 1000) == b""

@@ -10,7 +10,7 @@ import pytest
 from miniatures import Miniature, back_projected, check_projection, check_read, miniature, text, write_picture
 from replicas import ID_OF, write_replica
 
-from semgs.data.layouts.replica.replica_classes import IDS, NYU40
+from semgs.data.layouts.replica.sequence import IDS, NYU40
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import IGNORE, SCANNET20
 from semgs.files.errors import InputError
