@@ -12,7 +12,7 @@ from semgs.evaluation.tables.evaluation_report import SavedReport, read_report
 from semgs.files.errors import InputError
 from semgs.files.hashes import sha256
 from semgs.model.weights.header_scores import KEY, Score, read_scores, scores_text
-from semgs.model.weights.index import shipped_folder, write_index
+from semgs.model.weights.index import read_index, shipped_folder, write_index
 from semgs.model.weights.load import DATA_TERMS
 from semgs.model.weights.weights_file import restate
 
@@ -30,21 +30,25 @@ def ship_weights(weights: Path, name: str, header: dict[str, str], data_terms: S
         InputError: the file cannot be used, or a report in docs/scores is of other weights.
     """
     terms = {DATA_TERMS: terms_text(map(Terms, data_terms))} if data_terms else {}
-    scores = {KEY: scores_text(known_scores(weights, SCORES))}
+    scores = {KEY: scores_text(known_scores(weights, name, SCORES))}
     restate(weights, shipped_folder() / f"{name}.safetensors", {**header, **scores, **terms})
     write_index()
 
 
-def known_scores(weights: Path, folder: Path) -> list[Score]:
-    """Scores of weights from the reports of a folder. Reports of the file that the scores in the header refer to count too.
+def known_scores(weights: Path, name: str, folder: Path) -> list[Score]:
+    """Scores of weights from the reports of a folder. Reports of the file that the scores in the header refer to count too; those of other included weights do not.
 
     Raises:
-        InputError: a report is of other weights.
+        InputError: a report is of weights that are neither.
     """
+    beside = [one for one in read_index() if one.name != name]
+    others = {one.sha256 for one in beside} | {score.sha256 for one in beside for score in read_scores(one.path)}
     known = {*(score.sha256 for score in read_scores(weights)), sha256(weights)}
     scores: list[Score] = []
     for path in sorted(folder.glob("*.json")):
         report = read_report(path)
+        if report.sha256 in others - known:
+            continue
         if report.sha256 not in known:
             advice = "evaluate again, or delete it"
             raise InputError(path, f"a report of {weights}", f"one of {report.sha256}", advice=advice)

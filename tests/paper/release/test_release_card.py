@@ -96,8 +96,9 @@ def test_the_scores_of_weights_have_their_numbers_and_intervals(content: dict, t
 
 def test_reports_of_other_weights_are_not_shipped_with_these(content: dict, tmp_path: Path):
     weights = shipped_folder() / "small.safetensors"
-    assert len(known_scores(weights, SCORES)) == len(REPORTS)
+    assert len(known_scores(weights, "small", SCORES)) == len(REPORTS)
+    assert known_scores(weights, "another", SCORES) == known_scores(weights, "small", SCORES)
     other = {**content, "method": {**content["method"], "sha256": "0" * 64}}
     (tmp_path / "other.json").write_text(json.dumps(other))
     with pytest.raises(InputError, match=r"one of 0{64}; evaluate again, or delete it"):
-        known_scores(weights, tmp_path)
+        known_scores(weights, "small", tmp_path)
