@@ -33,6 +33,8 @@ from semgs.cli.arguments import parse
 from semgs.cli.main import COMMANDS
 from semgs.data.scenes import open_scenes
 from semgs.data.tables.class_files import read_class_file
+from semgs.data.tables.class_groups import class_groups
+from semgs.data.tables.classes import SCANNET20
 from semgs.depth_maps.map_folder import MapRecord
 from semgs.depth_maps.opening import read_depth_network
 from semgs.evaluation.frames.frame_plan import read_plan
@@ -372,6 +374,8 @@ def described(example: Example) -> None:
         make_record(MapRecord, content)
     elif "scaling" in content:
         read_segmenter(file)
+    elif "groups" in content:
+        assert len(class_groups(str(file), SCANNET20.names).names) < len(SCANNET20)
     elif "classes" in content:
         read_class_file(file)
     elif "instance" in content:

@@ -33,7 +33,7 @@ from semgs.data.resampling import resized
 from semgs.data.scenes import open_scene
 from semgs.model.weights.index import shipped_folder
 from semgs_rooms.assets.lock import make_lock, write_lock
-from semgs_rooms.sets.room_scenes import write_views
+from semgs_rooms.sets.room_scenes import RoomSettings, write_scene, write_views
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.append(str(ROOT / "docs"))
@@ -90,6 +90,7 @@ def build(disk: Path) -> None:
         scannet_writer.write_raw(disk / "scannet", scannet_writer.scan(lost=()), name)
     (disk / "some.txt").write_text("\n".join(SCANS))
     _write_networks(disk)
+    _write_rooms_aside(disk / "data" / "aside")
     _write_answers(disk, views.labels.numpy())
     _write_results(disk)
 
@@ -169,6 +170,11 @@ def _write_answers(disk: Path, labels: np.ndarray) -> None:
         miniatures.write_picture(disk / "maps" / f"{number:03d}.png", one)
         np.save(disk / "clip" / "images" / f"{number:03d}.npy", rng.normal(size=(8, 6, 8)).astype(np.float16))
     np.save(disk / "mug.npy", rng.normal(size=8))
+
+
+def _write_rooms_aside(folder: Path) -> None:
+    """A room with views aside of two input views."""
+    write_scene(folder / "scene_00000", RoomSettings(3, SIZE, style="other", aside=True))
 
 
 def _write_results(disk: Path) -> None:
