@@ -120,7 +120,8 @@ def test_what_is_wrong_with_such_a_file_is_named(tmp_path, change, told):
 
 def test_a_class_cannot_have_the_number_of_pixels_without_a_label(tmp_path):
     """Masks of 0 and 255, as Label Studio exports them."""
-    table = {"classes": [{"name": "rest", "ids": [0]}, {"name": "furniture", "ids": [255]}]}
+    rest = {"name": "rest", "colour": [9, 9, 9], "ids": [0]}
+    table = {"classes": [rest, {"name": "furniture", "colour": [99, 9, 9], "ids": [255]}]}
     told = (
         r"classes\[1\]\.ids: expected numbers from 0 to 254, found 255, which always means no label; "
         "write another number into the masks and here"
