@@ -296,7 +296,7 @@ def sharpness_of(grey: np.ndarray) -> float:
 
 def upright_copy(file: Path, pixels: np.ndarray, files: Sequence[Path]) -> tuple[str, bytes]:
     """Name and content of the copy of a photo: the file's if it is upright and what its ending says, as COLMAP needs, or a JPEG of another
-    ending, such as .jfif, which becomes .jpg; else a JPEG of its upright pixels.
+    ending, such as .jfif and .mpo, which becomes .jpg; else a JPEG of its upright pixels.
 
     Raises:
         InputError: the file cannot be read.

@@ -549,6 +549,25 @@ def test_jpegs_of_other_endings_are_photos_and_keep_their_bytes(folder: Path, tm
     assert (photos.folder / "IMG_3.jpg").read_bytes() == (folder / f"IMG_3{ending}").read_bytes()
 
 
+@pytest.mark.parametrize("ending", [".MPO", ".mpo"])
+def test_of_photos_with_a_second_picture_the_first_is_read_upright(folder: Path, tmp_path: Path, ending: str):
+    """Phones and 3D cameras write MPO: a JPEG behind another."""
+    exif = Image.Exif()
+    exif[0x112] = 6
+    second = [Image.new("RGB", (8, 6))]
+    Image.fromarray(pixels(3)).save(folder / f"IMG_3{ending}", "MPO", save_all=True, append_images=second, quality=95)
+    Image.fromarray(np.rot90(pixels(4))).save(
+        folder / f"IMG_4{ending}", "MPO", save_all=True, append_images=second, exif=exif.tobytes(), quality=95
+    )
+    photos = copied(folder, tmp_path)
+    assert [photo.name for photo in photos.photos] == ["IMG_2.jpg", "IMG_3.jpg", "IMG_4.jpg", "IMG_10.jpg"]
+    for name, number in (("IMG_3.jpg", 3), ("IMG_4.jpg", 4)):
+        with Image.open(photos.folder / name) as image:
+            found = np.asarray(image).astype(int)
+        assert found.shape == pixels(number).shape
+        assert np.abs(found - pixels(number)).mean() < 8
+
+
 @pytest.mark.parametrize("ending", [".hif", ".ppm", ".psd"])
 def test_photos_of_other_formats_are_counted(folder: Path, tmp_path: Path, ending: str):
     (folder / f"IMG_3{ending}").write_bytes(b"not read")
