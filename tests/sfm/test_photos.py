@@ -36,6 +36,7 @@ from semgs.sfm.photos import (
     copy_photos,
     has_only_photos,
     is_panorama,
+    photos_below,
     pictures_in,
     with_focal,
 )
@@ -539,6 +540,34 @@ def test_results_splats_and_clips_given_as_scenes_say_what_opens_them(tmp_path: 
         open_scene(tmp_path / "splat.ply")
     with pytest.raises(InputError, match="semgs poses CLIP OUT estimates them"):
         open_scene(tmp_path / "clip.webm")
+
+
+def stray_scanner(folder: Path, *others: str) -> Path:
+    """A capture of Stray Scanner."""
+    for name in ("depth", "confidence", *others):
+        (folder / name).mkdir(parents=True)
+        Image.fromarray(pixels(1)).save(folder / name / "000000.png")
+    for name in ("rgb.mp4", "odometry.csv", "camera_matrix.csv"):
+        (folder / name).touch()
+    return folder
+
+
+def test_of_a_capture_of_stray_scanner_the_clip_is_named(tmp_path: Path):
+    folder = stray_scanner(tmp_path / "scan")
+    told = r"a capture of Stray Scanner, which is not read; semgs poses \S+rgb\.mp4 OUT estimates cameras from its clip"
+    with pytest.raises(InputError, match=told):
+        open_scene(folder)
+    with pytest.raises(InputError, match=r"a capture of Stray Scanner, which is not read; give its clip, \S+rgb\.mp4"):
+        check_folder_of_photos(folder)
+
+
+@pytest.mark.parametrize("name", ["depth", "Depth", "depths", "confidence"])
+def test_maps_of_depth_and_confidence_are_no_photos(tmp_path: Path, name: str):
+    (tmp_path / name).mkdir()
+    Image.fromarray(pixels(1)).save(tmp_path / name / "000000.png")
+    assert photos_below(tmp_path) == {}
+    with pytest.raises(InputError, match=r"data\.md lists the known ones"):
+        open_scene(tmp_path)
 
 
 @pytest.mark.parametrize("ending", [".jfif", ".JFIF", ".jpe"])
