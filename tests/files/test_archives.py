@@ -120,7 +120,9 @@ def patched(path: Path, method: int, flags: int = 0) -> Path:
 )
 def test_other_compressions_and_encryption_are_refused(tmp_path: Path, method: int, flags: int, found: str):
     path = patched(tmp_path / "scene.zip", method, flags)
-    with pytest.raises(InputError, match=rf"scene\.zip: a: expected members .*{found}; unpack the zip and give the fold"):
+    with pytest.raises(
+        InputError, match=rf"scene\.zip: a: expected members .*{found}; unpack the zip and give the fold"
+    ):
         members(path)
 
 
