@@ -9,11 +9,8 @@ from itertools import pairwise
 from pathlib import Path, PurePosixPath
 
 from semgs.app.limits import MIB, Limits
-from semgs.files.archives import BoundedFile, LongReadError
+from semgs.files.archives import METHODS, BoundedFile, LongReadError, method_of
 from semgs.files.atomic import new_file
-
-METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-"""How members may be compressed. Of other methods, a member of some kilobytes may need hundreds of megabytes to be read."""
 
 PIECE = MIB
 """So much of a member is in memory [bytes]."""
@@ -127,7 +124,9 @@ def _check_member(member: zipfile.ZipInfo) -> None:
     if member.flag_bits & ENCRYPTED:
         raise UnfitZipError("has a password. Make a zip without one.")
     if member.compress_type not in METHODS:
-        raise UnfitZipError("is compressed by an unusual method. Make the zip with your system's own program.")
+        raise UnfitZipError(
+            f"is compressed by {method_of(member)}, which is not read. Make the zip with the method Deflate."
+        )
 
 
 def _check_names(paths: Sequence[PurePosixPath], limits: Limits) -> None:

@@ -26,7 +26,7 @@ from semgs.app.unzipping import UnfitZipError, unpack_zip
 from semgs.files.atomic import write_bytes
 from semgs.files.text import counted, listed, natural_order, printable
 
-PICTURES = (".jpg", ".jpeg", ".jfif", ".jpe", ".png", ".heic")
+PICTURES = (".jpg", ".jpeg", ".jfif", ".jpe", ".mpo", ".png", ".heic")
 CLIPS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm")
 ARCHIVES = (".zip",)
 ACCEPTED = (*PICTURES, *CLIPS, *ARCHIVES)

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float32, Num, Shaped, UInt8
 from semgs.data.cameras.lens import AbstractLens, carry_over
 from semgs.data.resampling import kept_window, nearest
 from semgs.data.tables.classes import IGNORE, ClassTable
-from semgs.files.arrays import read_array
+from semgs.files.arrays import read_map
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_numbers, read_uint8, read_uint16, read_visible
 from semgs.files.stored import Stored
@@ -135,7 +135,7 @@ class DepthMap:
     @staticmethod
     def _confidences(path: Stored, shape: tuple[int, ...]) -> Num[np.ndarray, "rows columns"]:
         """The confidence of each depth of a map of this shape."""
-        confidences = read_array(path) if path.suffix.lower() == ".npy" else read_uint8(path)
+        confidences = read_map(path) if path.suffix.lower() == ".npy" else read_uint8(path)
         if confidences.shape != shape:
             raise InputError(path, f"a map of {shape}, as its depth", f"{confidences.shape}")
         return confidences
@@ -145,7 +145,7 @@ class DepthMap:
         if self.path.suffix.lower() != ".npy":
             counts = read_uint16(self.path)
             return (counts >> 3) | (counts << 13) if self.rotated else counts
-        counts = read_array(self.path)
+        counts = read_map(self.path)
         if counts.ndim != 2:
             raise InputError(self.path, "an array [height width] of numbers", f"{counts.shape}")
         return counts

@@ -29,6 +29,9 @@ OTHER_CAMERAS = (
 )
 """Name, what the beginning contains, program."""
 
+MAP_FOLDERS = ("depth", "depths", "confidence")
+"""Folders of recordings whose pictures are no photos, in lower case."""
+
 
 def cameras_beside(folders: Iterable[Path]) -> list[tuple[str, str]]:
     """The files in some folders that have cameras of other programs, each as its name and the program; one file of each kind."""
@@ -41,6 +44,12 @@ def cameras_beside(folders: Iterable[Path]) -> list[tuple[str, str]]:
             if file is not None:
                 found.setdefault(file.relative_to(folder).as_posix(), program)
     return list(found.items())
+
+
+def stray_scanner_clip(folder: Path) -> Path | None:
+    """The clip of a capture of the app Stray Scanner, None if a folder is none. Its cameras are not read."""
+    clip = folder / "rgb.mp4"
+    return clip if clip.is_file() and (folder / "odometry.csv").is_file() else None
 
 
 def _beginning(file: Path) -> bytes:

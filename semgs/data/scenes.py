@@ -19,7 +19,7 @@ from semgs.data.layouts.rgbd import frame_folders as rgbd
 from semgs.data.layouts.ros import bag_scene as ros
 from semgs.data.layouts.scannet import scannet_scan as scannet
 from semgs.data.layouts.scannetpp import scannetpp_scan as scannetpp
-from semgs.data.other_cameras import cameras_beside
+from semgs.data.other_cameras import MAP_FOLDERS, cameras_beside, stray_scanner_clip
 from semgs.data.paper_variants import check_applicable, check_readings
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails, Unit
@@ -309,11 +309,17 @@ def _hint(path: Path) -> str:
         return "this is a result of semgs reconstruct; semgs view, render, query and export open it"
     if (splat := trained_splat(path)) is not None:
         return f"this is what a 3DGS training wrote; semgs view, render, export and label-splat open its splat {splat}"
+    if (clip := stray_scanner_clip(path)) is not None:
+        return f"this is a capture of Stray Scanner, which is not read; semgs poses {clip} OUT estimates cameras from its clip"
     inside = _scene_below(path)
     if inside is not None:
         return f"there is one in {inside}"
     files = list(path.iterdir())
-    below = [place.name for place in sorted(files) if place.is_dir() and _kinds(place).intersection(PICTURES)]
+    below = [
+        place.name
+        for place in sorted(files)
+        if place.is_dir() and place.name.lower() not in MAP_FOLDERS and _kinds(place).intersection(PICTURES)
+    ]
     pictures = _kinds(path).intersection(PICTURES) or below
     others = cameras_beside([path, *([path.parent] if _kinds(path).intersection(PICTURES) else [])]) if pictures else []
     if others:

@@ -28,6 +28,7 @@ from semgs.data.maps import MILLIMETRE, fit_to_image, known_depths
 from semgs.data.resampling import Fit, kept_window, nearest
 from semgs.data.scene import Scene
 from semgs.depth_maps.depth_source import Meaning
+from semgs.files.arrays import without_channel
 from semgs.files.errors import InputError
 from semgs.files.extras import needs_extra
 from semgs.files.images.pictures import MOST_PIXELS, read_uint16
@@ -121,8 +122,7 @@ class MapFolder:
         else:
             expected = "one array of numbers [height width]"
             values = _read_exr(path) if path.suffix == ".exr" else only_array(path, expected)
-            values = values[..., 0] if values.ndim == 3 and values.shape[-1] == 1 else values
-            values = values[0] if values.ndim == 3 and values.shape[0] == 1 else values
+            values = without_channel(values)
             if values.ndim != 2 or min(values.shape) < 1:
                 raise InputError(path, expected, f"{values.shape}")
         unit = self.record.unit

@@ -29,7 +29,12 @@ MOST_LISTED = 1 << 24
 LONGEST_NAME = 4000
 """Longest name of a member, with its folders [letters]; file systems refuse longer ones, and Python reads no longer number."""
 
-_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+"""How members may be compressed. Of other methods, a member of some kilobytes may need hundreds of megabytes to be read."""
+
+_OTHER_METHODS = {
+    9: "Deflate64, as Windows Explorer writes for large files", 12: "bzip2", 14: "LZMA", 93: "Zstandard", 95: "XZ", 98: "PPMd",
+}  # fmt: skip
 _ENCRYPTED = 0x1
 _HEADER = struct.Struct("<4s22xHH")
 """A local file header: signature, then the lengths of the name and the extra field that follow it."""
@@ -193,9 +198,14 @@ def _members(archive: Path, _changed: int, _size: int) -> dict[str, Member]:
             raise InputError(archive, "members with names", "one without")
         if len(name) > LONGEST_NAME:
             raise InputError(archive, f"names of at most {LONGEST_NAME:,} letters", f"one of {len(name):,}")
-        if one.compress_type not in _METHODS or one.flag_bits & _ENCRYPTED:
-            fault = "encrypted" if one.flag_bits & _ENCRYPTED else f"compressed by method {one.compress_type}"
-            raise InputError(archive, "members that are stored or deflated", f"one {fault}", name)
+        if one.flag_bits & _ENCRYPTED:
+            raise InputError(
+                archive, "members without a password", "one with a password", name, "unpack the zip and give the folder"
+            )
+        if one.compress_type not in METHODS:
+            fault = f"one compressed by {method_of(one)}"
+            advice = "unpack the zip and give the folder"
+            raise InputError(archive, "members that are stored or deflated", fault, name, advice)
         if one.header_offset + one.compress_size > end:
             raise InputError(archive, "members inside it", f"one of {one.compress_size:,} bytes", name)
     found = {
@@ -214,3 +224,8 @@ def _members(archive: Path, _changed: int, _size: int) -> dict[str, Member]:
         (name, count), *_ = Counter(name for name, _ in listed).most_common(1)
         raise InputError(archive, "one member of each name", f"{count}", name)
     return found
+
+
+def method_of(member: zipfile.ZipInfo) -> str:
+    """What compressed a member, for errors; its number if it has no common name."""
+    return _OTHER_METHODS.get(member.compress_type, f"method {member.compress_type}")

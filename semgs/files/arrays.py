@@ -53,3 +53,19 @@ def read_array(path: Stored, kinds: str = KINDS) -> np.ndarray:
         raise InputError(path, "an array of numbers, as long as its header says", found, advice=advice)
     with input_error(path, "an array of numbers"):
         return np.frombuffer(data, dtype, offset=file.tell()).reshape(shape, order="F" if in_columns else "C")
+
+
+def read_map(path: Stored) -> np.ndarray:
+    """The array of numbers in a `.npy` file; [h w 1] and [1 h w], as many tools save maps, become [h w].
+
+    Raises:
+        InputError: as `read_array`.
+    """
+    return without_channel(read_array(path))
+
+
+def without_channel(values: np.ndarray) -> np.ndarray:
+    """[h w 1] and [1 h w] as [h w]; others as they are."""
+    if values.ndim != 3 or 1 not in (values.shape[0], values.shape[-1]):
+        return values
+    return values[..., 0] if values.shape[-1] == 1 else values[0]

@@ -16,7 +16,7 @@ from semgs.files.images.pictures import MOST_PIXELS, jpeg_bytes
 from semgs.files.paths import check_utf8
 from semgs.runtime.notes import Kind
 from semgs.sfm.clip_containers import check_container, only_this_file
-from semgs.sfm.clip_sizes import check_clip_size, is_mirrored, limit_frames
+from semgs.sfm.clip_sizes import check_clip_size, is_mirrored, limit_frames, read_clip_sizes
 from semgs.sfm.photos import BLANK, QUALITY, PhotoSet, UprightPhoto, is_panorama, sharpness_of, small_grey
 
 MIRRORED = "The clip's header says that it is mirrored; its frames were mirrored, as players show them."
@@ -64,6 +64,21 @@ class Judged:
     seconds: float = 0.0
 
 
+@dataclass(frozen=True)
+class Thumbnail:
+    """The first video stream of a clip, which OpenCV decodes, if another has much larger frames.
+
+    Attributes:
+        size: width and height, for messages.
+        of_clip: those of the largest stream.
+        remedy: a command that keeps only the largest stream.
+    """
+
+    size: str
+    of_clip: str
+    remedy: str
+
+
 def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
     """Write the frames to use of a clip as JPEGs, turned and mirrored as its header says, and stretched to square pixels.
 
@@ -80,15 +95,21 @@ def copy_frames(path: Path, folder: Path, most: int) -> PhotoSet:
     check_utf8(path, "OpenCV")
     check_container(path)
     judged = list(_judged(path))
+    usable = [one for one in judged if one.sharpness > 0]
+    uneven = has_uneven_times(judged)
+    chosen = moving(sharpest(usable, most, uneven)) if usable else []
+    if len(chosen) < 2 and (thumbnail := _thumbnail(path)) is not None:
+        page = f"its first video stream is a picture of {thumbnail.size}, and its frames are in another. Convert it to H.264 in MP4"
+        raise InputError(
+            path, "a video whose first stream has its frames",
+            f"a thumbnail of {thumbnail.size} there and the frames of {thumbnail.of_clip} behind it", advice=f"remove it: {thumbnail.remedy}", page=page,
+        )  # fmt: skip
     if not judged:
         advice = "convert it to H.264 in MP4"
         page = "it cannot be decoded. Convert it to H.264 in MP4"
         raise InputError(path, "a video that OpenCV can decode", "no frames", advice=advice, page=page)
-    usable = [one for one in judged if one.sharpness > 0]
     if not usable:
         raise InputError(path, "a video with pictures", f"{len(judged)} black or blank frames")
-    uneven = has_uneven_times(judged)
-    chosen = moving(sharpest(usable, most, uneven))
     if len(chosen) < 2:
         advice = "walk sideways past the scene while filming; turning on the spot does not help"
         raise InputError(
@@ -215,6 +236,11 @@ def _notes_on_shape(path: Path) -> Iterator[str]:
     """That frames are mirrored or stretched, if they are."""
     if is_mirrored(path):
         yield MIRRORED
+    if (thumbnail := _thumbnail(path)) is not None:
+        yield (
+            f"The clip has several video streams; the first, of {thumbnail.size}, was read, not that of {thumbnail.of_clip}. "
+            f"To use that: {thumbnail.remedy}"
+        )
     video = _opened(path)
     try:
         across, down = _stretch(path, video)
@@ -224,6 +250,24 @@ def _notes_on_shape(path: Path) -> Iterator[str]:
     if across != down:
         sizes = f"from {width:.0f}x{height:.0f} to {width * across:.0f}x{height * down:.0f}"
         yield f"The clip's pixels are not square; its frames were stretched {sizes}, as players show them."
+
+
+def _thumbnail(path: Path) -> Thumbnail | None:
+    """What OpenCV decodes in place of the frames of a clip; None if these are the largest that its header announces, up to a factor of 2 in pixels."""
+    sizes = read_clip_sizes(path)
+    video = _opened(path)
+    try:
+        width, height = (int(video.get(one)) for one in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+    finally:
+        video.release()
+    largest = max(sizes, key=lambda size: size[0] * size[1], default=(0, 0))
+    if min(width, height) < 1 or largest[0] * largest[1] < 2 * width * height:
+        return None
+    # A cover is no track, so it has no size in the header; FFmpeg's V leaves it out.
+    is_track = (height, width) in sizes or (width, height) in sizes
+    stream = f"0:v:{sizes.index(largest)}" if is_track else "0:V"
+    remedy = f"ffmpeg -i {path.name} -map {stream} -c copy converted{path.suffix}"
+    return Thumbnail(f"{width}x{height}", f"{largest[1]}x{largest[0]}", remedy)
 
 
 def _opened(path: Path) -> cv2.VideoCapture:

@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from semgs.data.other_cameras import cameras_beside
+from semgs.data.other_cameras import MAP_FOLDERS, cameras_beside, stray_scanner_clip
 from semgs.data.scenes import PICTURES, VIDEOS, is_scene
 from semgs.files.atomic import write_bytes
 from semgs.files.contents import read_bytes
@@ -131,8 +131,9 @@ def _pictures_of(folder: Path) -> list[Path]:
 
 
 def photos_below(path: Path) -> dict[str, int]:
-    """The number of pictures in each folder in a folder, of those that have some."""
-    return {one.name: count for one in subfolders(path) if (count := len(_pictures_of(one)))}
+    """The number of pictures in each folder in a folder, of those that have some, without folders of depth and confidence."""
+    folders = [one for one in subfolders(path) if one.name.lower() not in MAP_FOLDERS]
+    return {one.name: count for one in folders if (count := len(_pictures_of(one)))}
 
 
 def check_folder_of_photos(path: Path) -> None:
@@ -143,6 +144,10 @@ def check_folder_of_photos(path: Path) -> None:
     """
     if has_only_photos(path):
         return
+    if (clip := stray_scanner_clip(path)) is not None:
+        raise InputError(
+            path, "a folder of photos without cameras, or a video", "a capture of Stray Scanner, which is not read", advice=f"give its clip, {clip}"
+        )  # fmt: skip
     below = photos_below(path) if path.is_dir() else {}
     if below and not is_scene(path):
         shown = listed([f"{name} ({count})" for name, count in below.items()])
@@ -296,7 +301,7 @@ def sharpness_of(grey: np.ndarray) -> float:
 
 def upright_copy(file: Path, pixels: np.ndarray, files: Sequence[Path]) -> tuple[str, bytes]:
     """Name and content of the copy of a photo: the file's if it is upright and what its ending says, as COLMAP needs, or a JPEG of another
-    ending, such as .jfif, which becomes .jpg; else a JPEG of its upright pixels.
+    ending, such as .jfif and .mpo, which becomes .jpg; else a JPEG of its upright pixels.
 
     Raises:
         InputError: the file cannot be read.

@@ -55,8 +55,8 @@ def two_at_one_place(path: Path) -> None:
 
 
 UNFIT: dict[str, tuple[Callable[[Path], None], str]] = {
-    "bzip2": (lambda path: zip_of(path, ("a", b"x" * 90), method=zipfile.ZIP_BZIP2), "an unusual method"),
-    "LZMA": (lambda path: zip_of(path, ("a", b"x" * 90), method=zipfile.ZIP_LZMA), "an unusual method"),
+    "bzip2": (lambda path: zip_of(path, ("a", b"x" * 90), method=zipfile.ZIP_BZIP2), "compressed by bzip2, which"),
+    "LZMA": (lambda path: zip_of(path, ("a", b"x" * 90), method=zipfile.ZIP_LZMA), "compressed by LZMA, which"),
     "a list of 100,000 entries that says one": (lambda path: long_list(path, 100_000), "contains too many files; at most 5"),
     "six files": (lambda path: zip_of(path, *((str(n), b"") for n in range(6))), "contains 6 files"),
     "two of one name": (lambda path: zip_of(path, ("a", b"x"), ("a", b"y")), "two files of the same name"),

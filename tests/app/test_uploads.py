@@ -72,7 +72,7 @@ WRONG: dict[str, tuple[Callable[[Path], list[Upload]], str]] = {
     "a pipe": (lambda folder: [with_link(folder / "a.zip", stat.S_IFIFO)], "contains a device or a pipe"),
     "a link": (lambda folder: [with_link(folder / "a.zip")], "contains a link"),
     "deflated damage": (lambda folder: [damaged(folder / "a.zip", zipfile.ZIP_DEFLATED)], "a.zip is not a zip that can be read"),
-    "LZMA": (lambda folder: [damaged(folder / "a.zip", zipfile.ZIP_LZMA)], "compressed by an unusual method"),
+    "LZMA": (lambda folder: [damaged(folder / "a.zip", zipfile.ZIP_LZMA)], "compressed by LZMA, which is not read"),
     "a lie": (lambda folder: [lying(folder / "a.zip")], "a.zip"),
     "a zip in which a file is a folder": (lambda folder: [zipped(folder / "a.zip", {"a": b"x", "a/b": b"x"})], "a file and a folder of the same name"),
     "vanished": (lambda folder: [Upload(folder / "a.jpg", "a.jpg"), picture(folder / "b.jpg")], "no longer on the server"),

@@ -123,3 +123,11 @@ def test_the_background_of_renderers_is_no_measurement(tmp_path: Path, dtype: ty
     """Blender writes 1e10, half floats end at 65504, and integers at their largest number."""
     np.save(tmp_path / "a.npy", np.array([[2, background], [0, 5]], dtype))
     np.testing.assert_array_equal(DepthMap(tmp_path / "a.npy", 1.0).metres(), np.array([[2, 0], [0, 5]], np.float32))
+
+
+@pytest.mark.parametrize("shape", [(2, 3, 1), (1, 2, 3)])
+def test_depths_and_confidences_may_have_one_channel(tmp_path: Path, shape: tuple[int, ...]):
+    np.save(tmp_path / "a.npy", np.array([[2, 3, 4], [0, 5, 6]], np.float32).reshape(shape))
+    np.save(tmp_path / "c.npy", np.array([[1, 0, 2], [1, 1, 1]], np.uint8).reshape(shape))
+    found = DepthMap(tmp_path / "a.npy", 1.0, confidence=tmp_path / "c.npy").metres()
+    np.testing.assert_array_equal(found, np.array([[2, 0, 4], [0, 5, 6]], np.float32))

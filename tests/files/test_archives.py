@@ -96,15 +96,38 @@ def test_damage_is_told_and_not_passed_on(archive: Path):
         members(archive)
 
 
-def test_other_compressions_and_encryption_are_refused(tmp_path: Path):
-    path = tmp_path / "scene.zip"
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_BZIP2) as file:
+def patched(path: Path, method: int, flags: int = 0) -> Path:
+    """An archive whose headers tell of another compression, or of a password."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
         file.writestr("a", b"a")
+    data = bytearray(path.read_bytes())
+    for place in (6, data.index(b"PK\1\2") + 8):
+        data[place : place + 4] = struct.pack("<2H", flags, method)
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("method", "flags", "found"),
+    [
+        (9, 0, "stored or deflated, found one compressed by Deflate64, as Windows Explorer writes for large files"),
+        (12, 0, "stored or deflated, found one compressed by bzip2"),
+        (14, 0, "stored or deflated, found one compressed by LZMA"),
+        (7, 0, "stored or deflated, found one compressed by method 7"),
+        (8, 1, "without a password, found one with a password"),
+        (99, 1, "without a password, found one with a password"),
+    ],
+)
+def test_other_compressions_and_encryption_are_refused(tmp_path: Path, method: int, flags: int, found: str):
+    path = patched(tmp_path / "scene.zip", method, flags)
     with pytest.raises(
-        InputError,
-        match=r"scene\.zip: a: expected members that are stored or deflated, found one compressed by method 12",
+        InputError, match=rf"scene\.zip: a: expected members .*{found}; unpack the zip and give the fold"
     ):
         members(path)
+
+
+def test_an_empty_file_is_no_archive(tmp_path: Path):
+    path = tmp_path / "scene.zip"
     path.write_bytes(b"")
     with pytest.raises(InputError, match="a zip archive"):
         members(path)

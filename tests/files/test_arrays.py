@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from traced_memory import most_memory
 
-from semgs.files.arrays import read_array
+from semgs.files.arrays import read_array, read_map
 from semgs.files.errors import InputError
 
 
@@ -22,6 +22,19 @@ def test_what_is_written_is_read_back(tmp_path: Path, dtype: str, order: str):
     with (tmp_path / "b.npy").open("wb") as file:
         np.lib.format.write_array(file, array, version=(3, 0))
     np.testing.assert_array_equal(read_array(tmp_path / "b.npy"), array)
+
+
+@pytest.mark.parametrize("shape", [(3, 5), (3, 5, 1), (1, 3, 5)])
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_maps_with_one_channel_are_maps(tmp_path: Path, shape: tuple[int, ...], order: str):
+    array = np.arange(15, dtype=np.float32).reshape(3, 5)
+    np.save(tmp_path / "a.npy", array.reshape(shape).copy(order))
+    np.testing.assert_array_equal(read_map(tmp_path / "a.npy"), array)
+
+
+def test_maps_of_several_channels_stay_as_they_are(tmp_path: Path):
+    np.save(tmp_path / "a.npy", np.zeros((3, 5, 2)))
+    assert read_map(tmp_path / "a.npy").shape == (3, 5, 2)
 
 
 def lying(shape: tuple[int, ...], dtype: str = "<f4", data: bytes = bytes(60)) -> bytes:

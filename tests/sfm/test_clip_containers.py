@@ -35,6 +35,55 @@ def test_frames_are_copied_from_every_container(tmp_path: Path, name: str, codec
     assert len(copy_frames(clip, tmp_path / "out", 4).photos) >= 2
 
 
+def two_streams(path: Path, first: list[np.ndarray], second: list[np.ndarray], *, attached: bool = False) -> Path:
+    """A clip of two video streams; `attached` makes the first one the picture of the file."""
+    av = pytest.importorskip("av")
+    with av.open(str(path), "w") as file:
+        streams = [file.add_stream(codec, rate=10) for codec in ("mjpeg", "mpeg4")]
+        for stream, pictures, form in zip(streams, (first, second), ("yuvj420p", "yuv420p"), strict=True):
+            stream.height, stream.width = pictures[0].shape[:2]
+            stream.pix_fmt = form
+        if attached:
+            streams[0].disposition = av.stream.Disposition.attached_pic
+        for stream, pictures in zip(streams, (first, second), strict=True):
+            for picture in pictures:
+                file.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(picture))))
+            file.mux(stream.encode())
+    return path
+
+
+@pytest.mark.parametrize("ending", [".mp4", ".mov", ".mkv"])
+@pytest.mark.parametrize("grey", [99, 0])
+def test_a_thumbnail_in_the_first_stream_is_named_with_what_removes_it(tmp_path: Path, ending: str, grey: int):
+    """FFmpeg counts the video streams from 0."""
+    thumbnail = np.full((48, 64, 3), grey, np.uint8)
+    clip = two_streams(tmp_path / f"a{ending}", [thumbnail], frames())
+    told = (
+        r"expected a video whose first stream has its frames, found a thumbnail of 64x48 there and the frames of 160x120 "
+        rf"behind it; remove it: ffmpeg -i a\{ending} -map 0:v:1 -c copy converted\{ending}"
+    )
+    (tmp_path / "out").mkdir()
+    with pytest.raises(InputError, match=told):
+        copy_frames(clip, tmp_path / "out", 4)
+
+
+def test_a_small_stream_that_shows_motion_is_read_with_a_note(tmp_path: Path):
+    small = [np.ascontiguousarray(one[::2, ::2]) for one in frames()]
+    clip = two_streams(tmp_path / "a.mp4", small, frames())
+    (tmp_path / "out").mkdir()
+    found = copy_frames(clip, tmp_path / "out", 4)
+    assert {photo.size for photo in found.photos} == {(60, 80)}
+    assert any("the first, of 80x60, was read, not that of 160x120" in note for note in found.notes)
+
+
+def test_a_picture_of_the_file_behind_the_frames_changes_nothing(tmp_path: Path):
+    clip = two_streams(tmp_path / "a.mp4", [frames(1)[0][:48, :64]], frames(), attached=True)
+    (tmp_path / "out").mkdir()
+    found = copy_frames(clip, tmp_path / "out", 4)
+    assert {photo.size for photo in found.photos} == {SIZE}
+    assert not any("streams" in note for note in found.notes)
+
+
 LISTS: dict[str, Callable[[Path], str]] = {
     "an HLS playlist": lambda real: f"#EXTM3U\n#EXT-X-TARGETDURATION:10\n#EXTINF:10,\n{real}\n#EXT-X-ENDLIST\n",
     "a playlist with an address": lambda real: "#EXTM3U\n#EXTINF:10,\nhttp://127.0.0.1:9/a.ts\n#EXT-X-ENDLIST\n",

@@ -36,6 +36,7 @@ from semgs.sfm.photos import (
     copy_photos,
     has_only_photos,
     is_panorama,
+    photos_below,
     pictures_in,
     with_focal,
 )
@@ -541,12 +542,59 @@ def test_results_splats_and_clips_given_as_scenes_say_what_opens_them(tmp_path: 
         open_scene(tmp_path / "clip.webm")
 
 
+def stray_scanner(folder: Path, *others: str) -> Path:
+    """A capture of Stray Scanner."""
+    for name in ("depth", "confidence", *others):
+        (folder / name).mkdir(parents=True)
+        Image.fromarray(pixels(1)).save(folder / name / "000000.png")
+    for name in ("rgb.mp4", "odometry.csv", "camera_matrix.csv"):
+        (folder / name).touch()
+    return folder
+
+
+def test_of_a_capture_of_stray_scanner_the_clip_is_named(tmp_path: Path):
+    folder = stray_scanner(tmp_path / "scan")
+    told = r"a capture of Stray Scanner, which is not read; semgs poses \S+rgb\.mp4 OUT estimates cameras from its clip"
+    with pytest.raises(InputError, match=told):
+        open_scene(folder)
+    with pytest.raises(InputError, match=r"a capture of Stray Scanner, which is not read; give its clip, \S+rgb\.mp4"):
+        check_folder_of_photos(folder)
+
+
+@pytest.mark.parametrize("name", ["depth", "Depth", "depths", "confidence"])
+def test_maps_of_depth_and_confidence_are_no_photos(tmp_path: Path, name: str):
+    (tmp_path / name).mkdir()
+    Image.fromarray(pixels(1)).save(tmp_path / name / "000000.png")
+    assert photos_below(tmp_path) == {}
+    with pytest.raises(InputError, match=r"data\.md lists the known ones"):
+        open_scene(tmp_path)
+
+
 @pytest.mark.parametrize("ending", [".jfif", ".JFIF", ".jpe"])
 def test_jpegs_of_other_endings_are_photos_and_keep_their_bytes(folder: Path, tmp_path: Path, ending: str):
     Image.fromarray(pixels(3)).save(folder / f"IMG_3{ending}", "JPEG", quality=95)
     photos = copied(folder, tmp_path)
     assert [photo.name for photo in photos.photos] == ["IMG_2.jpg", "IMG_3.jpg", "IMG_10.jpg"]
     assert (photos.folder / "IMG_3.jpg").read_bytes() == (folder / f"IMG_3{ending}").read_bytes()
+
+
+@pytest.mark.parametrize("ending", [".MPO", ".mpo"])
+def test_of_photos_with_a_second_picture_the_first_is_read_upright(folder: Path, tmp_path: Path, ending: str):
+    """Phones and 3D cameras write MPO: a JPEG behind another."""
+    exif = Image.Exif()
+    exif[0x112] = 6
+    second = [Image.new("RGB", (8, 6))]
+    Image.fromarray(pixels(3)).save(folder / f"IMG_3{ending}", "MPO", save_all=True, append_images=second, quality=95)
+    Image.fromarray(np.rot90(pixels(4))).save(
+        folder / f"IMG_4{ending}", "MPO", save_all=True, append_images=second, exif=exif.tobytes(), quality=95
+    )
+    photos = copied(folder, tmp_path)
+    assert [photo.name for photo in photos.photos] == ["IMG_2.jpg", "IMG_3.jpg", "IMG_4.jpg", "IMG_10.jpg"]
+    for name, number in (("IMG_3.jpg", 3), ("IMG_4.jpg", 4)):
+        with Image.open(photos.folder / name) as image:
+            found = np.asarray(image).astype(int)
+        assert found.shape == pixels(number).shape
+        assert np.abs(found - pixels(number)).mean() < 8
 
 
 @pytest.mark.parametrize("ending", [".hif", ".ppm", ".psd"])

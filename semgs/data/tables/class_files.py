@@ -80,6 +80,8 @@ def read_class_file(path: str | Stored) -> LabelSet:
         own = one.get("ids", [] if numbered else [index])
         if not _numbers(own) or not own:
             raise InputError(path, "a list of numbers from 0 to 255", repr(own), key=f"{key}.ids")
+        if IGNORE in own:
+            raise _used_for_no_label(path, f"{key}.ids")
         names.append(one["name"])
         colours.append((colour[0], colour[1], colour[2]))
         ids.append(own)
@@ -120,12 +122,20 @@ def _scannet20_labels(path: Path | Stored, content: dict[str, Any]) -> tuple[int
         number, name = entry["id"], entry["scannet20"]
         if not _numbers([number]):
             raise InputError(path, "a number from 0 to 255", repr(number), key=f"{key}.id")
+        if number == IGNORE:
+            raise _used_for_no_label(path, f"{key}.id")
         if number in labels:
             raise InputError(path, "each number once", f"{number} twice", key=f"{key}.id")
         if name is not None and name not in SCANNET20.names:
             raise InputError(path, "one of ScanNet's 20 classes, or null", repr(name), key=f"{key}.scannet20")
         labels[number] = IGNORE if name is None else SCANNET20.index(name)
     return tuple(labels.get(number) for number in range(256))
+
+
+def _used_for_no_label(path: Path | Stored, key: str) -> InputError:
+    """The error for a class whose number is that of pixels without a label."""
+    advice = "write another number into the masks and here"
+    return InputError(path, "numbers from 0 to 254", f"{IGNORE}, which always means no label", key, advice)
 
 
 def class_file(table: ClassTable) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from semgs.data.tables.classes import ClassTable
 from semgs.evaluation.frames.frame_plan import FramePlan, Task
 from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.figures.depth_images import MILLIMETRES
-from semgs.files.arrays import read_array
+from semgs.files.arrays import read_map
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_header, read_rgb, read_uint16
 from semgs.files.paths import found_at
@@ -141,7 +141,7 @@ def _depths(path: Path, task: Task) -> Float[Tensor, "h w"]:
     if path.suffix == ".png":
         depths = read_uint16(path).astype(np.float32) / MILLIMETRES
     else:
-        loaded = read_array(path)
+        loaded = read_map(path)
         if loaded.dtype.kind != "f":
             raise InputError(path, "a floating-point array [height width]", f"{loaded.dtype}")
         depths = loaded.astype(np.float32)

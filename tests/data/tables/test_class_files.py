@@ -102,6 +102,7 @@ def test_a_file_may_say_which_of_scannets_classes_a_number_is(tmp_path):
         ),
         (lambda t: t.update(unknown=20), r"classes\[1\]\.id: expected each number once, found 20 twice"),
         (lambda t: t["classes"].append({"id": 0, "scannet20": "door"}), r"classes\[3\]\.id: .*found 0 twice"),
+        (lambda t: t["classes"].append({"id": 255, "scannet20": "door"}), r"classes\[3\]\.id: .*255, which always"),
         (lambda t: t["classes"].append({"id": -1, "scannet20": "door"}), r"classes\[3\]\.id: expected a number"),
         (lambda t: t["classes"].append({"id": 3, "scannet20": "ceiling"}), r"classes\[3\]\.scannet20: .*'ceiling'"),
         (
@@ -115,6 +116,21 @@ def test_what_is_wrong_with_such_a_file_is_named(tmp_path, change, told):
     change(table)
     with pytest.raises(InputError, match=told):
         read_class_file(written(tmp_path / "t.json", table))
+
+
+def test_a_class_cannot_have_the_number_of_pixels_without_a_label(tmp_path):
+    """Masks of 0 and 255, as Label Studio exports them."""
+    rest = {"name": "rest", "colour": [9, 9, 9], "ids": [0]}
+    table = {"classes": [rest, {"name": "furniture", "colour": [99, 9, 9], "ids": [255]}]}
+    told = (
+        r"classes\[1\]\.ids: expected numbers from 0 to 254, found 255, which always means no label; "
+        "write another number into the masks and here"
+    )
+    with pytest.raises(InputError, match=told):
+        read_class_file(written(tmp_path / "t.json", table))
+    table["classes"][1]["ids"] = [1]
+    found = read_class_file(written(tmp_path / "t.json", table | {"ignored": [255]}))
+    assert [found.meaning[number] for number in (0, 1, 255, 2)] == [0, 1, 255, None]
 
 
 def test_a_file_that_is_absent_or_no_json_is_refused(tmp_path):

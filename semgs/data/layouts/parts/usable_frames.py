@@ -21,7 +21,7 @@ from semgs.files.errors import InputError
 from semgs.files.images.pictures import is_turned, read_header
 from semgs.files.stored import Stored
 
-PICTURES = (".png", ".jpg", ".jpeg", ".jfif", ".jpe", ".heic")
+PICTURES = (".png", ".jpg", ".jpeg", ".jfif", ".jpe", ".mpo", ".heic")
 """Endings of images, in lower case."""
 
 GENERIC = ("seq", "sequence", "data", "imap", "exr_rgbd", "")

@@ -61,7 +61,8 @@ MAPS = (".png", ".npy", ".pgm")
 
 CALIBRATIONS = (
     "intrinsics.txt", "intrinsic.txt", "camera-intrinsics.txt", "camera_intrinsics.txt", "K.txt", "calibration.txt", "info.txt",
-    "intrinsics.json", "intrinsic.json", "camera-intrinsics.json", "camera_intrinsics.json", "camera.json", "cam_params.json",
+    "intrinsics.json", "intrinsic.json", "camera-intrinsics.json", "camera_intrinsics.json", "camera-intrinsic.json",
+    "camera_intrinsic.json", "camera.json", "cam_params.json",
 )  # fmt: skip
 """Files of intrinsics, in the order of the search."""
 

@@ -130,7 +130,9 @@ def _rows(message: Any, rows: int, length: int) -> np.ndarray:
     """The bytes of an Image [rows length], without row padding."""
     height, width, step = int(message.height), int(message.width), int(message.step)
     data = np.asarray(message.data, dtype=np.uint8)
-    if step < length or data.size < rows * step or min(height, width) < 1:
+    if step < length:
+        raise ValueError(f"step is {step}; {message.encoding} of {width} pixels needs at least {length}")
+    if data.size < rows * step or min(height, width) < 1:
         raise ValueError(
             f"{data.size} bytes of {width}x{height} pixels in rows of {step} bytes; expected {rows * length}"
         )

@@ -62,6 +62,13 @@ def redwood(folder: Path, room: Miniature) -> Path:
     return folder
 
 
+def recorder(folder: Path, room: Miniature) -> Path:
+    """As `redwood`, with the name that Open3D's recorder gives the file of intrinsics."""
+    redwood(folder, room)
+    (folder / "intrinsic.json").rename(folder / "camera_intrinsic.json")
+    return folder
+
+
 def side_by_side(folder: Path, room: Miniature) -> Path:
     """EmbodiedScan's 00000.jpg (here by name only), 00000.png, 00000.txt and a 4x4 intrinsic.txt."""
     write_maps(room, f"{folder}/{{0:05d}}.jpg", f"{folder}/{{0:05d}}.png")
@@ -124,6 +131,7 @@ MANNERS = {
     "pose files": pose_files,
     "NICE-SLAM": nice_slam,
     "Redwood": redwood,
+    "Open3D's recorder": recorder,
     "side by side": side_by_side,
     "SUN3D": sun3d,
     "by time": by_time,

@@ -764,6 +764,13 @@ def test_planes_of_brightness_and_colour_are_read():
         as_file(raw(grey, "nv12", height=4))
 
 
+@pytest.mark.parametrize(("encoding", "least"), [("bgr8", 18), ("16UC1", 12), ("rgb16", 36), ("nv12", 6)])
+def test_rows_that_are_too_short_for_their_pixels_are_refused(encoding: str, least: int):
+    message = raw(np.zeros((4, least), np.uint8), encoding, height=4, width=6, step=least - 1)
+    with pytest.raises(ValueError, match=f"step is {least - 1}; {encoding} of 6 pixels needs at least {least}"):
+        as_file(message)
+
+
 @pytest.mark.parametrize("topic", ["/camera/infra1/image_rect_raw", COLOUR])
 def test_a_camera_of_sixteen_bits_of_grey_is_read_if_it_is_the_only_one(tmp_path: Path, topic: str):
     bag = pictures_alone()
