@@ -62,7 +62,7 @@ def test_weights_are_found_by_name_or_by_path(written, tmp_path):
     assert find(tmp_path / "foreign.safetensors") == ("mvsplat", tmp_path / "foreign.safetensors")
     with pytest.raises(ValueError, match='no included weights for "base"'):
         find("base")
-    with pytest.raises(InputError, match="expected a weights file, or small, found nothing"):
+    with pytest.raises(InputError, match="expected a weights file, or small or small_plain, found nothing"):
         find(tmp_path / "absent")
 
 
