@@ -68,7 +68,10 @@ def test_what_is_typed_becomes_what_a_command_uses(tmp_path: Path):
         ("--auto 64", "--auto: expected height x width in pixels, such as 240x320, found '64'"),
         ("--device mps", "--device: mps is not supported yet: it has no float64, which cameras need; use cpu"),
         ("--device tpu", "--device: expected one of auto, cpu, cuda, found 'tpu'"),
-        ("--protocol neighbors", "--protocol: expected one of neighbours, peers, pinned FILE, found 'neighbors'"),
+        (
+            "--protocol neighbors",
+            "--protocol: expected one of neighbours, peers, aside, pinned FILE, found 'neighbors'",
+        ),
         (
             "--protocol pinned",
             "--protocol: expected a FILE after pinned, the frames.json or report.json of an evaluation, found none",
