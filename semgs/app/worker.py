@@ -20,15 +20,13 @@ from semgs.files.cache import VARIABLE as VARIABLE_OF_CACHE
 from semgs.files.strict_json import read_json
 from semgs.files.text import shortened
 from semgs.run.reconstruct import Reconstruct
+from semgs.run.usage_errors import BAD_INPUT
 from semgs.runtime.notes import Note, for_page
 from semgs.runtime.progress import Progress
 from semgs.runtime.threads import adapt_threads, prepare_threads
 
 if TYPE_CHECKING:
     from semgs.app.uploads import Prepared
-
-UNUSABLE = 2
-"""The exit code for a request that cannot be done."""
 
 LONGEST = 1500
 """Letters of a sentence for the queue, which reads no longer lines than a few thousand bytes."""
@@ -120,7 +118,7 @@ def work(line: str) -> int:
         if sentence is None:  # a bug of ours
             raise
         _send({"refused": shortened(sentence, LONGEST)})
-        return UNUSABLE
+        return BAD_INPUT
     return 0
 
 
@@ -170,9 +168,8 @@ def _prepared(request: Request, work_folder: Path, progress: Progress) -> Prepar
         example.scene.symlink_to(demo_scene())
         return example
     confine_to(Path())
-    os.environ[VARIABLE_OF_CACHE] = str(
-        work_folder / "cache"
-    )  # nothing of a user's scene stays when its job is deleted
+    # Nothing of a user's scene stays when its job is deleted.
+    os.environ[VARIABLE_OF_CACHE] = str(work_folder / "cache")
     uploads = [Upload(Path(path), name) for path, name in request.files]
     prepared = prepare(request.kind, uploads, Path(), Limits(**request.limits), progress.announce)
     if prepared.scene.is_relative_to(UNPACKED):

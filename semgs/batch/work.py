@@ -16,14 +16,14 @@ from semgs.batch.tasks import PLACES, Task
 from semgs.files.folders import staged
 from semgs.files.text import printable
 from semgs.run.outcome import Outcome
-from semgs.run.usage_errors import line_for
+from semgs.run.usage_errors import BAD_INPUT, line_for
 from semgs.runtime.progress import Progress
 
 MOST_NOTES = 40
 """Notes that are kept of a scene."""
 
-BAD_INPUT, BUG = 2, 1
-"""Codes of a scene that cannot be used, and of a fault of ours."""
+BUG = 1
+"""The code of a scene at which we failed."""
 
 
 def begin(folder: str) -> None:

@@ -22,9 +22,8 @@ from semgs.cli.terminal import Printable, open_streams
 from semgs.files.errors import ERROR_LINE
 from semgs.files.text import aligned, did_you_mean, printable
 from semgs.run.outcome import Outcome, Run
-from semgs.run.usage_errors import UsageError, line_for
+from semgs.run.usage_errors import BAD_INPUT, UsageError, line_for
 
-BAD_INPUT = 2
 INTERRUPTED = 128 + signal.SIGINT
 TERMINATED = 128 + signal.SIGTERM
 NOBODY_READS = 128 + 13  # SIGPIPE, which does not exist on all systems

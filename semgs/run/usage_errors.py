@@ -8,6 +8,9 @@ from contextlib import contextmanager
 
 from semgs.files.errors import InputError
 
+BAD_INPUT = 2
+"""The exit code for what cannot be used."""
+
 _ADVICE = {
     errno.ENOSPC: "free some space or write elsewhere",
     errno.EDQUOT: "free some space or write elsewhere",

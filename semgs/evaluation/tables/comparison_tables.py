@@ -368,7 +368,7 @@ def _difference_row(
     low, high = ("", "") if interval is None else (_signed(metric, interval.low), _signed(metric, interval.high))
     ends = f"{low} to {high}" if low else "–"
     # As printed: an interval that begins at +0.0003 is printed from 0.000, and nobody could see why it has a star.
-    clear = interval is not None and interval.excludes_zero and low[0] == high[0] and low[0] in "+−"
+    clear = low[:1] in ("+", "−") and low[:1] == high[:1]
     arrow = " ↓" if metric in LOWER_IS_BETTER else ""
     return (
         Cell(TITLES[metric] + arrow),

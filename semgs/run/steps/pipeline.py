@@ -80,10 +80,7 @@ def reconstruct(
         if classes is None:
             raise ValueError("the model predicts colour only; expected one with classes for a least confidence")
         check_may_be_unknown(len(classes))
-    if isinstance(frames, Walk):
-        draft = _map(scene, frames, network, size, depth, labelling, stages)
-    else:
-        draft = _encode(scene, frames, network, size, depth, labelling, stages)
+    draft = _encode(scene, frames, network, size, depth, labelling, stages)
     draft = _expose(draft, exposure, stages)
     draft = refine(draft, passes, depth == "network", stages)
     if featuring is not None:
@@ -103,43 +100,34 @@ def reconstruct(
 
 def _encode(
     scene: Scene,
-    choice: Choice,
+    frames: Choice | Walk,
     network: Network,
     size: Sequence[int] | None,
     depth: DepthSource | DepthMaps,
     labelling: Labelling | None,
     stages: Stages,
 ) -> Draft:
-    """The draft of chosen frames: read, encoded, placed and labelled."""
-    scene = scene.with_readable_labels((*choice.context, *choice.targets))
-    height, width = default_size(scene.frames[choice.context[0]].lens.size) if size is None else size
+    """The draft of chosen frames: read, encoded, placed and labelled; or of a recording, whose keyframes are encoded so in windows and merged."""
+    if isinstance(frames, Walk):
+        first = scene.frames[0]
+    else:
+        scene = scene.with_readable_labels((*frames.context, *frames.targets))
+        first = scene.frames[frames.context[0]]
+    height, width = default_size(first.lens.size) if size is None else size
     encoder = ViewEncoder(scene, network, (height, width), depth, labelling, stages)
-    encoder.try_networks(choice.context)
-    count = len(choice.context) + len(choice.targets)
-    with stages("read", READING(count=count, height=height, width=width)):
-        context, target = encoder.read(choice.context, choice.depth_range), encoder.read_target(choice)
-    encoding = encoder.encode(choice.context, context, target).without(context.hidden)
+    if isinstance(frames, Walk):
+        choice, merged = map_walk(scene, frames, encoder.read, encoder.encode, stages)
+        context, encoding = merged.views, merged.encoding
+        with stages("read", READING_HELD_OUT(count=len(choice.targets))):
+            target = encoder.read_target(choice)
+    else:
+        choice, count = frames, len(frames.context) + len(frames.targets)
+        encoder.try_networks(choice.context)
+        with stages("read", READING(count=count, height=height, width=width)):
+            context, target = encoder.read(choice.context, choice.depth_range), encoder.read_target(choice)
+        encoding = encoder.encode(choice.context, context, target).without(context.hidden)
     placement = encoder.placement(choice.context)
     return Draft(scene, choice, context, target, encoding, network.name, labelling, placement, encoder.plan)
-
-
-def _map(
-    scene: Scene,
-    walk: Walk,
-    network: Network,
-    size: Sequence[int] | None,
-    depth: DepthSource | DepthMaps,
-    labelling: Labelling | None,
-    stages: Stages,
-) -> Draft:
-    """The draft of a recording: its keyframes encoded in windows, placed, labelled and merged."""
-    height, width = default_size(scene.frames[0].lens.size) if size is None else size
-    encoder = ViewEncoder(scene, network, (height, width), depth, labelling, stages)
-    choice, merged = map_walk(scene, walk, encoder.read, encoder.encode, stages)
-    with stages("read", READING_HELD_OUT(count=len(choice.targets))):
-        target = encoder.read_target(choice)
-    placement = encoder.placement(choice.context)
-    return Draft(scene, choice, merged.views, target, merged.encoding, network.name, labelling, placement, encoder.plan)
 
 
 def _expose(draft: Draft, exposure: ExposureChoice, stages: Stages) -> Draft:
