@@ -9,7 +9,7 @@ from typing import final
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float32, UInt8
+from jaxtyping import Bool, Float32, Int32, UInt8
 
 from semgs.data.borders import find_border
 from semgs.data.cameras.lens import AbstractLens
@@ -37,6 +37,7 @@ class Frame:
         labels: source of its labels; None if it has none.
         mask: source of its hidden pixels (`Views.hidden`) besides black borders, which are found in the image; None if it has none.
         points: indices of the scene's sparse points that it sees; None if the layout does not say.
+        instances: source of the numbers of its things; None if it has none.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Frame:
     labels: MapSource | None = None
     mask: MapSource | None = None
     points: np.ndarray | None = field(default=None, repr=False)
+    instances: MapSource | None = None
 
     @property
     def camera(self) -> Cameras:
@@ -98,6 +100,20 @@ class Frame:
             depths = None if depths is None else depths.masked_fill(view.hidden, 0)
             labels = None if labels is None else labels.masked_fill(view.hidden, IGNORE)
         return view.changed(labels=labels, depths=depths)
+
+    def things(self, view: Views, fit: Fit = "stretch") -> Int32[np.ndarray, "h w"] | None:
+        """The number of the thing at each pixel of this frame as a view, 0 for none; None if nothing says it.
+
+        Args:
+            view: the frame as it was read.
+            fit: what was done if its size has another aspect.
+
+        Raises:
+            InputError: a file is missing or damaged, or has another aspect than the image.
+        """
+        if self.instances is None:
+            return None
+        return self.instances.read(Pixels(self.lens, view.cameras[0], undistortion(self.lens), fit == "crop"))
 
     def read_image(self) -> UInt8[np.ndarray, "h w 3"]:
         """The stored image, RGB.

@@ -13,7 +13,7 @@ from typing import ClassVar, Protocol, final, runtime_checkable
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float32, Num, Shaped, UInt8
+from jaxtyping import Bool, Float32, Int32, Num, Shaped, UInt8
 
 from semgs.data.cameras.lens import AbstractLens, carry_over
 from semgs.data.resampling import kept_window, nearest
@@ -226,6 +226,28 @@ class IdMap:
             InputError: as `MapSource.read`, or it has another aspect than the image.
         """
         return pixels.taken(fit_to_image(self.path, self.labels[read_numbers(self.path)], pixels.lens.size))
+
+
+@final
+@dataclass(frozen=True)
+class InstanceMap:
+    """Numbers of things in a PNG, 0 for none: pixels of one class with one number are one thing.
+
+    Attributes:
+        path: the file.
+    """
+
+    path: Stored
+    stored: ClassVar[bool] = True
+
+    def read(self, pixels: Pixels) -> Int32[np.ndarray, "h w"]:
+        """As `MapSource.read`.
+
+        Raises:
+            InputError: as `MapSource.read`, or it has another aspect than the image.
+        """
+        numbers = read_numbers(self.path).astype(np.int32)
+        return pixels.taken(fit_to_image(self.path, numbers, pixels.lens.size))
 
 
 @final

@@ -9,12 +9,14 @@ from semgs.files.errors import InputError
 
 ROWS_972 = "rows-972"
 GSNERF_LABELS = "gsnerf-labels"
+LSM8_LABELS = "lsm8"
 TOOLBOX_UNDISTORTION = "toolbox-undistortion"
 ROW_229 = "row-229.5"
 
 READINGS = {
     ROWS_972: "ScanNet's cameras scaled as in S-Ray and GSNeRF: as if its images of 968 rows had 972",
     GSNERF_LABELS: "ScanNet's labels as in GSNeRF's released code: otherfurniture is table, no label is class 19",
+    LSM8_LABELS: "ScanNet's labels in the eight classes of LSM and Uni3R: wall, floor, ceiling, chair, table, sofa, bed, other",
     TOOLBOX_UNDISTORTION: "ScanNet++'s fisheye undistorted as in its toolbox: without the half pixel between COLMAP and OpenCV",
     ROW_229: "Replica's principal point at row 229.5 of 480, as in S-Ray and GSNeRF: 10 above where it was rendered",
 }

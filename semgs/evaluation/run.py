@@ -17,11 +17,12 @@ from semgs.depth_maps.depth_source import DepthMaps
 from semgs.evaluation.frames.frame_plan import FramePlan, frame_list, index_of, make_plan, read_plan
 from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.predictions import Method
-from semgs.evaluation.frames.protocols import aside, neighbours, peers
+from semgs.evaluation.frames.protocols import LSM_SIZE, LSM_VIEWS, aside, lsm, neighbours, peers, read_lsm_list
 from semgs.evaluation.frames.saved import TIMING, SavedPredictions
 from semgs.evaluation.page.evaluation_page import evaluation_page
 from semgs.evaluation.scoring.method_scores import PREDICTIONS, score_method
-from semgs.evaluation.tables.comparison_tables import kinds_grid, overview_grid
+from semgs.evaluation.scoring.panoptic import Rule
+from semgs.evaluation.tables.comparison_tables import kinds_grid, overview_grid, things_grid
 from semgs.evaluation.tables.environment import hardware, versions
 from semgs.evaluation.tables.evaluation_report import (
     EvaluatedMethod,
@@ -92,6 +93,7 @@ class Job:
         remarks: further notes for the report, a sentence each.
         workers: parallel processes, each with one thread; 0 uses this process with all its threads.
         groups: of classes, of which metrics are added; None for none.
+        panoptic: the rule of panoptic quality; None for none.
     """
 
     data: LabelledScenes
@@ -100,6 +102,7 @@ class Job:
     remarks: tuple[str, ...] = ()
     workers: int = 0
     groups: ClassGroups | None = None
+    panoptic: Rule | None = None
 
 
 def open_labelled_scenes(
@@ -149,7 +152,7 @@ def plan_targets(
     """The plan of a protocol.
 
     Args:
-        protocol: ("neighbours",), ("peers",), ("aside",), or ("pinned", FILE).
+        protocol: ("neighbours",), ("peers",), ("aside",), ("lsm",), ("lsm", FILE), or ("pinned", FILE).
         scenes: to evaluate on.
         views: numbers of contexts; empty for the default, or those of the pinned file.
         size: (height, width) of all scenes [px]; None for the default, or that of the pinned file.
@@ -160,6 +163,10 @@ def plan_targets(
     """
     if protocol[0] == "pinned":
         return read_plan(protocol[1], scenes, views, size)
+    if protocol[0] == "lsm":
+        listed = read_lsm_list(protocol[1], [scene.name for scene in scenes]) if protocol[1:] else None
+        named = scenes if listed is None else [scene for scene in scenes if scene.name in listed]
+        return make_plan("lsm", partial(lsm, listed=listed), named, views or (LSM_VIEWS,), size or LSM_SIZE, "crop")
     if protocol[0] == "neighbours":
         return make_plan("neighbours", neighbours, scenes, views or VIEWS, size)
     if protocol[0] == "aside":
@@ -181,6 +188,7 @@ def load_candidate(
     depth: Callable[[Scene], DepthMaps] | None = None,
     precision: Precision = "float32",
     exposure: ExposureChoice = "as-taken",
+    things: bool = False,
 ) -> Candidate:
     """Weights to evaluate.
 
@@ -195,6 +203,7 @@ def load_candidate(
         depth: gives depth maps of the frames of a scene, which the network's depth is weighed with; None for none.
         precision: of the network's layers.
         exposure: whether input views come to a common exposure; targets stay as taken.
+        things: find things, in scenes in metres.
 
     Raises:
         ValueError: there are no included weights of that name, or `nearest` is not positive.
@@ -202,7 +211,7 @@ def load_candidate(
     """
     model, subject = open_network(weights, None if labelling else classes, name, precision)
     chosen = None if nearest is None else NearestViews(nearest, model.placer.shrink_seen)
-    method = NetworkMethod(model, device, subject.name, labelling, chosen, passes, depth, exposure)
+    method = NetworkMethod(model, device, subject.name, labelling, chosen, passes, depth, exposure, things, classes)
     return Candidate(method, subject, device)
 
 
@@ -211,10 +220,15 @@ def open_network(
 ) -> tuple[SemGS, EvaluatedMethod]:
     """A network in evaluation mode, and its description; arguments and errors as for `load_candidate`."""
     network, path = find(weights)
-    model = load(network, path, classes=classes or table_of(path))
+    own = table_of(path)
+    coarser = own is not None and classes not in (None, own) and own.within(classes) is not None
+    model = load(network, path, classes=own if coarser else classes or own)
     model.precision = precision
     parameters = sum(parameter.numel() for parameter in model.parameters())
-    return model.eval(), EvaluatedMethod(name or model.name, "weights", model.origin, sha256(path), parameters)
+    origin = model.origin
+    if coarser and own is not None and classes is not None:
+        origin += f"; its classes, {own.name}, count as those of {classes.name}"
+    return model.eval(), EvaluatedMethod(name or model.name, "weights", origin, sha256(path), parameters)
 
 
 def open_predictions(folder: Path, plan: FramePlan, device: str, name: str = "") -> Candidate:
@@ -256,7 +270,13 @@ def run_evaluation(
     subject = job.candidate.subject
     with own_folder(out, "evaluate", overwrite) as folder:
         rows = score_method(
-            job.plan, job.candidate.method, folder, save=subject.kind == "weights", workers=job.workers, done=done
+            job.plan,
+            job.candidate.method,
+            folder,
+            save=subject.kind == "weights",
+            workers=job.workers,
+            done=done,
+            panoptic=job.panoptic,
         )
         if job.groups is not None:
             rows = [row.by_groups(job.groups) for row in rows]
@@ -303,7 +323,12 @@ def _summary(report: SavedReport, evaluation: Evaluation, out: Path) -> str:
         [
             printed(overview_grid(report), "text"),
             "",
-            *(line for grid in [kinds_grid(report)] if grid is not None for line in (printed(grid, "text"), "")),
+            *(
+                line
+                for grid in (kinds_grid(report), things_grid(report))
+                if grid is not None
+                for line in (printed(grid, "text"), "")
+            ),
             *(f"note  {sentence}" for sentence in evaluation.notes),
             *([""] if evaluation.notes else []),
             f"Open {out / 'report.html'} in a browser.",

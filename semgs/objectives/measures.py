@@ -12,6 +12,8 @@ TITLES = {
     "aurc": "AURC", "ece": "ECE", "covered_95": "at 95 %", "psnr": "PSNR", "psnr_seen": "PSNR (seen)", "ssim": "SSIM", "lpips": "LPIPS",
     "depth_abs_rel": "depth error", "depth_abs_rel_seen": "depth error (seen)", "depth_delta_125": "depth δ<1.25",
     "psnr_edges": "PSNR (edges)", "depth_edges": "depth error (edges)", "psnr_gradients": "PSNR (gradients)", "made_up": "made up", "flyers": "flyers",
+    "pq": "PQ", "sq": "SQ", "rq": "RQ", "instance_miou": "mIoU (things)", "box_recall_25": "boxes found at .25", "box_precision_25": "right at .25",
+    "box_recall_50": "found at .5", "box_precision_50": "right at .5",
     "unseen": "unseen", "not_given": "not given", "fps_encoding_each": "FPS",
 }  # fmt: skip
 """Headings of the metrics, in the order of tables."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from jaxtyping import Float64
 
@@ -55,6 +56,21 @@ class Box:
         """From a point to the nearest point of the box; 0 inside [m]."""
         inside = np.abs((point - self.centre) @ self.axes) - np.array(self.size) / 2
         return float(np.linalg.norm(inside.clip(min=0)))
+
+    def thickened(self, least: float) -> Box:
+        """The box with no side shorter than this [m]."""
+        length, width, height = (max(side, least) for side in self.size)
+        return replace(self, size=(length, width, height))
+
+    def iou(self, other: Box) -> float:
+        """The volume that two boxes share, relative to that of both together; 0 if neither has any."""
+        mine, theirs = (box.corners[[0, 1, 3, 2], :2].astype(np.float32) for box in (self, other))
+        area, _ = cv2.intersectConvexConvex(mine, theirs)
+        tops = min(box.centre[2] + box.size[2] / 2 for box in (self, other))
+        bottoms = max(box.centre[2] - box.size[2] / 2 for box in (self, other))
+        shared = area * max(tops - bottoms, 0.0)
+        together = sum(float(np.prod(box.size)) for box in (self, other)) - shared
+        return shared / together if together > 0 else 0.0
 
 
 def box_of(points: Float64[np.ndarray, "n 3"]) -> Box:

@@ -113,6 +113,23 @@ class Encoding:
         semantic = replace(shape, features=features)
         return replace(self, gaussians=replace(self.gaussians, semantic=semantic), classes=classes, temperatures=None)
 
+    def regrouped(self, classes: ClassTable) -> Encoding:
+        """The same Gaussians in a coarser table: the probabilities of classes that it does not tell apart add up. Temperatures are dropped.
+
+        Args:
+            classes: the table.
+
+        Raises:
+            ValueError: the Gaussians have no classes, or the table does not contain theirs (`ClassTable.within`).
+        """
+        of = None if self.classes is None else self.classes.within(classes)
+        if of is None or self.gaussians.semantic is None:
+            raise ValueError(f"the classes of the Gaussians are not in the table {classes.name}")
+        shape = self.gaussians.semantic
+        member = torch.nn.functional.one_hot(torch.tensor(of), len(classes)).to(shape.features)
+        semantic = replace(shape, features=shape.features @ member)
+        return replace(self, gaussians=replace(self.gaussians, semantic=semantic), classes=classes, temperatures=None)
+
     def per_gaussian(self, maps: Shaped[Tensor, "*batch v c h w"]) -> Float[Tensor, "*batch g c"]:
         """For each Gaussian the mean over the pixels that it stands for.
 

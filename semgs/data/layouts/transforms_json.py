@@ -22,7 +22,7 @@ from semgs.data.layouts.parts.letter_forms import OTHER_FORM, in_other_form, is_
 from semgs.data.layouts.parts.pose_files import listed_poses, pose_is_lost
 from semgs.data.layouts.parts.sentences import note_damaged_points, note_lacking, note_transparent
 from semgs.data.layouts.parts.sparse_points import points_in_view, read_ply_points
-from semgs.data.maps import ClassMap, DepthMap, MaskMap
+from semgs.data.maps import ClassMap, DepthMap, InstanceMap, MaskMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.data.spread import spread
@@ -143,8 +143,17 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside, depth_u
         if label is not None:
             labels[len(frames)] = label
         mask = _map(fields, "mask_path", (".png",), notes, beside)
+        things = _map(fields, "instance_file_path", (".png",), notes, beside)
         frames.append(
-            Frame(name, picture, lenses.setdefault(lens, lens), pose, depth, mask=MaskMap(mask) if mask else None)
+            Frame(
+                name,
+                picture,
+                lenses.setdefault(lens, lens),
+                pose,
+                depth,
+                mask=MaskMap(mask) if mask else None,
+                instances=InstanceMap(things) if things else None,
+            )
         )
     unread, classes = None, None
     try:

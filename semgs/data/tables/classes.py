@@ -43,6 +43,12 @@ class ClassTable:
     def __len__(self) -> int:
         return len(self.names)
 
+    def within(self, coarser: ClassTable) -> tuple[int, ...] | None:
+        """The class of a coarser table that each class is: that of its name, or "other"; None if the coarser table has neither."""
+        if "other" not in coarser.names:
+            return None
+        return tuple(coarser.index(name if name in coarser.names else "other") for name in self.names)
+
     def index(self, name: str) -> int:
         """The label of a class by its name."""
         return self.names.index(name)
@@ -63,7 +69,17 @@ SCANNET20 = ClassTable(
 )  # fmt: skip
 """The 20 classes of the ScanNet benchmark: its order and colours, with NYU40 ids."""
 
-TABLES = (SCANNET20,)
+LSM8 = ClassTable(
+    name="lsm8",
+    names=("wall", "floor", "ceiling", "chair", "table", "sofa", "bed", "other"),
+    colours=(
+        (174, 199, 232), (152, 223, 138), (78, 71, 183), (188, 189, 34), (255, 152, 150), (140, 86, 75), (255, 187, 120), (82, 84, 163),
+    ),
+    raw_ids=(1, 2, 22, 5, 7, 6, 4, 40),
+)  # fmt: skip
+"""The classes that LSM, Uni3R, C3G and EPS3D are compared in (NVlabs/LSM, HorizonRobotics/Uni3R), with NYU40 ids; "other" is all that is labelled else."""
+
+TABLES = (SCANNET20, LSM8)
 
 
 def class_table(name: str) -> ClassTable:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import UInt8
 
-from semgs.data.tables.classes import IGNORE, SCANNET20
+from semgs.data.tables.classes import IGNORE, LSM8, SCANNET20
 
 NAMES = (
     "wall", "floor", "cabinet", "bed", "chair", "sofa", "table", "door", "window", "bookshelf", "picture", "counter", "blinds",
@@ -18,6 +18,9 @@ NAMES = (
     "bathtub", "bag", "otherstructure", "otherfurniture", "otherprop",
 )  # fmt: skip
 """The name of class n is at n - 1. ScanNet's files also spell the 24th "refridgerator"."""
+
+OTHERPROP = len(NAMES)
+"""The id of what has no class of its own."""
 
 GSNERF_OTHER = 6
 """The label that GSNeRF's code gives to otherfurniture: table."""
@@ -37,4 +40,12 @@ def scannet20_labels(as_gsnerf: bool = False) -> UInt8[np.ndarray, " 41"]:
     if as_gsnerf:
         labels[labels == SCANNET20.index("otherfurniture")] = GSNERF_OTHER
         labels[labels == IGNORE] = GSNERF_VOID
+    return labels
+
+
+def lsm8_labels() -> UInt8[np.ndarray, " 41"]:
+    """The label of each NYU40 id, 0..40, in the table `lsm8`; all that it does not name is "other", 0 has none."""
+    labels = np.full(len(NAMES) + 1, LSM8.index("other"), np.uint8)
+    labels[list(LSM8.raw_ids)] = np.arange(len(LSM8), dtype=np.uint8)
+    labels[0] = IGNORE
     return labels

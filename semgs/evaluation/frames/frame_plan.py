@@ -6,8 +6,9 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
+from semgs.data.resampling import Fit
 from semgs.data.scene import Scene
 from semgs.evaluation.frames.protocols import TargetSample, kind_aside
 from semgs.files.errors import InputError, input_error
@@ -32,12 +33,14 @@ class Task:
         scene: of the target.
         size: (height, width) at which all frames are read and compared [px].
         sample: the target and its contexts.
+        fit: what is done with images of another aspect than `size`.
         file_name: of this target's files, without ending; None for that of its image.
     """
 
     scene: Scene
     size: tuple[int, int]
     sample: TargetSample
+    fit: Fit = "stretch"
     file_name: str | None = None
 
     @property
@@ -112,7 +115,12 @@ class FramePlan:
 
 
 def make_plan(
-    name: str, protocol: Protocol, scenes: Sequence[Scene], views: Sequence[int], size: tuple[int, int] | None = None
+    name: str,
+    protocol: Protocol,
+    scenes: Sequence[Scene],
+    views: Sequence[int],
+    size: tuple[int, int] | None = None,
+    fit: Fit = "stretch",
 ) -> FramePlan:
     """The plan of a protocol on some scenes.
 
@@ -122,12 +130,13 @@ def make_plan(
         scenes: to evaluate on, of different names.
         views: numbers of contexts.
         size: (height, width) of all scenes [px]; None is 240x320, swapped for scenes with mostly portrait frames.
+        fit: what is done with images of another aspect.
 
     Raises:
         InputError: a scene has too few frames, or has a target twice.
     """
     tasks = [
-        Task(scene, size or choose_size(scene), sample)
+        Task(scene, size or choose_size(scene), sample, fit)
         for count in sorted(set(views))
         for scene in scenes
         for sample in protocol(scene, count)
@@ -146,12 +155,14 @@ def frame_list(plan: FramePlan) -> dict:
     scenes = [
         {
             "scene": scene.name,
-            "size": list(next(task.size for task in plan.tasks if task.scene is scene)),
+            "size": list(first.size),
+            **({"fit": first.fit} if first.fit != "stretch" else {}),
             "samples": [
                 {"target": task.target, "contexts": list(task.contexts)} for task in plan.tasks if task.scene is scene
             ],
         }
         for scene in plan.scenes
+        for first in [next(task for task in plan.tasks if task.scene is scene)]
     ]
     return {"format": FORMAT, "version": VERSION, "protocol": plan.protocol, "scenes": scenes}
 
@@ -179,10 +190,13 @@ def read_plan(
         name = entry.get("scene") if isinstance(entry, dict) else None
         if not isinstance(name, str) or name not in known:
             raise InputError(path, f"one of the scenes {listed(list(known))}", f"{name!r}", key=f"{place}.scene")
+        fit = entry.get("fit", "stretch")
+        if fit not in get_args(Fit):
+            raise InputError(path, " or ".join(get_args(Fit)), f"{fit!r:.40}", key=f"{place}.fit")
         pinned = _size(path, entry.get("size"), f"{place}.size")
         for index, sample in enumerate(_list(path, entry, "samples", place)):
             one = _sample(path, known[name], sample, f"{place}.samples[{index}]")
-            tasks.append(Task(known[name], size or pinned or choose_size(known[name]), one))
+            tasks.append(Task(known[name], size or pinned or choose_size(known[name]), one, fit))
     held = sorted({task.views for task in tasks})
     for count in views:
         if count not in held:

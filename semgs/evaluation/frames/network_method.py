@@ -6,21 +6,28 @@ import pickle
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import torch
+from jaxtyping import UInt8
+from torch import Tensor
 
 from semgs.data.scene import Scene
+from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.depth_maps.depth_source import DepthMaps
 from semgs.depth_maps.map_depth import find_reference, place_at_maps, read_maps
 from semgs.evaluation.frames.predictions import Inputs, Prediction
-from semgs.evaluation.frames.reading import FIT
+from semgs.export.scene_objects import things_of
 from semgs.model.encode import Network, encode
+from semgs.rendering.render import render
 from semgs.rendering.rendering import SEEN_ALPHA, confidence_maps, likeliest
 from semgs.runtime.stopwatch import now
 from semgs.scene.encoding import Encoding
 from semgs.scene.exposure import ExposureChoice, common_exposure
 from semgs.scene.nearest import NearestViews
 from semgs.scene.photo_refinement import refine_until
+from semgs.scene.scene_file import SavedScene
+from semgs.scene.upright import up_of
 from semgs.segmenters.labelling import Labelling
 
 
@@ -36,6 +43,8 @@ class NetworkMethod:
         passes: refine the Gaussians with so many steps for each input view; 0 for none.
         depth: gives depth maps of the frames of a scene, which are aligned to the network's depth and weighed with it; None for none.
         exposure: whether the input views, and with them the Gaussians, come to a common exposure; targets stay as taken.
+        things: find things, as `semgs.objects`; scenes are in metres.
+        classes: answer in this table, of which each class of the Gaussians is in one; None for that of the Gaussians.
     """
 
     def __init__(
@@ -48,6 +57,8 @@ class NetworkMethod:
         passes: int = 0,
         depth: Callable[[Scene], DepthMaps] | None = None,
         exposure: ExposureChoice = "as-taken",
+        things: bool = False,
+        classes: ClassTable | None = None,
     ) -> None:
         self._network = network
         self._device = device
@@ -57,6 +68,8 @@ class NetworkMethod:
         self._passes = passes
         self._depth = None if depth is None else lru_cache(maxsize=1)(depth)
         self._exposure = exposure
+        self._things = things
+        self._classes = classes
 
     @torch.no_grad()
     def predict(self, inputs: Inputs) -> Prediction:
@@ -74,7 +87,9 @@ class NetworkMethod:
         if self._labelling is not None:
             task = inputs.task
             labelling = self._labelling(task.scene)
-            encoding = labelling(encoding, task.scene, task.sample.contexts, inputs.contexts, FIT)
+            encoding = labelling(encoding, task.scene, task.sample.contexts, inputs.contexts, task.fit)
+        if self._classes is not None and encoding.classes not in (None, self._classes):
+            encoding = encoding.regrouped(self._classes)
         contexts, exposures = inputs.contexts, common_exposure(inputs.contexts, encoding, self._exposure)
         if exposures is not None:
             contexts, encoding = exposures.applied(contexts), exposures.recoloured(encoding)
@@ -89,7 +104,7 @@ class NetworkMethod:
     def _place(self, encoding: Encoding, inputs: Inputs, maps: DepthMaps) -> Encoding:
         """The Gaussians at the network's depth and that of maps. The true depth of the input views is no reference."""
         scene, positions, views = inputs.task.scene, inputs.task.sample.contexts, inputs.contexts
-        found = read_maps(maps, scene, positions, views.size, FIT)
+        found = read_maps(maps, scene, positions, views.size, inputs.task.fit)
         reference = find_reference(encoding, scene, positions, views, independent=False)
         return place_at_maps(encoding, views, found, maps, reference)[0]
 
@@ -101,6 +116,7 @@ class NetworkMethod:
         rendering = encoding.render(inputs.camera)
         seconds = now() - start
         classes = None if rendering.semantics is None else likeliest(rendering.semantics[0]).cpu()
+        found = self._find(encoding, inputs, classes) if self._things and classes is not None else {}
         return Prediction(
             labels=classes,
             image=rendering.images[0].float().clamp(0, 1).cpu(),
@@ -109,7 +125,28 @@ class NetworkMethod:
             seconds_encode=seconds_encode,
             seconds_render=seconds,
             confidences=None if classes is None else torch.from_numpy(confidence_maps(rendering)[0]),
+            **found,
         )
+
+    def _find(self, encoding: Encoding, inputs: Inputs, labels: UInt8[Tensor, "h w"]) -> dict[str, Any]:
+        """The things of the scene, and where the target shows them: the likeliest thing of each pixel that has its class."""
+        scene = SavedScene.of(encoding, inputs.contexts.to("cpu"), unit="metric")
+        found = things_of(scene, up_of(scene))
+        shape = encoding.gaussians.semantic
+        assert shape is not None
+        chosen = torch.nn.functional.one_hot(torch.from_numpy(found.instances), len(found.things) + 1).to(
+            shape.features
+        )
+        things = replace(encoding.gaussians, semantic=replace(shape, features=chosen))
+        rendering = render(things, inputs.camera, near=encoding.depth_range[..., 0].amin(-1, keepdim=True))
+        assert rendering.semantics is not None
+        numbers = rendering.semantics[0].max(0).indices.int().cpu()
+        of_thing = torch.tensor([IGNORE, *(thing.label for thing in found.things)])
+        return {
+            "instances": torch.where(of_thing[numbers] == labels, numbers, 0),
+            "boxes": tuple((thing.label, thing.box) for thing in found.things),
+            "level_from_world": found.level_from_world,
+        }
 
     def __getstate__(self) -> dict[str, object]:
         """How it is sent to a worker process: the network as bytes.

@@ -6,6 +6,7 @@ Files of target "images/0001.jpg" of scene "living", from two views (`N2/living/
     .colour.png     image, 8-bit RGB
     .depth.png      z-depth in millimetres, 16 bits, 0 = none; or
     .depth.npy      z-depth in the scene's unit, floating point [h w]
+    .instance.png   number of the thing at each pixel, 16 bits, 0 = none; in a thing, pixels have one class
     .unseen.png     255 where the method saw nothing, else 0; never read
     N2/timing.json  {"seconds_encode": ..., "seconds_render": ...} per target
 
@@ -20,7 +21,7 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Float64, Int32, UInt8
 from torch import Tensor
 
 from semgs.data.views import Views
@@ -30,6 +31,7 @@ from semgs.figures.view_images import as_bytes
 from semgs.files.atomic import write_bytes
 from semgs.files.images.pictures import write_png
 from semgs.geometry.cameras import Cameras
+from semgs.robotics.boxes import Box
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +62,9 @@ class Prediction:
         seconds_encode: from its inputs to its scene; None if not measured.
         seconds_render: from its scene to this view.
         one_pass: what the method predicts before it refines its scene; None if it does not refine.
+        instances: the number of the thing at each pixel, 0 = none; None if things are not searched.
+        boxes: class and box of each thing of the scene, in the level frame; None if things are not searched, or without boxes.
+        level_from_world: from the world of the contexts to that frame, a rotation.
     """
 
     labels: UInt8[Tensor, "h w"] | None = None
@@ -70,6 +75,9 @@ class Prediction:
     seconds_render: float | None = None
     confidences: Float[Tensor, "h w"] | None = None
     one_pass: Prediction | None = None
+    instances: Int32[Tensor, "h w"] | None = None
+    boxes: tuple[tuple[int, Box], ...] | None = None
+    level_from_world: Float64[np.ndarray, "3 3"] | None = None
 
     def copy(self) -> Prediction:
         """A copy with its own memory."""
@@ -101,6 +109,8 @@ def write_prediction(folder: Path, task: Task, prediction: Prediction) -> None:
     write_maps(folder, task.stem, prediction, task.scene.unit == "metric")
     if prediction.unseen is not None:
         write_png(folder / f"{task.stem}.unseen.png", prediction.unseen.numpy().astype(np.uint8) * 255)
+    if prediction.instances is not None:
+        write_png(folder / f"{task.stem}.instance.png", prediction.instances.numpy().astype(np.uint16))
 
 
 def write_maps(folder: Path, stem: str, maps: Prediction, metric: bool) -> None:

@@ -7,8 +7,9 @@ A protocol is a function from a scene and a number of views to a list of samples
 from __future__ import annotations
 
 import re
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import Literal
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from semgs.data.choosing.choice import frames_around
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
+from semgs.files.strict_json import read_json
 
 PEERS_SPAN = 700
 """S-Ray and GSNeRF use only this many frames of a scene."""
@@ -24,6 +26,11 @@ PEERS_FIRST_TARGET = 2
 PEERS_TARGET_STEP = 20
 PEERS_TARGETS = 10
 
+
+LSM_VIEWS, LSM_FRAMES, LSM_HOLD, LSM_TARGETS = 2, 30, 8, (1, 4)
+LSM_IGNORED = "scene0696_02"
+LSM_SIZE = (256, 256)
+"""The protocol of LSM and Uni3R; images are cropped to this (height, width) [px]."""
 
 ASIDE = re.compile(r"aside_\d+_(\d+)(cm|deg)")
 """Stems of targets that `semgs rooms --aside` draws, such as aside_0_20cm."""
@@ -77,6 +84,73 @@ def aside(scene: Scene, views: int) -> list[TargetSample]:
     if len(contexts) != views:
         raise InputError(scene.path, f"{views} input views", f"{len(contexts)}", advice=f"use --views {len(contexts)}")
     return [TargetSample(contexts, target) for target in targets]
+
+
+def lsm(scene: Scene, views: int, listed: Mapping[str, Sequence[str]] | None = None) -> list[TargetSample]:
+    """The frames of LSM, Uni3R, C3G and EPS3D: of 30 frames of a scan, those at positions 1, 4, 9, 12, ... are targets, each with the two beside it as contexts.
+
+    https://github.com/HorizonRobotics/Uni3R: data_process/data.md, uni3r/datasets/testdata.py. The text says "30 frames at regular intervals"; without
+    the authors' list, ours are those numbered 0, s, 2 s, ..., with s = the number of frames // 30. A scan of which one of the 30 has no pose is left out, as theirs.
+
+    Args:
+        scene: a scan of ScanNet.
+        views: 2.
+        listed: names of the frames of each scan, in order; by default those of the rule.
+
+    Returns:
+        The samples; none for a scan that is left out.
+
+    Raises:
+        InputError: another number of views, or the scene has fewer than 30 frames, or lacks one that is listed.
+    """
+    if views != LSM_VIEWS:
+        raise InputError(scene.path, f"{LSM_VIEWS} input views for the protocol lsm", f"{views}")
+    positions = {PurePosixPath(frame.name).stem: position for position, frame in enumerate(scene.frames)}
+    numbers = {int(stem): position for stem, position in positions.items() if stem.isdecimal()}
+    if listed is not None:
+        frames = listed[scene.name]
+        named = [positions.get(name, numbers.get(int(name)) if name.isdecimal() else None) for name in frames]
+        if None in named:
+            raise InputError(scene.path, f"the frame {frames[named.index(None)]} of the list", "none with a pose")
+        chosen = [position for position in named if position is not None]
+    else:
+        step = (max(numbers, default=0) + 1) // LSM_FRAMES
+        if not step:
+            raise InputError(scene.path, f"{LSM_FRAMES} or more numbered frames", f"{len(numbers)}")
+        if any(step * index not in numbers for index in range(LSM_FRAMES)):
+            return []
+        chosen = [numbers[step * index] for index in range(LSM_FRAMES)]
+    last = len(chosen) - 1
+    return [
+        TargetSample((chosen[max(index - 1, 0)], chosen[min(index + 1, last)]), chosen[index])
+        for index in range(len(chosen))
+        if index % LSM_HOLD in LSM_TARGETS and 0 < index < last
+    ]
+
+
+def read_lsm_list(path: str | Path, scans: Collection[str]) -> dict[str, tuple[str, ...]]:
+    """The frames of each scan in a list as LSM's `selected_seqs_test.json`: {"scene0686_01": ["0", "40", ...]}, in the order of their names.
+
+    Args:
+        path: of the file.
+        scans: the names of the scans that there are.
+
+    Raises:
+        InputError: the file has another form, or names a scan that is missing.
+    """
+    content = read_json(path, "a list of the frames of each scan")
+    expected = 'frames of each scan, {"scene0686_01": ["0", "40", ...]}'
+    if not isinstance(content, dict) or not all(isinstance(frames, list) for frames in content.values()):
+        raise InputError(path, expected, "something else")
+    found = {}
+    for scan, frames in content.items():
+        if any(not isinstance(name, str) for name in frames):
+            raise InputError(path, expected, f"{frames!r:.60}", key=scan)
+        if frames and scan != LSM_IGNORED:
+            if scan not in scans:
+                raise InputError(path, f"scans of the data, such as {next(iter(scans))}", f"{scan}, which is missing")
+            found[scan] = tuple(sorted(frames))
+    return found
 
 
 def peers(scene: Scene, views: int, distance: Literal["sray", "gsnerf"] = "sray") -> list[TargetSample]:

@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from semgs.data.bounds.depth_range import DepthRange
-from semgs.data.resampling import Fit
 from semgs.data.views import Views, joined
 from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.predictions import Inputs
 
-FIT: Fit = "stretch"
-"""What is done with images of another aspect than the evaluation, as for `Scene.read`."""
-
 
 def read_frame(task: Task, position: int, bounds: DepthRange | tuple[float, float]) -> Views:
-    """Read a frame of the task's scene as one view at the size of the evaluation, stretched to it.
+    """Read a frame of the task's scene as one view at the size of the evaluation.
 
     Raises:
         InputError: one of its files cannot be used.
     """
-    return task.scene.read([position], task.size, bounds, fit=FIT)
+    return task.scene.read([position], task.size, bounds, fit=task.fit)
 
 
 def read_views(task: Task, depth_range: tuple[float, float] | None = None) -> dict[int, Views]:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int32, UInt8
 from torch import Tensor
 
 from semgs.data.maps import read_labels
@@ -20,12 +20,17 @@ from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.figures.depth_images import MILLIMETRES
 from semgs.files.arrays import read_map
 from semgs.files.errors import InputError
-from semgs.files.images.pictures import read_header, read_rgb, read_uint16
+from semgs.files.images.pictures import read_header, read_numbers, read_rgb, read_uint16
 from semgs.files.paths import found_at
 from semgs.files.strict_json import read_json
 from semgs.files.text import listed
 
-KINDS = {"labels": (".png",), "colour": (".colour.png",), "depth": (".depth.png", ".depth.npy")}
+KINDS = {
+    "labels": (".png",),
+    "colour": (".colour.png",),
+    "depth": (".depth.png", ".depth.npy"),
+    "things": (".instance.png",),
+}
 """What can be predicted, and the file endings, in the order in which they are tried."""
 
 TIMING = "timing.json"
@@ -87,12 +92,13 @@ class SavedPredictions:
         Raises:
             InputError: a file cannot be used, or contains a label outside the scene's class table.
         """
-        labels, colour, depth = (self._file(kind, task) for kind in KINDS)
+        labels, colour, depth, things = (self._file(kind, task) for kind in KINDS)
         seconds = _timing(self.folder / f"N{task.views}" / TIMING)
         return Prediction(
             labels=None if labels is None or task.scene.classes is None else _labels(labels, task, task.scene.classes),
             image=None if colour is None else _picture(colour, task),
             depths=None if depth is None else _depths(depth, task),
+            instances=None if things is None else _things(things, task),
             seconds_encode=seconds.get("seconds_encode"),
             seconds_render=seconds.get("seconds_render"),
         )
@@ -105,7 +111,7 @@ class SavedPredictions:
     def _missing(self, kind: str, tasks: tuple[Task, ...]) -> tuple[int, list[str]]:
         """For how many targets a kind is needed, and which files are missing."""
         if kind != "colour":
-            attribute = "labels" if kind == "labels" else "depth"
+            attribute = {"labels": "labels", "depth": "depth", "things": "instances"}[kind]
             tasks = tuple(task for task in tasks if getattr(task.scene.frames[task.sample.target], attribute))
         return len(tasks), [f"{task.stem}{KINDS[kind][0]}" for task in tasks if self._file(kind, task) is None]
 
@@ -147,6 +153,11 @@ def _depths(path: Path, task: Task) -> Float[Tensor, "h w"]:
         depths = loaded.astype(np.float32)
     depths = _of_size(path, depths, task)
     return torch.from_numpy(np.where(np.isfinite(depths) & (depths > 0), depths, np.float32(0)))
+
+
+def _things(path: Path, task: Task) -> Int32[Tensor, "h w"]:
+    """Predicted numbers of things."""
+    return torch.from_numpy(_of_size(path, read_numbers(path).astype(np.int32), task))
 
 
 def _of_size(path: Path, values: np.ndarray, task: Task) -> np.ndarray:

@@ -14,6 +14,7 @@ from semgs.data.tables.classes import IGNORE
 from semgs.data.views import Views
 from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.predictions import Prediction
+from semgs.evaluation.scoring.panoptic import Segments
 from semgs.evaluation.scoring.similarity import PerceptualDistance, ssim
 from semgs.objectives.map_scores import Maps, MapScores, map_scores
 from semgs.objectives.metrics import DepthScores
@@ -38,6 +39,8 @@ class FrameScores:
         confidences: the labelled and seen pixels by their confidence, as `semgs.objectives.selective` counts them.
         psnr_edges, depth_edges, psnr_gradients, made_up, flyers: as in `semgs.evaluation.scoring.aside_scores.AsideScores`; None for targets that are not aside.
         merged, merged_truth: `confusion` and `truth` by groups of classes; not saved, and None unless requested.
+        segments: the segments that truth and prediction share; None unless requested.
+        boxes: the numbers of `semgs.evaluation.scoring.panoptic.count_boxes`; None unless requested.
         hidden: pixels that count in none of them; not saved.
         fragments: share of the predicted class map in tiny regions (`paper.ablate.fragments`); not saved, and None unless requested.
     """
@@ -68,6 +71,8 @@ class FrameScores:
     flyers: float | None = None
     merged: Int64[np.ndarray, "group group"] | None = None
     merged_truth: Int64[np.ndarray, " group"] | None = None
+    segments: Segments | None = None
+    boxes: tuple[int, ...] | None = None
 
     def by_groups(self, groups: ClassGroups) -> FrameScores:
         """The same, with counts by groups of classes."""

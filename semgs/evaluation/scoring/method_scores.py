@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,6 +19,7 @@ from semgs.evaluation.frames.reading import make_inputs, read_frame, read_views
 from semgs.evaluation.scoring.aside_scores import aside_scores
 from semgs.evaluation.scoring.baselines import copy_nearest, predict_majority, warp_contexts
 from semgs.evaluation.scoring.frame_scores import FrameScores, score
+from semgs.evaluation.scoring.panoptic import Rule, count_boxes, count_segments, true_boxes
 from semgs.evaluation.scoring.similarity import PerceptualDistance, perceptual_distance
 from semgs.evaluation.scoring.summary import find_extremes
 from semgs.runtime.argument_types import check_type
@@ -66,6 +67,7 @@ def score_method(
     save: bool = True,
     workers: int = 0,
     done: Callable[[int], object] = lambda count: None,
+    panoptic: Rule | None = None,
 ) -> list[MethodScores]:
     """Score a method and the baselines on every target of a plan.
 
@@ -76,6 +78,7 @@ def score_method(
         save: write the predictions.
         workers: parallel processes, each with one thread; 0 uses this process and its threads.
         done: called after each target with the number of finished targets.
+        panoptic: the rule of panoptic quality; None for none.
 
     Raises:
         InputError: a frame or prediction cannot be used.
@@ -83,7 +86,7 @@ def score_method(
         OSError: the disk is full.
     """
     check_type("the plan is", plan, FramePlan, "FramePlan, as semgs.evaluation.frames.frame_plan makes it")
-    scorer = _TargetScorer(method, plan.depth_range, folder, save, perceptual_distance())
+    scorer = _TargetScorer(method, plan.depth_range, folder, save, perceptual_distance(), panoptic)
     scores: dict[int, list[_TargetScores]] = {views: [] for views in plan.views}
     shown: dict[int, list[tuple[FrameScores, Prediction]]] = {views: [] for views in plan.views}
     with closing(outcomes(scorer, plan.tasks, workers)) as results:
@@ -119,6 +122,7 @@ class _TargetScorer:
     folder: Path
     save: bool
     perceptual: PerceptualDistance | None
+    panoptic: Rule | None
 
     def __call__(self, task: Task) -> tuple[_TargetScores, Prediction]:
         """The scores of a target, and the prediction."""
@@ -141,13 +145,32 @@ class _TargetScorer:
             return replace(scores, **vars(aside_scores(given, target, unseen)))
 
         scores = _TargetScores(
-            method=scored(prediction),
+            method=self._with_things(scored(prediction), task, prediction, views),
             one_pass=None if prediction.one_pass is None else scored(prediction.one_pass),
             copy=scored(copy_nearest(ordered[0])),
             warp=None if warped is None else scored(warped),
             truth=_hash_truth(target),
         )
         return scores, prediction
+
+    def _with_things(
+        self, scores: FrameScores, task: Task, prediction: Prediction, views: Mapping[int, Views]
+    ) -> FrameScores:
+        """Scores with those of things, if they are requested and the target's true things are known."""
+        target, frames = views[task.sample.target], task.scene.frames
+        numbers = frames[task.sample.target].things(target, task.fit)
+        if self.panoptic is None or numbers is None or target.labels is None or prediction.labels is None:
+            return scores
+        given = np.zeros(task.size, np.int32) if prediction.instances is None else prediction.instances.numpy()
+        truth, found = (target.labels[0].numpy(), numbers), (prediction.labels.numpy(), given)
+        scores = replace(scores, segments=count_segments(truth, found, target.classes, self.panoptic))
+        if prediction.boxes is None or prediction.level_from_world is None:
+            return scores
+        shown = [
+            (views[position], frames[position].things(views[position], task.fit)) for position in task.sample.contexts
+        ]
+        boxes = true_boxes(shown, target.classes, prediction.level_from_world)
+        return replace(scores, boxes=None if boxes is None else count_boxes(boxes, prediction.boxes))
 
 
 def _keep_extremes(frames: list[tuple[FrameScores, Prediction]]) -> list[tuple[FrameScores, Prediction]]:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import torch
 from jaxtyping import Int64
 
+from semgs.data.tables.classes import IGNORE
 from semgs.evaluation.scoring.frame_scores import FrameScores
+from semgs.evaluation.scoring.panoptic import Rule, Segments
 from semgs.evaluation.scoring.summary import ASIDE_METRICS
 from semgs.objectives.metrics import DepthScores, accuracy, class_accuracy, miou
 from semgs.objectives.selective import LEVELS
@@ -25,7 +27,7 @@ def encode_scores(frame: FrameScores) -> dict[str, Any]:
     """The scores of a target, ready for JSON.
 
     `confusion` lists "true predicted pixels" of each pair that occurs; `truth` likewise "class pixels"; `confidences` "level 0 pixels" and "level 1 pixels
-    that are right".
+    that are right"; `segments` "true class, true thing, predicted class, predicted thing, pixels" of each pair.
     """
     found: dict[str, Any] = {"scene": frame.scene, "target": frame.target, "contexts": list(frame.contexts)}
     if frame.confusion is not None and frame.truth is not None:
@@ -54,6 +56,14 @@ def encode_scores(frame: FrameScores) -> dict[str, Any]:
         found["truth"] = _sparse(frame.truth)
     if frame.confidences is not None:
         found["confidences"] = _sparse(frame.confidences)
+    if frame.segments is not None:
+        found["segments"] = {
+            "rule": frame.segments.rule,
+            "things": list(frame.segments.things),
+            "pairs": ", ".join(" ".join(map(str, row)) for row in frame.segments.pairs.tolist()),
+        }
+    if frame.boxes is not None:
+        found["boxes"] = list(frame.boxes)
     return found
 
 
@@ -83,6 +93,8 @@ def decode_scores(entry: dict[str, Any], classes: int) -> FrameScores:
         target=str(entry["target"]),
         contexts=tuple(entry["contexts"]),
         depth=_depth(entry, "depth_abs_rel", "depth_delta_125", "depth_pixels"),
+        segments=_segments(entry["segments"], classes) if "segments" in entry else None,
+        boxes=_boxes(entry["boxes"]) if "boxes" in entry else None,
         depth_seen=_depth(entry.get("depth_seen") or {}, "abs_rel", "delta", "pixels"),
         **values,
     )
@@ -93,6 +105,24 @@ def _depth(entry: dict[str, Any], error: str, delta: str, pixels: str) -> DepthS
     if entry.get(error) is None:
         return None
     return DepthScores(float(entry[error]), float(entry[delta]), int(entry[pixels]))
+
+
+def _segments(entry: dict[str, Any], classes: int) -> Segments:
+    """Segments from JSON."""
+    if entry["rule"] not in get_args(Rule):
+        raise ValueError(f"{entry['rule']!r:.40} is no rule of panoptic quality")
+    pairs = np.array([row.split() for row in entry["pairs"].split(", ")], np.int64)
+    known = (pairs[:, :4:2] < classes) | (pairs[:, :4:2] == IGNORE)
+    if pairs.shape[1:] != (5,) or not known.all() or (pairs < 0).any():
+        raise ValueError("segments are no rows of two classes, each with a thing, and pixels")
+    return Segments(entry["rule"], classes, tuple(map(int, entry["things"])), pairs)
+
+
+def _boxes(entry: list[Any]) -> tuple[int, ...]:
+    """Numbers of boxes from JSON."""
+    if len(entry) != 4 or not all(type(one) is int and one >= 0 for one in entry):
+        raise ValueError(f"{entry!r:.40} are no numbers of boxes")
+    return tuple(entry)
 
 
 def number(value: object) -> float | None:

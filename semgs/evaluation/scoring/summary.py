@@ -11,6 +11,8 @@
 | aurc, ece, covered_95 | over the labelled and seen pixels of all targets: `semgs.objectives.selective` |
 | unseen | share of all pixels |
 | psnr_edges, depth_edges, psnr_gradients, made_up, flyers | of targets aside: `semgs.evaluation.scoring.aside_scores`; mean over targets |
+| pq, sq, rq, instance_miou | of classes and things: `semgs.evaluation.scoring.panoptic` |
+| box_recall_25, box_precision_25, box_recall_50, box_precision_50 | share of the true boxes that are found, and of the found ones that are true |
 | not_given | share of the labelled pixels without a predicted class |
 
 Means over classes use the classes that occur in the truth, of the whole set or of the image.
@@ -28,6 +30,7 @@ import torch
 from jaxtyping import Float, Int, Int64
 
 from semgs.evaluation.scoring.frame_scores import FrameScores
+from semgs.evaluation.scoring.panoptic import joined, qualities, tally
 from semgs.objectives.measures import TITLES
 from semgs.objectives.metrics import accuracy, class_accuracy, intersection_over_union, miou
 from semgs.objectives.selective import area_under_risk_coverage, coverage_at_risk, equal_mass_calibration_error
@@ -47,6 +50,10 @@ MERGED_METRICS = ("miou_merged", "accuracy_merged")
 
 ASIDE_METRICS = ("psnr_edges", "depth_edges", "psnr_gradients", "made_up", "flyers")
 """Metrics of targets aside (`semgs.evaluation.scoring.aside_scores`)."""
+
+PANOPTIC_METRICS = ("pq", "sq", "rq", "instance_miou")
+BOX_METRICS = ("box_recall_25", "box_precision_25", "box_recall_50", "box_precision_50")
+"""Metrics of things (`semgs.evaluation.scoring.panoptic`)."""
 
 RISK = 0.05
 """The share of wrong pixels up to which `covered_95` counts."""
@@ -107,6 +114,8 @@ def group_metrics(frames: Sequence[FrameScores]) -> list[MetricGroup]:
             ((f"{name}_per_image_seen",), f"{name}_seen", partial(_means_over_scenes, f"{name}_seen"))
             for name in ("miou", "accuracy")
         ),
+        (PANOPTIC_METRICS, "segments", _panoptic_values),
+        (BOX_METRICS, "boxes", _box_values),
         (DEPTH_METRICS, "depth", partial(_depth_values, "depth", ("abs_rel", "delta"))),
         (("depth_abs_rel_seen",), "depth_seen", partial(_depth_values, "depth_seen", ("abs_rel",))),
     )
@@ -254,6 +263,38 @@ def _merged_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Value
     def values(times: np.ndarray, scene_times: np.ndarray) -> np.ndarray:
         total = torch.from_numpy((times @ flat).astype(np.int64).reshape(-1, *confusions.shape[1:]))
         return np.stack([miou(total, torch.from_numpy(times @ truths > 0)).numpy(), accuracy(total).numpy()])
+
+    return values
+
+
+def _panoptic_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
+    """Computes `PANOPTIC_METRICS`."""
+    held = [frame.segments for frame in frames if frame.segments is not None]
+    as_eps3d = held[0].rule == "eps3d"
+    keys = [(frame.scene, frame.contexts) if as_eps3d else number for number, frame in enumerate(frames)]
+    groups = list(dict.fromkeys(keys))
+    share = np.array([[key == group for group in groups] for key in keys], np.float64)
+    share /= share.sum(0)
+    tallies = [tally(joined([held[number] for number in np.flatnonzero(column)])) for column in share.T]
+    counts, best = np.stack([one.counts for one in tallies]), np.stack([one.best for one in tallies])
+    each = np.stack([qualities(one.counts, one.occurs) for one in tallies])
+
+    def values(times: np.ndarray, scene_times: np.ndarray) -> np.ndarray:
+        weights = times @ share
+        sums = weights @ best
+        found = weights @ each / weights.sum(1)[:, None] if as_eps3d else qualities(np.tensordot(weights, counts, 1))
+        return np.concatenate((found.T, _ratio(sums[:, 0], sums[:, 1])[None]))
+
+    return values
+
+
+def _box_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
+    """Computes `BOX_METRICS`."""
+    counts = np.array([frame.boxes for frame in frames], np.int64)
+
+    def values(times: np.ndarray, scene_times: np.ndarray) -> np.ndarray:
+        true, found, *hits = (times @ counts).T
+        return np.stack([_ratio(hit, of) for hit in hits for of in (true, found)])
 
     return values
 

@@ -9,10 +9,16 @@ from typing import Any
 
 from semgs._version import __version__
 from semgs.evaluation.scoring.intervals import paired_differences
-from semgs.evaluation.scoring.summary import LOWER_IS_BETTER, MERGED_METRICS, SEEN_METRICS
+from semgs.evaluation.scoring.summary import (
+    BOX_METRICS,
+    LOWER_IS_BETTER,
+    MERGED_METRICS,
+    PANOPTIC_METRICS,
+    SEEN_METRICS,
+)
 from semgs.evaluation.tables.evaluation_report import COMPARED, SavedReport, SavedResult, worse_than_copy
 from semgs.evaluation.tables.published_results import MARK, PublishedTable
-from semgs.evaluation.tables.score_cells import score_cells
+from semgs.evaluation.tables.score_cells import interval_cells, score_cells
 from semgs.evaluation.tables.table_grid import Cell, Grid
 from semgs.files.errors import InputError
 from semgs.files.text import counted
@@ -275,6 +281,20 @@ def kinds_grid(report: SavedReport) -> Grid | None:
             "but the true surface is over 1.25 times as far.",
         ),
     )
+
+
+def things_grid(report: SavedReport) -> Grid | None:
+    """The metrics of things, with their intervals; None if things were not scored."""
+    shown = (*PANOPTIC_METRICS, *BOX_METRICS)
+    rows = [
+        (Cell(f"{report.name}, {views} views"), *interval_cells(result.numbers, shown))
+        for views, result in report.results.items()
+        if result.numbers.get("pq") is not None
+    ]
+    if not rows:
+        return None
+    note = "Things are matched in the image above an IoU of one half, and by their boxes in metres. Means over classes; boxes over all things."
+    return Grid(title="Things", head=("method", *[TITLES[metric] for metric in shown]), rows=tuple(rows), notes=(note,))
 
 
 def distinct_names(reports: Sequence[SavedReport]) -> list[str]:

@@ -48,7 +48,8 @@ def notes(plan: FramePlan, scenes: Sequence[Scene], rows: Sequence[MethodScores]
 def _left_out(plan: FramePlan, scenes: Sequence[Scene]) -> list[str]:
     """Scenes that are not in the plan."""
     unused = [scene.name for scene in scenes if scene not in plan.scenes]
-    return [f"Left out, because the list of frames does not contain them: {listed(unused)}."] if unused else []
+    why = "one of their 30 frames has no pose" if plan.protocol == "lsm" else "the list of frames does not contain them"
+    return [f"Left out, because {why}: {listed(unused)}."] if unused else []
 
 
 def _without_truth(plan: FramePlan) -> list[str]:
@@ -81,11 +82,12 @@ def _stretched(plan: FramePlan) -> list[str]:
     """Scenes whose images change their aspect ratio."""
     found = []
     for scene in plan.scenes:
-        height, width = next(task.size for task in plan.tasks if task.scene is scene)
+        task = next(task for task in plan.tasks if task.scene is scene)
+        height, width = task.size
         rows, columns = scene.frames[0].lens.size
         if abs(height * columns / (width * rows) - 1) > STRETCH_TOLERANCE:
             found.append(
-                f"The images of {scene.name} and their cameras are stretched from {rows}x{columns} to {height}x{width} "
+                f"The images of {scene.name} and their cameras are {task.fit}{'ed' if task.fit == 'stretch' else 'ped'} from {rows}x{columns} to {height}x{width} "
                 "(height x width)."
             )
     return found

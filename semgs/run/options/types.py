@@ -20,7 +20,7 @@ from semgs.viewer.access import host_name
 SMALLEST_SIDE, LARGEST_SIDE = 32, 4096
 """Limits for the sides of images [px]."""
 
-PROTOCOLS = ("neighbours", "peers", "aside", "pinned FILE")
+PROTOCOLS = ("neighbours", "peers", "aside", "lsm [FILE]", "pinned FILE")
 """The protocols, as they are typed."""
 
 DEVICES = ("auto", "cpu", "cuda")
@@ -121,10 +121,10 @@ def _protocol(typed: list[str]) -> tuple[str, ...]:
     name, *file = typed or ("",)
     if typed == ["pinned"]:
         raise ValueError("expected a FILE after pinned, the frames.json or report.json of an evaluation, found none")
-    if name not in [known.split()[0] for known in PROTOCOLS] or len(file) != (name == "pinned"):
+    if name not in [known.split()[0] for known in PROTOCOLS] or len(file) > (name in ("pinned", "lsm")):
         raise ValueError(f"expected one of {', '.join(PROTOCOLS)}, found {' '.join(typed)!r}")
     if file and not typed_path(file[0]).is_file():
-        raise UsageError(f"{file[0]}: expected a frames.json or report.json, found no such file")
+        raise UsageError(f"{file[0]}: expected a list of frames, such as frames.json, found no such file")
     return tuple(typed)
 
 
@@ -161,7 +161,7 @@ Protocol = Annotated[
     tuple[str, ...],
     words("*", "NAME [FILE]", _protocol),
 ]
-"""("neighbours",), ("peers",), ("aside",), or ("pinned", FILE)."""
+"""("neighbours",), ("peers",), ("aside",), ("lsm",), ("lsm", FILE), or ("pinned", FILE)."""
 
 AllowedHosts = Annotated[
     tuple[Annotated[str, one_word("NAME", host_name)], ...], tyro.conf.UseAppendAction, optional("NAME")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int, UInt8
+from jaxtyping import Float32, Float64, Int, UInt8, UInt16
 
 from semgs.data.tables.classes import IGNORE
 from semgs_rooms.drawing import light_kernels
@@ -79,6 +79,16 @@ def look(
     depths = (planes[:, 3] - planes[:, :3] @ world_from_camera[:3, 3]) / (planes[:, :3] * directions).sum(-1)
     labels = room.solids.labels[room.owners[triangles]]
     return np.where(triangles < 0, IGNORE, labels), np.where(triangles < 0, 0.0, depths)
+
+
+def things(room: Room, world_from_camera: Float64[np.ndarray, "4 4"], camera: RoomCamera) -> UInt16[np.ndarray, "h w"]:
+    """The number of the piece of furniture at each pixel's centre, from 1; 0 for the room itself."""
+    directions = pixel_directions(world_from_camera, camera.intrinsics, centres(camera.size))
+    triangles, _ = room.caster.cast(np.broadcast_to(world_from_camera[:3, 3], directions.shape), directions)
+    piece = np.zeros(len(room.plan.parts) + 1, np.uint16)
+    for number, (first, end) in enumerate(room.plan.pieces, 1):
+        piece[first:end] = number
+    return piece[np.where(triangles < 0, -1, room.owners[triangles])].reshape(camera.size)
 
 
 def photograph(room: Room, world_from_camera: Float64[np.ndarray, "4 4"], camera: RoomCamera) -> RenderedFrame:

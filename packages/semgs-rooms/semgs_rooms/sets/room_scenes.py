@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from jaxtyping import Float64, UInt16
 
 from semgs._version import __version__
 from semgs.data.maps import MILLIMETRE
@@ -19,7 +20,8 @@ from semgs.files.atomic import write_bytes, write_json
 from semgs.files.folders import own_folder
 from semgs.files.images.pictures import jpeg_bytes, write_png
 from semgs_rooms.assets.asset_library import Library
-from semgs_rooms.drawing.room import build_room
+from semgs_rooms.drawing.room import Room, build_room
+from semgs_rooms.drawing.shading import RoomCamera, things
 from semgs_rooms.plans.floor_plan import FloorPlan
 from semgs_rooms.plans.style import STYLES, Style
 from semgs_rooms.sets.carried_cameras import draw_camera, draw_habit, draw_path
@@ -42,12 +44,14 @@ class DrawnScene:
         plan: of the room.
         files: of the assets in the room.
         names: of the views, as stems of their files; None for numbers.
+        things: the number of the piece of furniture at each pixel of the views, from 1; 0 for the room itself.
     """
 
     views: Views
     plan: FloorPlan
     files: tuple[str, ...] = ()
     names: tuple[str, ...] | None = None
+    things: tuple[UInt16[np.ndarray, "h w"], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -108,18 +112,30 @@ def draw_scene(settings: RoomSettings, index: int) -> DrawnScene:
     if settings.aside:
         path = keep_overlap(rng, room, draw_path(rng, room, camera, 0.5, habit), camera, habit.overlap)
         named = views_aside(room, path.pose(-0.5), path.pose(0.5), camera)
-        return DrawnScene(shoot(rng, room, [*named.values()], camera), room.plan, room.files, tuple(named))
+        return _drawn(rng, room, [*named.values()], camera, tuple(named))
     reach = (settings.frames - 1) / 2
     path = keep_overlap(rng, room, draw_path(rng, room, camera, reach, habit), camera, habit.overlap)
     poses = [path.pose(float(s)) for s in np.linspace(-reach, reach, settings.frames)]
-    return DrawnScene(shoot(rng, room, poses, camera), room.plan, room.files)
+    return _drawn(rng, room, poses, camera)
+
+
+def _drawn(
+    rng: np.random.Generator,
+    room: Room,
+    poses: Sequence[Float64[np.ndarray, "4 4"]],
+    camera: RoomCamera,
+    names: tuple[str, ...] | None = None,
+) -> DrawnScene:
+    """What a camera sees from some poses in a room."""
+    numbers = tuple(things(room, pose, camera) for pose in poses)
+    return DrawnScene(shoot(rng, room, poses, camera), room.plan, room.files, names, numbers)
 
 
 def write_scene(folder: str | Path, settings: RoomSettings, index: int = 0) -> None:
     """Write room `index` of a set with these settings as a `transforms.json` folder. The folder appears only once it is complete.
 
     Images are JPEGs in `images/`, depths uint16 PNGs in millimetres in `depth/`, labels uint8 PNGs of ScanNet's 20 classes in
-    `labels/`, 255 = ignore. `room.json` says which room it is, how many pixels each class has and, with a library, which of its
+    `labels/`, 255 = ignore, and uint16 PNGs of the numbers of furniture pieces in `instances/`, 0 for none. `room.json` says which room it is, how many pixels each class has and, with a library, which of its
     files are in the room.
 
     Raises:
@@ -136,7 +152,7 @@ def write_scene(folder: str | Path, settings: RoomSettings, index: int = 0) -> N
     if settings.library is not None:
         record["assets"] = list(walk.files)
     with own_folder(folder, "rooms") as fresh:
-        write_views(fresh, walk.views, names=walk.names)
+        write_views(fresh, walk.views, names=walk.names, things=walk.things)
         write_json(fresh / ROOM, record)
 
 
@@ -153,15 +169,21 @@ def class_pixels(views: Views) -> dict[str, int]:
     return {**named, "ignored": int(counts[IGNORE])}
 
 
-def write_views(folder: Path, views: Views, quality: int = 92, names: Sequence[str] | None = None) -> None:
-    """Write unbatched views with labels and depths into an existing folder, under names or as 000, 001, ....
+def write_views(
+    folder: Path,
+    views: Views,
+    quality: int = 92,
+    names: Sequence[str] | None = None,
+    things: Sequence[UInt16[np.ndarray, "h w"]] = (),
+) -> None:
+    """Write unbatched views with labels and depths, and perhaps numbers of things, into an existing folder, under names or as 000, 001, ....
 
     Raises:
         ValueError: labels or depths are missing.
     """
     if views.labels is None or views.depths is None:
         raise ValueError("the views have no labels or no depths; both are needed")
-    for name in ("images", "depth", "labels"):
+    for name in ("images", "depth", "labels", *(["instances"] if things else [])):
         (folder / name).mkdir()
     frames = []
     for i in range(len(views)):
@@ -174,6 +196,9 @@ def write_views(folder: Path, views: Views, quality: int = 92, names: Sequence[s
         pose[:3, 1:3] *= -1  # OpenGL axes, as the format wants
         matrix = [[round(x, 9) for x in line] for line in pose.tolist()]
         files = {"file_path": f"images/{stem}.jpg", "depth_file_path": f"depth/{stem}.png"}
+        if things:
+            write_png(folder / "instances" / f"{stem}.png", things[i])
+            files["instance_file_path"] = f"instances/{stem}.png"
         frames.append({**files, "label_file_path": f"labels/{stem}.png", "transform_matrix": matrix})
     intrinsics = views.cameras.intrinsics[0]
     places = {"fl_x": (0, 0), "fl_y": (1, 1), "cx": (0, 2), "cy": (1, 2)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -53,6 +53,7 @@ class Evaluate:
     - neighbours: every inner frame is a target; its inputs are the nearest frames, alternately before and after
     - peers: the test frames and inputs of S-Ray; with --gsnerf-distance, the inputs that GSNeRF's code chooses
     - aside: in scenes of semgs rooms --aside, views 20 and 40 cm and 15 and 30 degrees off the input views, with metrics of edges
+    - lsm [FILE]: the test of LSM, Uni3R and C3G on ScanNet, from two views; see docs/reproduce.md
     - pinned FILE: the frames in frames.json or report.json of an earlier evaluation, or in an index of pixelSplat's form
 
     The output folder contains
@@ -88,7 +89,7 @@ class Evaluate:
     predictions: Annotated[Path | None, optional("DIR")] = None
     """Score another method's label maps instead of WEIGHTS: DIR/N2/SCENE/STEM.png, class number per pixel, 255 = no prediction."""
     protocol: Protocol = ("neighbours",)
-    """neighbours, peers, aside, or pinned FILE."""
+    """neighbours, peers, aside, lsm [FILE], or pinned FILE."""
     views: Annotated[SeveralViews, optional()] = ()
     """Numbers of input views. By default 2, 3 and 4, or those in the pinned file or the predictions."""
     size: AutoSize = None
@@ -108,6 +109,9 @@ class Evaluate:
     merge: Annotated[str, optional("alike|coarse13|FILE")] = ""
     """Add metrics of groups of classes: alike (table, desk and counter; chair and sofa; curtains), coarse13 (13 groups of ScanNet's 20), or a JSON file; see
     docs/evaluate.md."""
+    panoptic: Annotated[Literal["", "coco", "eps3d"], optional("coco|eps3d")] = ""
+    """Also find things, as semgs export --as objects does, and score them against the true ones: panoptic quality by the rule of COCO or by that of EPS3D, and
+    boxes. Needs scenes in metres with maps of instances."""
     single: bool = False
     """Score the classes of each image by itself."""
     allow_seen: bool = False
@@ -148,6 +152,7 @@ class Evaluate:
             data = open_labelled_scenes(self.data, self.reading.as_peers, self.reading.asked, self.scenes)
         check_apart(self.out, (place for scene in data.scenes for place in scene.places))
         plan = self._plan(data.scenes)
+        self._check_things(plan)
         with show_stage("Loading"):
             labelling = self.segmenting.labelling()
             device = chosen_device(self.device)
@@ -155,7 +160,7 @@ class Evaluate:
             depth = self._depth_maps()
             candidate = self._candidate(plan, data.classes, device, labelling, depth, precision)
             remarks = (*self._remarks(plan, labelling, depth), *self._computed(precision))
-            job = Job(data, plan, candidate, remarks, self.workers, self._groups(data.classes))
+            job = Job(data, plan, candidate, remarks, self.workers, self._groups(data.classes), self.panoptic or None)
         with what_fits(), show_progress(f"Evaluating {candidate.subject.name}", len(plan.tasks)) as done:
             summary = run_evaluation(self.out, job, overwrite=self.overwrite, done=done)
         print(summary)
@@ -246,6 +251,7 @@ class Evaluate:
             "--segmenter": self.segmenting.segmenter is not None,
             "--depth": self.depth is not None,
             "--merge": bool(self.merge),
+            "--panoptic": bool(self.panoptic),
         }
         if given := [option for option, is_given in refused.items() if is_given]:
             raise UsageError(f"--single classifies each image by itself, so it cannot go with {', '.join(given)}")
@@ -288,6 +294,7 @@ class Evaluate:
                 depth,
                 precision,
                 self.exposure,
+                bool(self.panoptic),
             )
 
     def _groups(self, classes: ClassTable | None) -> ClassGroups | None:
@@ -303,6 +310,29 @@ class Evaluate:
         if classes is None:
             raise InputError(self.data, "labelled scenes for --merge", "none with labels")
         return class_groups(self.merge, classes.names)
+
+    def _check_things(self, plan: FramePlan) -> None:
+        """Refuse scenes whose things cannot be scored.
+
+        Raises:
+            InputError: no target has a map of instances, or a scene is not in metres.
+        """
+        if not self.panoptic:
+            return
+        if all(task.scene.frames[task.sample.target].instances is None for task in plan.tasks):
+            raise InputError(self.data, "scenes with maps of instances for --panoptic", "none")
+        for scene in plan.scenes if self.weights else ():
+            if scene.unit != "metric":
+                raise InputError(
+                    scene.path,
+                    "lengths in metres for --panoptic",
+                    "an unknown unit",
+                    advice="if they are metres, use --unit metric",
+                )
+        if self.weights:
+            from semgs.robotics.object_libraries import check_object_libraries
+
+            check_object_libraries()
 
     def _depth_maps(self) -> Callable[[Scene], DepthMaps] | None:
         """The source of depth maps; None without the option."""
@@ -329,7 +359,7 @@ class Evaluate:
 
     def _check_table(self, theirs: ClassTable, classes: ClassTable | None) -> None:
         """Check that a segmenter answers in the classes of the labels."""
-        if classes is not None and theirs != classes:
+        if classes is not None and theirs != classes and theirs.within(classes) is None:
             assert self.segmenting.segmenter is not None
             raise InputError(
                 self.segmenting.segmenter, f"answers in the classes of the labels, {classes.name}", theirs.name

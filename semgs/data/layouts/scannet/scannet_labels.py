@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import UInt8
 
 from semgs.data.confined import may_read
-from semgs.data.tables.nyu40 import NAMES, scannet20_labels
+from semgs.data.paper_variants import GSNERF_LABELS, LSM8_LABELS
+from semgs.data.tables.nyu40 import NAMES, OTHERPROP, lsm8_labels, scannet20_labels
 from semgs.files.contents import read_text
 from semgs.files.errors import InputError
 
@@ -39,16 +40,24 @@ class LabelTable:
     by_id: dict[int, int]
     by_name: dict[str, int]
 
-    def labels(self, as_gsnerf: bool = False) -> UInt8[np.ndarray, " 65536"]:
-        """The label in `scannet20` of every 16-bit id; ids that are not in the table have none, like NYU40 id 0."""
-        return labels_of_ids(self.by_id, as_gsnerf)
+    def labels(self, as_peers: Collection[str] = ()) -> UInt8[np.ndarray, " 65536"]:
+        """As `labels_of_ids`."""
+        return labels_of_ids(self.by_id, as_peers)
 
 
-def labels_of_ids(nyu40: Mapping[int, int], as_gsnerf: bool = False) -> UInt8[np.ndarray, " 65536"]:
-    """The label in `scannet20` of every 16-bit id, given their NYU40 classes; other ids are treated as NYU40 id 0."""
+def labels_of_ids(nyu40: Mapping[int, int], as_peers: Collection[str] = ()) -> UInt8[np.ndarray, " 65536"]:
+    """The label of every 16-bit id, given their NYU40 classes; other ids are treated as NYU40 id 0, or, in `lsm8`, as "other".
+
+    Args:
+        nyu40: the classes.
+        as_peers: with `LSM8_LABELS`, labels in the table `lsm8`; otherwise in `scannet20`, perhaps as GSNeRF's (`GSNERF_LABELS`).
+    """
     classes = np.zeros(MOST_IDS, np.uint8)
     classes[list(nyu40)] = list(nyu40.values())
-    return scannet20_labels(as_gsnerf)[classes]
+    if LSM8_LABELS in as_peers:
+        classes[1:][classes[1:] == 0] = OTHERPROP
+        return lsm8_labels()[classes]
+    return scannet20_labels(GSNERF_LABELS in as_peers)[classes]
 
 
 def find_table(folder: Path) -> Path | None:

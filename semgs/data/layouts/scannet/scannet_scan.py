@@ -11,7 +11,7 @@ http://www.scan-net.org, https://github.com/ScanNet/ScanNet
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -25,10 +25,10 @@ from semgs.data.layouts.parts.usable_frames import numbered_files
 from semgs.data.layouts.scannet.intrinsics import PLACES, ScanCamera, find_camera, has_intrinsics
 from semgs.data.layouts.scannet.scannet_labels import FILE_NAME, find_table, labels_of_ids, read_table
 from semgs.data.layouts.scannet.sens import read_recording
-from semgs.data.maps import DepthMap, DepthThroughLens, IdMap, MapSource
-from semgs.data.paper_variants import GSNERF_LABELS, READINGS, ROWS_972
+from semgs.data.maps import DepthMap, DepthThroughLens, IdMap, InstanceMap, MapSource
+from semgs.data.paper_variants import GSNERF_LABELS, LSM8_LABELS, READINGS, ROWS_972
 from semgs.data.scene import Scene
-from semgs.data.tables.classes import SCANNET20
+from semgs.data.tables.classes import LSM8, SCANNET20
 from semgs.data.tables.nyu40 import NAMES
 from semgs.files.archives import members
 from semgs.files.errors import InputError, input_error
@@ -38,9 +38,10 @@ from semgs.files.stored import Stored
 
 LAYOUT = "ScanNet"
 LOOKED_FOR = "a ScanNet scan (SCAN.sens, or color/ and pose/)"
-APPLICABLE = (ROWS_972, GSNERF_LABELS)
+APPLICABLE = (ROWS_972, GSNERF_LABELS, LSM8_LABELS)
 
 FILTERED, UNFILTERED, UNZIPPED = "label-filt", "label", "*_2d-label-filt"
+THINGS, UNZIPPED_THINGS = "instance-filt", "*_2d-instance-filt"
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,7 @@ class ScanLabels:
     maps: Mapping[int, MapSource]
     notes: tuple[str, ...] = ()
     unread: InputError | None = None
+    instances: Mapping[int, Stored] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,7 @@ def _recorded(path: Path, named: Path, as_peers: Collection[str]) -> Scene:
             if (held := recording.depth(number)) is not None
         },
         depth_lens=depth,
-        labels=read_scan_labels(path.parent, GSNERF_LABELS in as_peers),
+        labels=read_scan_labels(path.parent, as_peers),
         notes=notes,
     ).scene(as_peers)
 
@@ -167,7 +169,7 @@ def _extracted(folder: Path, dialect: _Dialect, as_peers: Collection[str]) -> Sc
         camera=camera,
         depths={number: DepthMap(held) for number, held in depths.items()},
         depth_lens=depth_camera.lens if depth_camera else None,
-        labels=read_scan_labels(folder, GSNERF_LABELS in as_peers),
+        labels=read_scan_labels(folder, as_peers),
         notes=notes,
     ).scene(as_peers)
 
@@ -225,6 +227,7 @@ class _Scan:
                 world_from_camera=pose,
                 depth=self._depth(number),
                 labels=self.labels.maps.get(number),
+                instances=InstanceMap(self.labels.instances[number]) if number in self.labels.instances else None,
             )
             for number, pose in zip(posed, rigid, strict=True)
         )
@@ -235,7 +238,7 @@ class _Scan:
             layout=LAYOUT,
             unit="metric",
             frames=frames,
-            classes=SCANNET20 if labelled else None,
+            classes=(LSM8 if LSM8_LABELS in as_peers else SCANNET20) if labelled else None,
             unread_labels=self.labels.unread,
             notes=(
                 *self.notes,
@@ -290,7 +293,7 @@ def has_labels(folder: Path) -> bool:
     return (folder / FILTERED).is_dir() or bool(not_hidden(folder.glob(f"{UNZIPPED}*")))
 
 
-def read_scan_labels(folder: Path, as_gsnerf: bool) -> ScanLabels:
+def read_scan_labels(folder: Path, as_peers: Collection[str]) -> ScanLabels:
     """The label maps of a scan.
 
     Raises:
@@ -306,14 +309,15 @@ def read_scan_labels(folder: Path, as_gsnerf: bool) -> ScanLabels:
             advice = f"if they are NYU40's, name the folder {UNFILTERED}"
             raise InputError(first, "16-bit ids, as ScanNet has them", "8 bits", advice=advice)
         # scannet_frames_25k
-        labels = labels_of_ids({number: number for number in range(len(NAMES) + 1)}, as_gsnerf)
+        labels = labels_of_ids({number: number for number in range(len(NAMES) + 1)}, as_peers)
         return ScanLabels(_meant(maps, labels), ("The 8-bit labels are NYU40's, as in scannet_frames_25k.",))
     table = find_table(folder)
     if table is None:
         sentence = f"{FILE_NAME} is neither with the scan nor above it, so the labels cannot be read."
         return ScanLabels({}, (sentence,))
     try:
-        return ScanLabels(_meant(maps, read_table(table).labels(as_gsnerf)))
+        things = _maps_in(folder, THINGS, UNZIPPED_THINGS)
+        return ScanLabels(_meant(maps, read_table(table).labels(as_peers)), instances=things)
     except InputError as error:
         return ScanLabels({}, unread=error)
 
@@ -324,19 +328,25 @@ def _meant(maps: Mapping[int, Stored], labels: np.ndarray) -> dict[int, MapSourc
 
 
 def _label_maps(folder: Path) -> tuple[dict[int, Stored], str]:
-    """The label maps by frame number, and their kind. Extracted maps are preferred to those in a zip file."""
-    for place in (folder, *not_hidden(folder.glob(UNZIPPED))):
-        if found := numbered_files(place / FILTERED, endings=(".png",)):
-            return dict(found), FILTERED
-    archives = not_hidden(folder.glob(f"{UNZIPPED}.zip"))
-    if archives:
-        inside = {
-            int(Path(name).stem): member
-            for name, member in members(archives[0]).items()
-            if name.lower().endswith(".png") and Path(name).stem.isdecimal()
-        }
-        return dict(sorted(inside.items())), FILTERED
+    """The label maps by frame number, and their kind."""
+    if found := _maps_in(folder, FILTERED, UNZIPPED):
+        return found, FILTERED
     return dict(numbered_files(folder / UNFILTERED, endings=(".png",))), UNFILTERED
+
+
+def _maps_in(folder: Path, name: str, unzipped: str) -> dict[int, Stored]:
+    """The maps of a kind by frame number. Extracted maps are preferred to those in a zip file."""
+    for place in (folder, *not_hidden(folder.glob(unzipped))):
+        if found := numbered_files(place / name, endings=(".png",)):
+            return dict(found)
+    inside: dict[int, Stored] = {}
+    for archive in not_hidden(folder.glob(f"{unzipped}.zip"))[:1]:
+        inside = {
+            int(Path(member).stem): held
+            for member, held in members(archive).items()
+            if member.lower().endswith(".png") and Path(member).stem.isdecimal()
+        }
+    return dict(sorted(inside.items()))
 
 
 def _lens(path: Path, key: str, matrix: np.ndarray, size: tuple[int, int]) -> Lens:
