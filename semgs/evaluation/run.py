@@ -17,7 +17,7 @@ from semgs.depth_maps.depth_source import DepthMaps
 from semgs.evaluation.frames.frame_plan import FramePlan, frame_list, index_of, make_plan, read_plan
 from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.predictions import Method
-from semgs.evaluation.frames.protocols import LSM_SIZE, LSM_VIEWS, aside, lsm, neighbours, peers, read_lsm_list
+from semgs.evaluation.frames.protocols import LSM_SIZE, LSM_VIEWS, aside, lsm, neighbours, pairs, peers, read_lsm_list
 from semgs.evaluation.frames.saved import TIMING, SavedPredictions
 from semgs.evaluation.page.evaluation_page import evaluation_page
 from semgs.evaluation.scoring.method_scores import PREDICTIONS, score_method
@@ -48,8 +48,8 @@ from semgs.segmenters.labelling import Labelling
 VIEWS = (2, 3, 4)
 """The default numbers of contexts: the paper's."""
 
-ASIDE_VIEWS = (2,)
-"""Those of scenes drawn for targets aside."""
+ASIDE_VIEWS = PAIRS_VIEWS = (2,)
+"""Those of scenes drawn for targets aside, and of pairs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +152,7 @@ def plan_targets(
     """The plan of a protocol.
 
     Args:
-        protocol: ("neighbours",), ("peers",), ("aside",), ("lsm",), ("lsm", FILE), or ("pinned", FILE).
+        protocol: ("neighbours",), ("pairs",), ("peers",), ("aside",), ("lsm",), ("lsm", FILE), or ("pinned", FILE).
         scenes: to evaluate on.
         views: numbers of contexts; empty for the default, or those of the pinned file.
         size: (height, width) of all scenes [px]; None for the default, or that of the pinned file.
@@ -167,6 +167,8 @@ def plan_targets(
         listed = read_lsm_list(protocol[1], [scene.name for scene in scenes]) if protocol[1:] else None
         named = scenes if listed is None else [scene for scene in scenes if scene.name in listed]
         return make_plan("lsm", partial(lsm, listed=listed), named, views or (LSM_VIEWS,), size or LSM_SIZE, "crop")
+    if protocol[0] == "pairs":
+        return make_plan("pairs", pairs, scenes, views or PAIRS_VIEWS, size)
     if protocol[0] == "neighbours":
         return make_plan("neighbours", neighbours, scenes, views or VIEWS, size)
     if protocol[0] == "aside":

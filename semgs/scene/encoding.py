@@ -109,8 +109,11 @@ class Encoding:
             raise ValueError("the distributions do not sum to 1 over the classes")
         features = self.per_gaussian(distributions)
         features = features / features.sum(-1, keepdim=True)
-        shape = self.gaussians.semantic or self.gaussians.colour
-        semantic = replace(shape, features=features)
+        return self._with_features(features, classes)
+
+    def _with_features(self, features: Float[Tensor, "*batch g class"], classes: ClassTable) -> Encoding:
+        """The same Gaussians with class distributions over a table."""
+        semantic = replace(self.gaussians.semantic or self.gaussians.colour, features=features)
         return replace(self, gaussians=replace(self.gaussians, semantic=semantic), classes=classes, temperatures=None)
 
     def regrouped(self, classes: ClassTable) -> Encoding:
@@ -125,10 +128,9 @@ class Encoding:
         of = None if self.classes is None else self.classes.within(classes)
         if of is None or self.gaussians.semantic is None:
             raise ValueError(f"the classes of the Gaussians are not in the table {classes.name}")
-        shape = self.gaussians.semantic
-        member = torch.nn.functional.one_hot(torch.tensor(of), len(classes)).to(shape.features)
-        semantic = replace(shape, features=shape.features @ member)
-        return replace(self, gaussians=replace(self.gaussians, semantic=semantic), classes=classes, temperatures=None)
+        features = self.gaussians.semantic.features
+        member = torch.nn.functional.one_hot(torch.tensor(of), len(classes)).to(features)
+        return self._with_features(features @ member, classes)
 
     def per_gaussian(self, maps: Shaped[Tensor, "*batch v c h w"]) -> Float[Tensor, "*batch g c"]:
         """For each Gaussian the mean over the pixels that it stands for.

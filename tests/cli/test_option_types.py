@@ -70,7 +70,7 @@ def test_what_is_typed_becomes_what_a_command_uses(tmp_path: Path):
         ("--device tpu", "--device: expected one of auto, cpu, cuda, found 'tpu'"),
         (
             "--protocol neighbors",
-            "--protocol: expected one of neighbours, peers, aside, pinned FILE, found 'neighbors'",
+            "--protocol: expected one of neighbours, peers, pairs, aside, lsm \\[FILE\\], pinned FILE, found 'neighbors'",
         ),
         (
             "--protocol pinned",
@@ -111,7 +111,10 @@ def test_lengths_and_sizes_are_not_infinite(command: str, wanted: str, capsys: p
         ("--weights nowhere", "nowhere: expected a file of weights, or small .*, found nothing there"),
         ("--weights random", "random: expected a file of weights, or small .*, found nothing there"),
         ("--weights .", r"\.: expected a file of weights, or small .*, found a folder"),
-        ("--protocol pinned nowhere.json", "nowhere.json: expected a frames.json or report.json, found no such file"),
+        (
+            "--protocol pinned nowhere.json",
+            "nowhere.json: expected a list of frames, such as frames.json, found no such file",
+        ),
         (f"--weights {'n' * 400}", f"{'n' * 400}: expected a file of weights, or small .*, found nothing there"),
     ],
 )

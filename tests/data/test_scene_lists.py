@@ -21,7 +21,7 @@ from semgs.files.errors import InputError
 SIZES = {
     "scannet-train": 1201, "scannet-val": 312, "scannet-test": 100, "scannet-sray-train": 198, "scannet-sray-val": 3,
     "scannet-sray-test": 10, "scannet-gsnerf-train": 61, "scannet-gsnerf-test": 10, "replica-gsnerf-train": 12,
-    "replica-gsnerf-test": 4, "scannet-1000-without-sray": 1000, "scannet-1000-without-gsnerf": 1000,
+    "replica-gsnerf-test": 4, "scannet-1000-without-sray": 1000, "scannet-1000-without-gsnerf": 1000, "scannet-lsm": 49,
 }  # fmt: skip
 """As the peers' and ScanNet's own files have them."""
 

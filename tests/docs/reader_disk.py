@@ -77,7 +77,8 @@ def build(disk: Path) -> None:
     views = resized(room, SIZE)
     for scene in ("scans/office", *(f"{folder}/living" for folder in SCENE_SETS)):
         (disk / scene).mkdir(parents=True)
-        write_views(disk / scene, views)
+        things = [*(views.labels > 1).numpy().astype(np.uint16)] if scene == "data/rooms/living" else []
+        write_views(disk / scene, views, things=things)
     bags.robot(miniatures.miniature()).write(disk / "recording")
     taken = pycolmap_photos.take(disk / "photos", pycolmap_photos.poses_of(4))
     _write_predictions(disk, taken)
@@ -89,6 +90,7 @@ def build(disk: Path) -> None:
     for name in SCANS:
         scannet_writer.write_raw(disk / "scannet", scannet_writer.scan(lost=()), name)
     (disk / "some.txt").write_text("\n".join(SCANS))
+    (disk / "selected_seqs_test.json").write_text(json.dumps({"scene0690_00": ["10", "20", "30"]}))
     _write_networks(disk)
     _write_rooms_aside(disk / "data" / "aside")
     _write_answers(disk, views.labels.numpy())
@@ -218,6 +220,7 @@ def add_what_long_tests_need(disk: Path, assets: Path) -> None:
     """
     for name in ("scripts", "tests"):
         (disk / name).symlink_to(ROOT / name)
+    scannet_writer.write_extracted(disk / "scannet" / "lsm", scannet_writer.long_scan(64), "scene0690_00")
     scans = ("--data", "scannet/scans", "--scenes", "some.txt", "--protocol", "peers")
     run("evaluate", "small", *scans, "--views", "2", "--size", "48x64", "--out", "scored/scans")
     for method in ("methods/sray", "methods/gsnerf"):

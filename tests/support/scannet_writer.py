@@ -6,7 +6,7 @@ import io
 import zipfile
 import zlib
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -85,6 +85,19 @@ def scan(lost: Sequence[int] = (2, 4), colour_size: tuple[int, int] = COLOUR_SIZ
         np.stack(ids).astype(np.uint16),
         np.stack([photo.labels for photo in photos]),
         tuple(lost),
+    )
+
+
+def long_scan(frames: int, lost: int | None = None) -> Scan:
+    """A scan whose six frames repeat; in one of them, tracking was lost."""
+    six = scan(lost=())
+    order = np.arange(frames) % 6
+    poses = six.poses[order].copy()
+    if lost is not None:
+        poses[lost] = -np.inf
+    jpegs = tuple(six.jpegs[number] for number in order)
+    return replace(
+        six, poses=poses, jpegs=jpegs, depths=six.depths[order], ids=six.ids[order], labels=six.labels[order]
     )
 
 

@@ -59,6 +59,15 @@ class Task:
         return tuple(self.scene.frames[index].name for index in self.sample.contexts)
 
     @property
+    def others(self) -> tuple[str, ...]:
+        """The names of the other input frames."""
+        return tuple(self.scene.frames[index].name for index in self.sample.others)
+
+    def from_others(self) -> Task:
+        """The same target from the other input frames."""
+        return replace(self, sample=TargetSample(self.sample.others, self.sample.target))
+
+    @property
     def kind(self) -> str:
         """How far the target is aside of the input views, such as "20 cm"; empty for other targets."""
         return kind_aside(self.target)
@@ -158,7 +167,13 @@ def frame_list(plan: FramePlan) -> dict:
             "size": list(first.size),
             **({"fit": first.fit} if first.fit != "stretch" else {}),
             "samples": [
-                {"target": task.target, "contexts": list(task.contexts)} for task in plan.tasks if task.scene is scene
+                {
+                    "target": task.target,
+                    "contexts": list(task.contexts),
+                    **({"others": list(task.others)} if task.others else {}),
+                }
+                for task in plan.tasks
+                if task.scene is scene
             ],
         }
         for scene in plan.scenes
@@ -283,16 +298,18 @@ def _size(path: str | Path, value: object, place: str) -> tuple[int, int] | None
 def _sample(path: str | Path, scene: Scene, entry: object, place: str) -> TargetSample:
     """The sample with the given frames, by name or by position: two or more contexts and a target, all different."""
     held = entry if isinstance(entry, dict) else {}
-    contexts = held.get("contexts")
-    listed = [held.get("target"), *(contexts if isinstance(contexts, list) else [])]
+    contexts, others = held.get("contexts"), held.get("others", [])
+    given = [part if isinstance(part, list) else [None] for part in (contexts, others)]
+    listed = [held.get("target"), *given[0], *given[1]]
     names = [name for name in listed if isinstance(name, str) or type(name) is int]
-    if len(names) < 3 or len(names) < len(listed):
+    if len(given[0]) < 2 or len(names) < len(listed):
         raise InputError(path, "a target and two or more contexts, by name", f"{entry!r:.60}", key=place)
     with input_error(path, f"frames of {scene.name}", key=place):
         positions = [scene.index(name) for name in names]
     if len(set(positions)) != len(positions):
         raise InputError(path, "different frames", ", ".join(map(str, names)), key=place)
-    return TargetSample(tuple(positions[1:]), positions[0])
+    last = 1 + len(given[0])
+    return TargetSample(tuple(positions[1:last]), positions[0], tuple(positions[last:]))
 
 
 def _checked(plan: FramePlan) -> FramePlan:

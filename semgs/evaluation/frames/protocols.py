@@ -46,10 +46,17 @@ class TargetSample:
     Attributes:
         contexts: the input frames, in order.
         target: the frame to predict.
+        others: other input frames, from which it is predicted a second time, to see what changes; empty for none.
     """
 
     contexts: tuple[int, ...]
     target: int
+    others: tuple[int, ...] = ()
+
+    @property
+    def frames(self) -> tuple[int, ...]:
+        """All of them."""
+        return (*self.contexts, *self.others, self.target)
 
 
 def neighbours(scene: Scene, views: int) -> list[TargetSample]:
@@ -62,6 +69,20 @@ def neighbours(scene: Scene, views: int) -> list[TargetSample]:
     """
     _check(scene, views, sources=len(scene) - 1, least=3)
     return [TargetSample(frames_around(target, len(scene), views), target) for target in range(1, len(scene) - 1)]
+
+
+def pairs(scene: Scene, views: int) -> list[TargetSample]:
+    """The targets of `neighbours` that can be predicted a second time, from the same number of further frames: t-1 and t+1, then t-2 and t+2.
+
+    Raises:
+        InputError: the scene has too few usable frames.
+    """
+    _check(scene, views, sources=(len(scene) - 1) // 2, least=5)
+    found = []
+    for target in range(1, len(scene) - 1):
+        around = frames_around(target, len(scene), 2 * views)
+        found.append(TargetSample(around[:views], target, around[views:]))
+    return found
 
 
 def kind_aside(frame: str) -> str:

@@ -30,7 +30,7 @@ def read_views(task: Task, depth_range: tuple[float, float] | None = None) -> di
         InputError: one of their files cannot be used.
     """
     bounds = depth_range or task.scene.depth_range(task.sample.contexts, stated=True)
-    return {position: read_frame(task, position, bounds) for position in (*task.sample.contexts, task.sample.target)}
+    return {position: read_frame(task, position, bounds) for position in task.sample.frames}
 
 
 def make_inputs(task: Task, views: Mapping[int, Views]) -> Inputs:

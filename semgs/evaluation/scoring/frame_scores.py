@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Int64, UInt8
+from jaxtyping import Bool, Int64, UInt8
 from torch import Tensor
 
 from semgs.data.tables.class_groups import ClassGroups
@@ -19,6 +19,9 @@ from semgs.evaluation.scoring.similarity import PerceptualDistance, ssim
 from semgs.objectives.map_scores import Maps, MapScores, map_scores
 from semgs.objectives.metrics import DepthScores
 from semgs.objectives.selective import counts_by_confidence
+
+CHANGED = 1.1
+"""Two depths of a pixel differ if one is so many times the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +42,7 @@ class FrameScores:
         confidences: the labelled and seen pixels by their confidence, as `semgs.objectives.selective` counts them.
         psnr_edges, depth_edges, psnr_gradients, made_up, flyers: as in `semgs.evaluation.scoring.aside_scores.AsideScores`; None for targets that are not aside.
         merged, merged_truth: `confusion` and `truth` by groups of classes; not saved, and None unless requested.
+        changed_classes, changed_depth: as `changes` has them; None if the target was not predicted a second time.
         segments: the segments that truth and prediction share; None unless requested.
         boxes: the numbers of `semgs.evaluation.scoring.panoptic.count_boxes`; None unless requested.
         hidden: pixels that count in none of them; not saved.
@@ -71,6 +75,8 @@ class FrameScores:
     flyers: float | None = None
     merged: Int64[np.ndarray, "group group"] | None = None
     merged_truth: Int64[np.ndarray, " group"] | None = None
+    changed_classes: float | None = None
+    changed_depth: float | None = None
     segments: Segments | None = None
     boxes: tuple[int, ...] | None = None
 
@@ -130,6 +136,31 @@ def score(
         confidences=None if labels is None else _confidences(prediction, labels),
         hidden=0 if truth.hidden is None else int(truth.hidden.sum()),
     )
+
+
+def changes(one: Prediction, other: Prediction) -> dict[str, float | None]:
+    """How much of what both predictions see differs between them.
+
+    Returns:
+        changed_classes: share of the pixels with another class.
+        changed_depth: share of the pixels of which one depth is over `CHANGED` times the other.
+        None if one predicts none, or no pixel is seen in both.
+    """
+    seen = torch.tensor(True)
+    for part in (one, other):
+        seen = seen if part.unseen is None else seen & ~part.unseen
+    found: dict[str, float | None] = {"changed_classes": None, "changed_depth": None}
+    if one.labels is not None and other.labels is not None:
+        found["changed_classes"] = _share(one.labels != other.labels, seen.expand(one.labels.shape))
+    if one.depths is not None and other.depths is not None:
+        near, far = torch.minimum(one.depths, other.depths), torch.maximum(one.depths, other.depths)
+        found["changed_depth"] = _share(far > CHANGED * near, seen & (near > 0))
+    return found
+
+
+def _share(those: Bool[Tensor, "h w"], counted: Bool[Tensor, "h w"]) -> float | None:
+    """The share of the counted pixels; None if there is none."""
+    return float(those[counted].double().mean()) if counted.any() else None
 
 
 def _confidences(prediction: Prediction, labels: UInt8[Tensor, "h w"]) -> Int64[np.ndarray, "level 2"] | None:

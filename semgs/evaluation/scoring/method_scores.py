@@ -18,7 +18,7 @@ from semgs.evaluation.frames.protocols import nearest_first
 from semgs.evaluation.frames.reading import make_inputs, read_frame, read_views
 from semgs.evaluation.scoring.aside_scores import aside_scores
 from semgs.evaluation.scoring.baselines import copy_nearest, predict_majority, warp_contexts
-from semgs.evaluation.scoring.frame_scores import FrameScores, score
+from semgs.evaluation.scoring.frame_scores import FrameScores, changes, score
 from semgs.evaluation.scoring.panoptic import Rule, count_boxes, count_segments, true_boxes
 from semgs.evaluation.scoring.similarity import PerceptualDistance, perceptual_distance
 from semgs.evaluation.scoring.summary import find_extremes
@@ -144,8 +144,12 @@ class _TargetScorer:
             unseen = None if warped is None else warped.unseen
             return replace(scores, **vars(aside_scores(given, target, unseen)))
 
+        own = self._with_things(scored(prediction), task, prediction, views)
+        if task.sample.others:
+            again = self.method.predict(make_inputs(task.from_others(), views))
+            own = replace(own, **changes(prediction, again))
         scores = _TargetScores(
-            method=self._with_things(scored(prediction), task, prediction, views),
+            method=own,
             one_pass=None if prediction.one_pass is None else scored(prediction.one_pass),
             copy=scored(copy_nearest(ordered[0])),
             warp=None if warped is None else scored(warped),

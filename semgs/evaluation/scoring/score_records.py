@@ -13,7 +13,7 @@ from jaxtyping import Int64
 from semgs.data.tables.classes import IGNORE
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.panoptic import Rule, Segments
-from semgs.evaluation.scoring.summary import ASIDE_METRICS
+from semgs.evaluation.scoring.summary import ASIDE_METRICS, PAIR_METRICS
 from semgs.objectives.metrics import DepthScores, accuracy, class_accuracy, miou
 from semgs.objectives.selective import LEVELS
 
@@ -48,7 +48,9 @@ def encode_scores(frame: FrameScores) -> dict[str, Any]:
     found |= {"miou_seen": frame.miou_seen, "accuracy_seen": frame.accuracy_seen, "psnr_seen": finite(frame.psnr_seen)}
     if frame.depth_seen is not None:
         found["depth_seen"] = asdict(frame.depth_seen)
-    found |= {name: finite(value) for name in ASIDE_METRICS if (value := getattr(frame, name)) is not None}
+    found |= {
+        name: finite(value) for name in (*ASIDE_METRICS, *PAIR_METRICS) if (value := getattr(frame, name)) is not None
+    }
     found["seconds_encode"] = seconds(frame.seconds_encode)
     found["seconds_render"] = seconds(frame.seconds_render)
     if frame.confusion is not None and frame.truth is not None:
@@ -86,7 +88,7 @@ def decode_scores(entry: dict[str, Any], classes: int) -> FrameScores:
     values: dict[str, Any] = {name: _dense(entry[name], shape) for name, shape in shapes.items() if name in entry}
     for name in ("psnr", "ssim", "lpips", "unseen", "seconds_encode", "seconds_render"):
         values[name] = number(entry[name])
-    for name in ("miou_seen", "accuracy_seen", "psnr_seen", *ASIDE_METRICS):
+    for name in ("miou_seen", "accuracy_seen", "psnr_seen", *ASIDE_METRICS, *PAIR_METRICS):
         values[name] = number(entry.get(name))
     return FrameScores(
         scene=str(entry["scene"]),

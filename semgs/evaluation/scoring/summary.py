@@ -11,6 +11,7 @@
 | aurc, ece, covered_95 | over the labelled and seen pixels of all targets: `semgs.objectives.selective` |
 | unseen | share of all pixels |
 | psnr_edges, depth_edges, psnr_gradients, made_up, flyers | of targets aside: `semgs.evaluation.scoring.aside_scores`; mean over targets |
+| changed_classes, changed_depth | of targets that are predicted from two sets of input views; mean over targets |
 | pq, sq, rq, instance_miou | of classes and things: `semgs.evaluation.scoring.panoptic` |
 | box_recall_25, box_precision_25, box_recall_50, box_precision_50 | share of the true boxes that are found, and of the found ones that are true |
 | not_given | share of the labelled pixels without a predicted class |
@@ -51,6 +52,9 @@ MERGED_METRICS = ("miou_merged", "accuracy_merged")
 ASIDE_METRICS = ("psnr_edges", "depth_edges", "psnr_gradients", "made_up", "flyers")
 """Metrics of targets aside (`semgs.evaluation.scoring.aside_scores`)."""
 
+PAIR_METRICS = ("changed_classes", "changed_depth")
+"""Metrics of targets that are predicted from two sets of input views (`semgs.evaluation.scoring.frame_scores.changes`)."""
+
 PANOPTIC_METRICS = ("pq", "sq", "rq", "instance_miou")
 BOX_METRICS = ("box_recall_25", "box_precision_25", "box_recall_50", "box_precision_50")
 """Metrics of things (`semgs.evaluation.scoring.panoptic`)."""
@@ -72,6 +76,8 @@ LOWER_IS_BETTER = (
     "depth_edges",
     "made_up",
     "flyers",
+    "changed_classes",
+    "changed_depth",
 )
 
 
@@ -108,7 +114,7 @@ def group_metrics(frames: Sequence[FrameScores]) -> list[MetricGroup]:
         (MERGED_METRICS, "merged", _merged_values),
         *(
             ((name,), name, partial(_means, name))
-            for name in (*PICTURE_METRICS, "psnr_seen", "unseen", "fragments", *ASIDE_METRICS)
+            for name in (*PICTURE_METRICS, "psnr_seen", "unseen", "fragments", *ASIDE_METRICS, *PAIR_METRICS)
         ),
         *(
             ((f"{name}_per_image_seen",), f"{name}_seen", partial(_means_over_scenes, f"{name}_seen"))

@@ -29,7 +29,7 @@ PAPER = ("miou_per_image", "accuracy_per_image", "class_accuracy_per_image", "fp
 """The columns of the paper's tables. All but the last are means over images, as in the code of S-Ray and GSNeRF."""
 
 BRIEF = (
-    "miou", "miou_merged", "miou_per_image", "accuracy", "accuracy_merged", "class_accuracy", "psnr", "psnr_seen", "ssim", "depth_abs_rel", "depth_abs_rel_seen", "unseen",
+    "miou", "miou_merged", "miou_per_image", "accuracy", "accuracy_merged", "class_accuracy", "psnr", "psnr_seen", "ssim", "depth_abs_rel", "depth_abs_rel_seen", "changed_classes", "changed_depth", "unseen",
     "fps_encoding_each",
 )  # fmt: skip
 """The metrics that fit in a terminal."""

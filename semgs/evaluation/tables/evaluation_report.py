@@ -25,6 +25,7 @@ from semgs.evaluation.scoring.summary import (
     LOWER_IS_BETTER,
     MERGED_METRICS,
     METRICS,
+    PAIR_METRICS,
     PANOPTIC_METRICS,
     SEEN_METRICS,
     score_classes,
@@ -333,7 +334,15 @@ def _saved_result(entry: dict[str, Any], classes: int) -> SavedResult:
     values = [entry["fps_encoding_each"]]
     for row in (entry, *entry["trivial"].values()):
         # Reports of older versions have neither metrics of the seen pixels nor of confidence.
-        absent = (*SEEN_METRICS, *CONFIDENCE_METRICS, *MERGED_METRICS, *ASIDE_METRICS, *PANOPTIC_METRICS, *BOX_METRICS)
+        absent = (
+            *SEEN_METRICS,
+            *CONFIDENCE_METRICS,
+            *MERGED_METRICS,
+            *ASIDE_METRICS,
+            *PAIR_METRICS,
+            *PANOPTIC_METRICS,
+            *BOX_METRICS,
+        )
         values += [row.get(name) if name in absent else row[name] for name in METRICS]
         values += [end for low, high in row.get("intervals", {}).values() for end in (low, high)]
     values += [label[name] for label in entry["per_class"] for name in ("pixels", "iou")]

@@ -20,7 +20,7 @@ from semgs.viewer.access import host_name
 SMALLEST_SIDE, LARGEST_SIDE = 32, 4096
 """Limits for the sides of images [px]."""
 
-PROTOCOLS = ("neighbours", "peers", "aside", "lsm [FILE]", "pinned FILE")
+PROTOCOLS = ("neighbours", "peers", "pairs", "aside", "lsm [FILE]", "pinned FILE")
 """The protocols, as they are typed."""
 
 DEVICES = ("auto", "cpu", "cuda")
@@ -161,7 +161,7 @@ Protocol = Annotated[
     tuple[str, ...],
     words("*", "NAME [FILE]", _protocol),
 ]
-"""("neighbours",), ("peers",), ("aside",), ("lsm",), ("lsm", FILE), or ("pinned", FILE)."""
+"""("neighbours",), ("peers",), ("pairs",), ("aside",), ("lsm",), ("lsm", FILE), or ("pinned", FILE)."""
 
 AllowedHosts = Annotated[
     tuple[Annotated[str, one_word("NAME", host_name)], ...], tyro.conf.UseAppendAction, optional("NAME")

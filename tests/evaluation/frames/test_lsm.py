@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import shutil
 import zipfile
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from scannet_writer import Scan, png, scan, write_extracted
+from scannet_writer import long_scan, png, write_extracted
 
 from semgs.data.scene import Scene
 from semgs.data.scene_lists import read_list
@@ -25,19 +24,6 @@ from semgs.evaluation.run import plan_targets
 from semgs.files.errors import InputError
 from semgs.model.encode import encode
 from semgs.model.weights.load import load
-
-
-def long_scan(frames: int, lost: int | None = None) -> Scan:
-    """A scan whose six frames repeat; in one of them, tracking was lost."""
-    six = scan(lost=())
-    order = np.arange(frames) % 6
-    poses = six.poses[order].copy()
-    if lost is not None:
-        poses[lost] = -np.inf
-    jpegs = tuple(six.jpegs[number] for number in order)
-    return replace(
-        six, poses=poses, jpegs=jpegs, depths=six.depths[order], ids=six.ids[order], labels=six.labels[order]
-    )
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from semgs.data.scene import Scene
-from semgs.evaluation.frames.protocols import TargetSample, nearest_first, neighbours, peers
+from semgs.evaluation.frames.protocols import TargetSample, nearest_first, neighbours, pairs, peers
 from semgs.files.errors import InputError
 from semgs.geometry.rotations import matrix_from_quaternion
 
@@ -45,6 +45,18 @@ def test_a_target_may_be_drawn_from_all_other_frames_and_from_no_more(make_scene
 def test_two_frames_have_no_inner_one(make_scene: MakeScene):
     with pytest.raises(InputError, match="at least 3 usable frames, found 2"):
         neighbours(make_scene(frames=2), 2)
+
+
+def test_pairs_have_the_frames_beside_the_target_and_then_those_beyond(make_scene: MakeScene):
+    samples = pairs(make_scene(frames=7), 2)
+    assert [sample.target for sample in samples] == [1, 2, 3, 4, 5]
+    assert samples[2] == TargetSample((2, 4), 3, (1, 5))
+    assert samples[0] == TargetSample((0, 2), 1, (3, 4))
+    assert samples[2].frames == (2, 4, 1, 5, 3)
+    with pytest.raises(InputError, match="at least 5 usable frames, found 4"):
+        pairs(make_scene("short", frames=4), 2)
+    with pytest.raises(InputError, match="at least 3 frames to render a target from, found 2"):
+        pairs(make_scene("longer", frames=6), 3)
 
 
 def walk(frames: int, spin: float = 0.0) -> Scene:

@@ -52,6 +52,7 @@ class Evaluate:
     The protocol sets the target views and their input views:
     - neighbours: every inner frame is a target; its inputs are the nearest frames, alternately before and after
     - peers: the test frames and inputs of S-Ray; with --gsnerf-distance, the inputs that GSNeRF's code chooses
+    - pairs: as neighbours, and each target a second time from further frames, to see which classes and depths change
     - aside: in scenes of semgs rooms --aside, views 20 and 40 cm and 15 and 30 degrees off the input views, with metrics of edges
     - lsm [FILE]: the test of LSM, Uni3R and C3G on ScanNet, from two views; see docs/reproduce.md
     - pinned FILE: the frames in frames.json or report.json of an earlier evaluation, or in an index of pixelSplat's form
@@ -89,7 +90,7 @@ class Evaluate:
     predictions: Annotated[Path | None, optional("DIR")] = None
     """Score another method's label maps instead of WEIGHTS: DIR/N2/SCENE/STEM.png, class number per pixel, 255 = no prediction."""
     protocol: Protocol = ("neighbours",)
-    """neighbours, peers, aside, lsm [FILE], or pinned FILE."""
+    """neighbours, peers, pairs, aside, lsm [FILE], or pinned FILE."""
     views: Annotated[SeveralViews, optional()] = ()
     """Numbers of input views. By default 2, 3 and 4, or those in the pinned file or the predictions."""
     size: AutoSize = None
@@ -226,6 +227,8 @@ class Evaluate:
         }
         if self.predictions is not None and (given := [option for option, is_given in of_weights.items() if is_given]):
             raise UsageError(f"{given[0]} is for WEIGHTS; --predictions are rendered already")
+        if self.predictions is not None and self.protocol[0] == "pairs":
+            raise UsageError("--protocol pairs is for WEIGHTS; --predictions have each target once")
         if self.gsnerf_distance and self.protocol[0] != "peers":
             raise UsageError("--gsnerf-distance needs --protocol peers")
         self.reading.check()
