@@ -1,13 +1,14 @@
 """Scores of classes in single images, each classified by itself, without cameras and without rendering.
 
-OUT/report.json                   all scores, with 95 % intervals over scenes, or over images of fewer than five; images without cameras count as a scene each
+OUT/report.json                   all scores (those of further trials under "rows"), with 95 % intervals over scenes, or over images of fewer than five; images without cameras count as a scene each
 OUT/predictions/SCENE/STEM.png    the likeliest class of each pixel, at the size that was compared
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ from semgs.evaluation.scoring.score_records import encode_scores
 from semgs.evaluation.scoring.summary import CLASS_METRICS, CONFIDENCE_METRICS, ClassScores, score_classes, summarise
 from semgs.evaluation.tables.environment import hardware, versions
 from semgs.evaluation.tables.evaluation_report import EvaluatedMethod
-from semgs.evaluation.tables.score_cells import with_interval
+from semgs.evaluation.tables.score_cells import interval_cells
 from semgs.evaluation.tables.table_grid import Cell, Grid, printed
 from semgs.files.atomic import write_json
 from semgs.files.folders import own_folder
@@ -38,6 +39,7 @@ from semgs.objectives.metrics import confusion_matrix
 from semgs.objectives.selective import counts_by_confidence
 from semgs.rendering.rendering import likeliest
 from semgs.rendering.temperatures import highest_probability
+from semgs.segmenters.labelling import Labelling
 
 FORMAT = "semgs.report.single"
 VERSION = 1
@@ -49,6 +51,30 @@ SHOWN = ("miou", "miou_per_image", "accuracy", "class_accuracy", "aurc", "ece")
 NO_DEPTH = DepthRange(*INDOOR_DEPTH_RANGE, "unknown", "classes of single images do not depend on it")
 
 
+@dataclass(frozen=True)
+class Trial:
+    """A way to classify the images, a row of the table.
+
+    Attributes:
+        side: short side at which images are read and compared [px]; None for the size at which `semgs reconstruct` would read each.
+        flip: take the mean of each image and its mirror image.
+    """
+
+    side: int | None = None
+    flip: bool = False
+
+    def __str__(self) -> str:
+        words = [f"{self.side} px"] * (self.side is not None) + ["flipped"] * self.flip
+        return f" at {', '.join(words)}" if words else ""
+
+    def size(self, full: tuple[int, int]) -> tuple[int, int]:
+        """The (height, width) at which an image of a size is read: multiples of 16 [px]."""
+        if self.side is None:
+            return default_size(full)
+        height, width = (max(1, round(length * self.side / min(full) / 16)) * 16 for length in full)
+        return height, width
+
+
 def evaluate_single_images(
     out: Path,
     network: SemGS,
@@ -58,6 +84,8 @@ def evaluate_single_images(
     *,
     overwrite: bool = False,
     done: Callable[[int], object] = lambda count: None,
+    trials: Sequence[Trial] = (Trial(),),
+    labelling: Callable[[Scene], Labelling] | None = None,
 ) -> str:
     """Score every labelled image of some scenes and write the folder, which appears only once it is complete.
 
@@ -68,7 +96,9 @@ def evaluate_single_images(
         scenes: with labels, with or without cameras.
         size: (height, width) to compare at; None for the size at which `semgs reconstruct` would read each image.
         overwrite: replace the folder if an earlier evaluation wrote it.
-        done: called after each image with the number of finished images.
+        done: called after each image with the number of finished images, of all trials.
+        trials: the rows of the table; the folder has the predictions of the first.
+        labelling: gives the classes instead of the network; None for none.
 
     Returns:
         The tables to print.
@@ -79,11 +109,27 @@ def evaluate_single_images(
     classes = network.classes
     assert classes is not None
     with own_folder(out, "evaluate", overwrite) as folder:
-        frames = score_single_images(network, scenes, size, folder / "predictions", done)
+        rows: dict[str, list[FrameScores]] = {}
+        for number, trial in enumerate(trials):
+            rows[f"{subject.name}{trial}"] = score_single_images(
+                network,
+                scenes,
+                size,
+                None if number else folder / "predictions",
+                partial(_done_after, done, sum(map(len, rows.values()))),
+                trial,
+                labelling,
+            )
+        frames = next(iter(rows.values()))
         device = next(network.parameters()).device.type
         numbers = single_numbers(subject, scenes, frames, classes, device)
-        write_json(folder / "report.json", numbers)
-    return "\n\n".join(printed(grid, "text") for grid in single_grids(subject.name, frames, classes))
+        write_json(folder / "report.json", numbers | {"rows": {name: _scores(found) for name, found in rows.items()}})
+    return "\n\n".join(printed(grid, "text") for grid in single_grids(rows, classes))
+
+
+def _done_after(done: Callable[[int], object], before: int, count: int) -> None:
+    """Count on from the images of earlier trials."""
+    done(before + count)
 
 
 @torch.no_grad()
@@ -93,23 +139,33 @@ def score_single_images(
     size: tuple[int, int] | None = None,
     predictions: Path | None = None,
     done: Callable[[int], object] = lambda count: None,
+    trial: Trial = Trial(),
+    labelling: Callable[[Scene], Labelling] | None = None,
 ) -> list[FrameScores]:
     """The scores of every labelled image of some scenes, in order; arguments as for `evaluate_single_images`.
 
     Args:
         predictions: the folder for predicted classes; None writes none.
+        trial: how images are read, if there is no `size`.
     """
     device = next(network.parameters()).device
     temperature = None if network.temperatures is None else network.temperatures.gaussians
     scores: list[FrameScores] = []
     for scene in scenes:
+        source = None if labelling is None else labelling(scene).source
         labelled_frames = {index: frame for index, frame in enumerate(scene.frames) if frame.labels is not None}
         stems = distinct_stems({index: frame.name for index, frame in labelled_frames.items()})
         for index, frame in labelled_frames.items():
             stem = stems[index]
-            view = scene.read([index], size or default_size(frame.lens.size), NO_DEPTH)
+            view = scene.read([index], size or trial.size(frame.lens.size), NO_DEPTH)
             assert view.labels is not None
-            distributions = network.classify(view.to(device), alone=True)[0].cpu()
+            if source is not None:
+                distributions = source.of(frame, view.size, "crop")
+            else:
+                distributions = network.classify(view.to(device), alone=True)[0].cpu()
+                if trial.flip:
+                    mirrored = view.map(lambda maps: maps.flip(-1)).to(device)
+                    distributions = (distributions + network.classify(mirrored, alone=True)[0].cpu().flip(-1)) / 2
             predicted, labels = likeliest(distributions), view.labels[0]
             labelled = labels != IGNORE
             confidence = highest_probability(distributions.permute(1, 2, 0)[labelled], temperature)
@@ -138,7 +194,6 @@ def single_numbers(
     device: str = "cpu",
 ) -> dict[str, Any]:
     """All numbers of the report, ready for JSON."""
-    values, bounds = summarise(frames), intervals(frames)
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -146,8 +201,7 @@ def single_numbers(
         "data": [{"name": scene.name, "layout": scene.layout, "images": len(scene)} for scene in scenes],
         "classes": {"name": classes.name, "names": list(classes.names)},
         "images": len(frames),
-        **{name: values.get(name) for name in METRICS},
-        "intervals": {name: [bounds[name].low, bounds[name].high] for name in METRICS if name in bounds},
+        **_scores(frames),
         "per_class": [
             {"name": name, **asdict(scores)} for name, scores in zip(classes.names, score_classes(frames), strict=False)
         ],
@@ -157,14 +211,16 @@ def single_numbers(
     }
 
 
-def single_grids(name: str, frames: Sequence[FrameScores], classes: ClassTable) -> list[Grid]:
-    """The scores with their intervals, and the IoU of each class."""
+def _scores(frames: Sequence[FrameScores]) -> dict[str, Any]:
+    """The metrics, with their intervals."""
     values, bounds = summarise(frames), intervals(frames)
-    cells = [
-        Cell(with_interval(metric, values.get(metric), *((found.low, found.high) if found else (None, None))))
-        for metric in SHOWN
-        for found in [bounds.get(metric)]
-    ]
+    ends = {name: [bounds[name].low, bounds[name].high] for name in METRICS if name in bounds}
+    return {**{name: values.get(name) for name in METRICS}, "intervals": ends}
+
+
+def single_grids(rows: Mapping[str, Sequence[FrameScores]], classes: ClassTable) -> list[Grid]:
+    """The scores of each row with their intervals, and the IoU of each class of the first."""
+    frames = next(iter(rows.values()))
     scored = zip(classes.names, score_classes(frames), strict=False)
     total = sum(int(frame.truth.sum()) for frame in frames if frame.truth is not None)
     return [
@@ -172,7 +228,7 @@ def single_grids(name: str, frames: Sequence[FrameScores], classes: ClassTable) 
             title="Single images",
             groups=(),
             head=(counted(len(frames), "image"), *(TITLES[metric] for metric in SHOWN)),
-            rows=((Cell(name), *cells),),
+            rows=tuple((Cell(name), *interval_cells(_scores(found), SHOWN)) for name, found in rows.items()),
             notes=(
                 f"In brackets: 95 % intervals over {units_in_words([choose_units(frames)])}; images without cameras count as a scene each.",
             ),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,11 +13,19 @@ import torch
 from image_sets import write_image_set
 from networks import preset
 
+from semgs.data.frames import Frame
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20
 from semgs.data.views import Views
-from semgs.evaluation.single_images import evaluate_single_images, score_single_images, single_grids, single_numbers
+from semgs.evaluation.scoring.summary import summarise
+from semgs.evaluation.single_images import (
+    Trial,
+    evaluate_single_images,
+    score_single_images,
+    single_grids,
+    single_numbers,
+)
 from semgs.evaluation.tables.evaluation_report import EvaluatedMethod
 from semgs.files.images.pictures import read_uint8
 from semgs.model.semgs import SemGS
@@ -52,7 +61,7 @@ def images(tmp_path: Path) -> Scene:
 
 
 def test_the_note_of_two_images_does_not_say_that_their_intervals_are_over_scenes(images: Scene):
-    table, _ = single_grids("by colour", score_single_images(by_colour(), [images]), SCANNET20)
+    table, _ = single_grids({"by colour": score_single_images(by_colour(), [images])}, SCANNET20)
     assert "intervals over frames, as there are fewer than 5 scenes; images" in table.notes[0]
 
 
@@ -111,3 +120,45 @@ def test_a_size_applies_to_all_images(images: Scene):
 def test_each_image_without_a_camera_counts_as_a_scene(images: Scene):
     frames = score_single_images(by_colour(), [images])
     assert [(frame.scene, frame.target) for frame in frames] == [("two/floor", "floor"), ("two/walls", "walls")]
+
+
+def test_trials_are_rows_and_a_flipped_one_is_the_mean_with_the_mirror_image(images: Scene, tmp_path: Path):
+    """Wall to the left and floor to the right, whatever the image shows, at .7 to .3: right for half of the walls, and for half of the floor. With the mirror image
+    both are even, so the first, the wall: right for all walls and no floor."""
+    network = by_colour()
+
+    def classify(views: Views, alone: bool = False) -> torch.Tensor:
+        """The distributions of each view."""
+        found = torch.zeros(len(views), 20, *views.size)
+        half = views.size[1] // 2
+        found[:, 0], found[:, 1] = 0.3, 0.7
+        found[:, 0, :, :half], found[:, 1, :, :half] = 0.7, 0.3
+        return found
+
+    network.classify = classify  # type: ignore[method-assign]
+    counted: list[int] = []
+    printed = evaluate_single_images(
+        tmp_path / "out", network, SUBJECT, [images], done=counted.append, trials=[Trial(16), Trial(16, flip=True)]
+    )
+    assert counted == [1, 2, 3, 4]
+    assert "by colour at 16 px, flipped" in printed
+    report = json.loads((tmp_path / "out/report.json").read_text())
+    assert [(name, one["accuracy"]) for name, one in report["rows"].items()] == [
+        ("by colour at 16 px", pytest.approx(384 / 768)),
+        ("by colour at 16 px, flipped", pytest.approx(512 / 768)),
+    ]
+    assert report["accuracy"] == report["rows"]["by colour at 16 px"]["accuracy"]
+    assert Trial(32).size((480, 640)) == (32, 48), "640 / 480 of 32 is 42.7, the nearest multiple of 16 is 48"
+    assert Trial().size((480, 640)) == (240, 320)
+
+
+def test_a_segmenter_answers_instead_of_the_network(images: Scene):
+    """It says floor everywhere: all 256 pixels of floor are right, and none of the 512 of wall."""
+
+    def of(frame: Frame, size: tuple[int, int], fit: str) -> torch.Tensor:
+        """Floor."""
+        return torch.nn.functional.one_hot(torch.ones(size, dtype=torch.long), 20).permute(2, 0, 1).float()
+
+    labelling = SimpleNamespace(source=SimpleNamespace(of=of))
+    frames = score_single_images(by_colour(), [images], labelling=lambda scene: labelling)  # type: ignore[arg-type, return-value]
+    assert summarise(frames)["accuracy"] == pytest.approx(256 / 768)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -138,7 +139,7 @@ def score(
     )
 
 
-def changes(one: Prediction, other: Prediction) -> dict[str, float | None]:
+def changes(one: Prediction, other: Prediction) -> dict[str, Any]:
     """How much of what both predictions see differs between them.
 
     Returns:
@@ -149,7 +150,7 @@ def changes(one: Prediction, other: Prediction) -> dict[str, float | None]:
     seen = torch.tensor(True)
     for part in (one, other):
         seen = seen if part.unseen is None else seen & ~part.unseen
-    found: dict[str, float | None] = {"changed_classes": None, "changed_depth": None}
+    found: dict[str, Any] = {"changed_classes": None, "changed_depth": None}
     if one.labels is not None and other.labels is not None:
         found["changed_classes"] = _share(one.labels != other.labels, seen.expand(one.labels.shape))
     if one.depths is not None and other.depths is not None:

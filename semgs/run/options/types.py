@@ -171,6 +171,7 @@ SeveralWeights = Annotated[tuple[str, ...], several("W [W ...]", _weights)]
 Views = Annotated[int, one_word("INT", at_least(2))]
 """A number of input views."""
 
+SeveralCounts = Annotated[tuple[int, ...], several("N [N ...]", at_least(1))]
 SeveralViews = Annotated[tuple[int, ...], several("N [N ...]", at_least(2))]
 
 Count = Annotated[int, one_word("INT", at_least(1))]

@@ -289,7 +289,7 @@ def test_options_of_a_network_are_not_for_predictions(refused: Refused, tmp_path
 
 def test_an_unknown_protocol_lists_the_known(refused: Refused):
     line = refused("small", "--protocol", "neighbors")
-    assert "expected one of neighbours, peers, aside, pinned FILE, found 'neighbors'" in line
+    assert "expected one of neighbours, peers, pairs, aside, lsm [FILE], pinned FILE, found 'neighbors'" in line
     assert "expected a FILE after pinned" in refused("small", "--protocol", "pinned")
     assert "expected one of" in refused("small", "--protocol", "peers", "7")
     assert "no such file" in refused("small", "--protocol", "pinned", "nowhere.json")

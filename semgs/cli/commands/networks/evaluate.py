@@ -25,6 +25,7 @@ from semgs.run.options.types import (
     Passes,
     PrecisionOrAuto,
     Protocol,
+    SeveralCounts,
     SeveralViews,
     Weights,
     Workers,
@@ -115,6 +116,10 @@ class Evaluate:
     boxes. Needs scenes in metres with maps of instances."""
     single: bool = False
     """Score the classes of each image by itself."""
+    sides: Annotated[SeveralCounts, optional()] = ()
+    """With --single: score the images at these short sides in px, a row of the table each."""
+    flip: bool = False
+    """With --single: also score the mean of each image and its mirror image."""
     allow_seen: bool = False
     """Also score rooms that the weights were trained in, and say so; by default they are refused."""
     name: Annotated[str, optional()] = ""
@@ -170,7 +175,7 @@ class Evaluate:
         """Score single images, write the folder, and print the tables."""
         with show_stage("Starting"):
             from semgs.evaluation.run import open_labelled_scenes, open_network
-            from semgs.evaluation.single_images import evaluate_single_images
+            from semgs.evaluation.single_images import Trial, evaluate_single_images
 
             data = open_labelled_scenes(
                 self.data, self.reading.as_peers, self.reading.asked, self.scenes, needs_cameras=False
@@ -187,10 +192,28 @@ class Evaluate:
                 raise InputError(self.weights, "weights with classes", "weights for colour and depth only")
             network.to(device)
             remarks += self._computed(precision)
-        images = sum(frame.labels is not None for scene in data.scenes for frame in scene.frames)
+            labelling = self.segmenting.labelling()
+            if labelling is not None:
+                for scene in data.scenes:
+                    self._check_table(labelling(scene).source.classes, network.classes)
+                subject = replace(
+                    subject, name=self._name(segmented=True), source=labelling(data.scenes[0]).description
+                )
+        trials = [
+            Trial(side, flip) for side in self.sides or (None,) for flip in ((False, True) if self.flip else (False,))
+        ]
+        images = len(trials) * sum(frame.labels is not None for scene in data.scenes for frame in scene.frames)
         with show_progress(f"Evaluating {subject.name}", images) as done:
             tables = evaluate_single_images(
-                self.out, network, subject, data.scenes, self.size, overwrite=self.overwrite, done=done
+                self.out,
+                network,
+                subject,
+                data.scenes,
+                self.size,
+                overwrite=self.overwrite,
+                done=done,
+                trials=trials,
+                labelling=labelling,
             )
         print("\n\n".join((tables, *remarks)))
 
@@ -200,6 +223,8 @@ class Evaluate:
             raise UsageError("expected either WEIGHTS or --predictions DIR; see semgs evaluate --help")
         if self.single:
             self._check_single()
+        elif self.sides or self.flip:
+            raise UsageError(f"{'--sides' if self.sides else '--flip'} needs --single")
         existing_folder(self.data)
         if self.predictions is not None and not self.predictions.is_dir():
             raise InputError(self.predictions, "a folder of predictions", found_at(self.predictions))
@@ -251,13 +276,16 @@ class Evaluate:
             "--refine": bool(self.refine),
             "--exposure": self.exposure != "as-taken",
             "--workers": bool(self.workers),
-            "--segmenter": self.segmenting.segmenter is not None,
             "--depth": self.depth is not None,
             "--merge": bool(self.merge),
             "--panoptic": bool(self.panoptic),
         }
         if given := [option for option, is_given in refused.items() if is_given]:
             raise UsageError(f"--single classifies each image by itself, so it cannot go with {', '.join(given)}")
+        if self.sides and self.size is not None:
+            raise UsageError("--sides cannot go with --size")
+        if self.flip and self.segmenting.segmenter is not None:
+            raise UsageError("--flip cannot go with --segmenter")
 
     def _plan(self, scenes: tuple[Scene, ...]) -> FramePlan:
         """The targets and their input views."""
