@@ -191,6 +191,7 @@ def load_candidate(
     precision: Precision = "float32",
     exposure: ExposureChoice = "as-taken",
     things: bool = False,
+    free_space: bool = False,
 ) -> Candidate:
     """Weights to evaluate.
 
@@ -206,6 +207,7 @@ def load_candidate(
         precision: of the network's layers.
         exposure: whether input views come to a common exposure; targets stay as taken.
         things: find things, in scenes in metres.
+        free_space: map free space, in scenes in metres.
 
     Raises:
         ValueError: there are no included weights of that name, or `nearest` is not positive.
@@ -213,7 +215,9 @@ def load_candidate(
     """
     model, subject = open_network(weights, None if labelling else classes, name, precision)
     chosen = None if nearest is None else NearestViews(nearest, model.placer.shrink_seen)
-    method = NetworkMethod(model, device, subject.name, labelling, chosen, passes, depth, exposure, things, classes)
+    method = NetworkMethod(
+        model, device, subject.name, labelling, chosen, passes, depth, exposure, things, free_space, classes
+    )
     return Candidate(method, subject, device)
 
 

@@ -12,6 +12,7 @@ TITLES = {
     "aurc": "AURC", "ece": "ECE", "covered_95": "at 95 %", "psnr": "PSNR", "psnr_seen": "PSNR (seen)", "ssim": "SSIM", "lpips": "LPIPS",
     "depth_abs_rel": "depth error", "depth_abs_rel_seen": "depth error (seen)", "depth_delta_125": "depth δ<1.25",
     "psnr_edges": "PSNR (edges)", "depth_edges": "depth error (edges)", "psnr_gradients": "PSNR (gradients)", "made_up": "made up", "flyers": "flyers", "changed_classes": "classes changed", "changed_depth": "depth changed",
+    "obstacles_free": "obstacles called free", "free_found": "free floor found", "obstacle_error": "obstacle ahead [m]",
     "pq": "PQ", "sq": "SQ", "rq": "RQ", "instance_miou": "mIoU (things)", "box_recall_25": "boxes found at .25", "box_precision_25": "right at .25",
     "box_recall_50": "found at .5", "box_precision_50": "right at .5",
     "unseen": "unseen", "not_given": "not given", "fps_encoding_each": "FPS",
@@ -49,10 +50,29 @@ def shown_number(measure: str, value: float | None, digits: int = 3) -> str:
     """A metric as text; `digits` after the point for those that papers print with three, such as mIoU."""
     if value is None:
         return "–"
-    if measure in ("unseen", "not_given", "covered_95", "made_up", "flyers", "changed_classes", "changed_depth"):
+    if measure in (
+        "unseen",
+        "not_given",
+        "covered_95",
+        "made_up",
+        "flyers",
+        "changed_classes",
+        "changed_depth",
+        "obstacles_free",
+        "free_found",
+    ):
         return f"{100 * value:.1f} %"
     return (
         f"{value:.2f}"
-        if measure in ("psnr", "psnr_seen", "psnr_edges", "psnr_gradients", "fps_encoding_each", "fps_encoding_shared")
+        if measure
+        in (
+            "psnr",
+            "psnr_seen",
+            "psnr_edges",
+            "psnr_gradients",
+            "obstacle_error",
+            "fps_encoding_each",
+            "fps_encoding_shared",
+        )
         else f"{value:.{digits}f}"
     )

@@ -38,6 +38,9 @@ FLOOR = "floor"
 UNEVEN = 0.3
 """Points with the class of the floor are on it up to this height, as depth from images is not exact; higher ones have the wrong class [m]."""
 
+ROBOT = 0.5
+"""Width of the lane in which an obstacle ahead counts [m]."""
+
 ROUNDING = 1e-9
 """Lengths this close to a whole number of cells are that number: 0.14 / 0.02 is slightly more than 7 in floating point [cells]."""
 
@@ -72,6 +75,35 @@ class Occupancy:
     resolution: float
     floor: float
     level_from_world: Float64[np.ndarray, "3 3"]
+
+    @property
+    def middles(self) -> Float64[np.ndarray, "y x 2"]:
+        """The middle of each cell of the plan, x and y in the level frame [m]."""
+        rows, columns = np.indices(self.cells.shape)
+        return np.stack((columns + 0.5, rows + 0.5), -1) * self.resolution + self.origin[:2]
+
+    def at(self, places: Float64[np.ndarray, "*any 2"]) -> Int8[np.ndarray, "*any"]:
+        """The cells at some places (x, y) of the level frame [m]; UNKNOWN outside of the plan."""
+        column, row = np.moveaxis(np.floor((places - self.origin[:2]) / self.resolution).astype(int), -1, 0)
+        inside = (row >= 0) & (row < self.cells.shape[0]) & (column >= 0) & (column < self.cells.shape[1])
+        return np.where(inside, self.cells[np.where(inside, row, 0), np.where(inside, column, 0)], UNKNOWN).astype(
+            np.int8
+        )
+
+    def ahead(self, camera: Float64[np.ndarray, "4 4"], width: float = ROBOT, reach: float = 5.0) -> float:
+        """The distance to the nearest occupied cell in the lane before a camera, along where it looks; `reach` if there is none [m].
+
+        Args:
+            camera: its pose in the frame of the Gaussians.
+            width: of the lane [m].
+            reach: how far to look [m].
+        """
+        level = self.level_from_world @ camera[:3]
+        forward = level[:2, 2] / max(float(np.linalg.norm(level[:2, 2])), ROUNDING)
+        offsets = self.middles[self.cells == OCCUPIED] - level[:2, 3]
+        along, across = offsets @ forward, offsets @ (-forward[1], forward[0])
+        lane = along[(along > 0) & (np.abs(across) <= width / 2)]
+        return min(float(lane.min(initial=reach)), reach)
 
 
 @dataclass(frozen=True)

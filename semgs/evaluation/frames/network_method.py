@@ -16,6 +16,7 @@ from semgs.data.scene import Scene
 from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.depth_maps.depth_source import DepthMaps
 from semgs.depth_maps.map_depth import find_reference, place_at_maps, read_maps
+from semgs.evaluation.frames.free_space import score_free_space
 from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.export.scene_objects import things_of
 from semgs.model.encode import Network, encode
@@ -44,6 +45,7 @@ class NetworkMethod:
         depth: gives depth maps of the frames of a scene, which are aligned to the network's depth and weighed with it; None for none.
         exposure: whether the input views, and with them the Gaussians, come to a common exposure; targets stay as taken.
         things: find things, as `semgs.objects`; scenes are in metres.
+        free_space: map free space and score it, in scenes in metres with measured depth.
         classes: answer in this table, of which each class of the Gaussians is in one; None for that of the Gaussians.
     """
 
@@ -58,6 +60,7 @@ class NetworkMethod:
         depth: Callable[[Scene], DepthMaps] | None = None,
         exposure: ExposureChoice = "as-taken",
         things: bool = False,
+        free_space: bool = False,
         classes: ClassTable | None = None,
     ) -> None:
         self._network = network
@@ -69,6 +72,7 @@ class NetworkMethod:
         self._depth = None if depth is None else lru_cache(maxsize=1)(depth)
         self._exposure = exposure
         self._things = things
+        self._free_space = free_space
         self._classes = classes
 
     @torch.no_grad()
@@ -117,6 +121,8 @@ class NetworkMethod:
         seconds = now() - start
         classes = None if rendering.semantics is None else likeliest(rendering.semantics[0]).cpu()
         found = self._find(encoding, inputs, classes) if self._things and classes is not None else {}
+        if self._free_space and inputs.measured is not None:
+            found["free_space"] = score_free_space(encoding, inputs.contexts, inputs.measured)
         return Prediction(
             labels=classes,
             image=rendering.images[0].float().clamp(0, 1).cpu(),

@@ -26,6 +26,7 @@ from torch import Tensor
 
 from semgs.data.views import Views
 from semgs.evaluation.frames.frame_plan import Task
+from semgs.evaluation.frames.free_space import FreeSpace
 from semgs.figures.depth_images import millimetres
 from semgs.figures.view_images import as_bytes
 from semgs.files.atomic import write_bytes
@@ -42,11 +43,13 @@ class Inputs:
         task: the target.
         contexts: images, cameras and bounds of the contexts in the order of the protocol, without labels and depths.
         camera: of the target [1].
+        measured: the contexts with their true depth, to score free space; no prediction may use it. None if they have none.
     """
 
     task: Task
     contexts: Views
     camera: Cameras
+    measured: Views | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +67,7 @@ class Prediction:
         one_pass: what the method predicts before it refines its scene; None if it does not refine.
         instances: the number of the thing at each pixel, 0 = none; None if things are not searched.
         boxes: class and box of each thing of the scene, in the level frame; None if things are not searched, or without boxes.
+        free_space: scores of the map of free space; None if it is not requested or cannot be scored.
         level_from_world: from the world of the contexts to that frame, a rotation.
     """
 
@@ -78,6 +82,7 @@ class Prediction:
     instances: Int32[Tensor, "h w"] | None = None
     boxes: tuple[tuple[int, Box], ...] | None = None
     level_from_world: Float64[np.ndarray, "3 3"] | None = None
+    free_space: FreeSpace | None = None
 
     def copy(self) -> Prediction:
         """A copy with its own memory."""

@@ -35,5 +35,6 @@ def read_views(task: Task, depth_range: tuple[float, float] | None = None) -> di
 
 def make_inputs(task: Task, views: Mapping[int, Views]) -> Inputs:
     """What a method gets from `read_views`: no labels and no depths."""
-    contexts = joined([views[index] for index in task.sample.contexts]).changed(labels=None, depths=None)
-    return Inputs(task, contexts, views[task.sample.target].cameras)
+    measured = joined([views[index] for index in task.sample.contexts]).changed(labels=None)
+    contexts = measured.changed(depths=None)
+    return Inputs(task, contexts, views[task.sample.target].cameras, None if measured.depths is None else measured)

@@ -17,7 +17,7 @@ from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.method_scores import SHOWN, MethodScores
 from semgs.evaluation.scoring.summary import METRICS, find_extremes, sum_confusions, summarise
 from semgs.evaluation.tables.card import risk_curve
-from semgs.evaluation.tables.comparison_tables import MARKED, ROWS, overview_grid
+from semgs.evaluation.tables.comparison_tables import MARKED, ROWS, kinds_grid, overview_grid, things_grid
 from semgs.evaluation.tables.evaluation_report import Evaluation, SavedReport, SavedResult, data_name
 from semgs.figures import html_page as page
 from semgs.figures.class_images import legend_of
@@ -68,6 +68,15 @@ def evaluation_page(evaluation: Evaluation, report: SavedReport) -> str:
     sections = [
         *please_note(evaluation.notes),
         page.Section("Results", RESULTS, (_overview(report),)),
+        *(
+            page.Section(
+                grid.title,
+                " ".join(grid.notes),
+                (page.Table(grid.head, tuple(tuple(cell.text for cell in row) for row in grid.rows)),),
+            )
+            for grid in (kinds_grid(report), things_grid(report))
+            if grid is not None
+        ),
     ]
     for rows in evaluation.rows:
         sections += _sections_of(rows, report.results[rows.views], evaluation)

@@ -14,6 +14,7 @@ from semgs.data.tables.class_groups import ClassGroups
 from semgs.data.tables.classes import IGNORE
 from semgs.data.views import Views
 from semgs.evaluation.frames.frame_plan import Task
+from semgs.evaluation.frames.free_space import FreeSpace
 from semgs.evaluation.frames.predictions import Prediction
 from semgs.evaluation.scoring.panoptic import Segments
 from semgs.evaluation.scoring.similarity import PerceptualDistance, ssim
@@ -43,6 +44,7 @@ class FrameScores:
         confidences: the labelled and seen pixels by their confidence, as `semgs.objectives.selective` counts them.
         psnr_edges, depth_edges, psnr_gradients, made_up, flyers: as in `semgs.evaluation.scoring.aside_scores.AsideScores`; None for targets that are not aside.
         merged, merged_truth: `confusion` and `truth` by groups of classes; not saved, and None unless requested.
+        free_space: of the map of the input views; None unless requested.
         changed_classes, changed_depth: as `changes` has them; None if the target was not predicted a second time.
         segments: the segments that truth and prediction share; None unless requested.
         boxes: the numbers of `semgs.evaluation.scoring.panoptic.count_boxes`; None unless requested.
@@ -76,6 +78,7 @@ class FrameScores:
     flyers: float | None = None
     merged: Int64[np.ndarray, "group group"] | None = None
     merged_truth: Int64[np.ndarray, " group"] | None = None
+    free_space: FreeSpace | None = None
     changed_classes: float | None = None
     changed_depth: float | None = None
     segments: Segments | None = None
@@ -135,6 +138,7 @@ def score(
         psnr_seen=part.psnr,
         depth_seen=part.depth,
         confidences=None if labels is None else _confidences(prediction, labels),
+        free_space=prediction.free_space,
         hidden=0 if truth.hidden is None else int(truth.hidden.sum()),
     )
 

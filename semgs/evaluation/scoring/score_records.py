@@ -11,9 +11,11 @@ import torch
 from jaxtyping import Int64
 
 from semgs.data.tables.classes import IGNORE
+from semgs.evaluation.frames.free_space import FreeSpace
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.panoptic import Rule, Segments
 from semgs.evaluation.scoring.summary import ASIDE_METRICS, PAIR_METRICS
+from semgs.files.records import make_record
 from semgs.objectives.metrics import DepthScores, accuracy, class_accuracy, miou
 from semgs.objectives.selective import LEVELS
 
@@ -64,6 +66,8 @@ def encode_scores(frame: FrameScores) -> dict[str, Any]:
             "things": list(frame.segments.things),
             "pairs": ", ".join(" ".join(map(str, row)) for row in frame.segments.pairs.tolist()),
         }
+    if frame.free_space is not None:
+        found["free_space"] = asdict(frame.free_space)
     if frame.boxes is not None:
         found["boxes"] = list(frame.boxes)
     return found
@@ -96,6 +100,7 @@ def decode_scores(entry: dict[str, Any], classes: int) -> FrameScores:
         contexts=tuple(entry["contexts"]),
         depth=_depth(entry, "depth_abs_rel", "depth_delta_125", "depth_pixels"),
         segments=_segments(entry["segments"], classes) if "segments" in entry else None,
+        free_space=make_record(FreeSpace, entry["free_space"]) if "free_space" in entry else None,
         boxes=_boxes(entry["boxes"]) if "boxes" in entry else None,
         depth_seen=_depth(entry.get("depth_seen") or {}, "abs_rel", "delta", "pixels"),
         **values,

@@ -14,6 +14,7 @@
 | changed_classes, changed_depth | of targets that are predicted from two sets of input views; mean over targets |
 | pq, sq, rq, instance_miou | of classes and things: `semgs.evaluation.scoring.panoptic` |
 | box_recall_25, box_precision_25, box_recall_50, box_precision_50 | share of the true boxes that are found, and of the found ones that are true |
+| obstacles_free, free_found, obstacle_error | of maps of free space: `semgs.evaluation.frames.free_space` |
 | not_given | share of the labelled pixels without a predicted class |
 
 Means over classes use the classes that occur in the truth, of the whole set or of the image.
@@ -23,7 +24,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import partial
 
 import numpy as np
@@ -59,6 +60,15 @@ PANOPTIC_METRICS = ("pq", "sq", "rq", "instance_miou")
 BOX_METRICS = ("box_recall_25", "box_precision_25", "box_recall_50", "box_precision_50")
 """Metrics of things (`semgs.evaluation.scoring.panoptic`)."""
 
+FREE_SPACE_METRICS = ("obstacles_free", "free_found", "obstacle_error")
+"""Metrics of maps of free space (`semgs.evaluation.frames.free_space`)."""
+
+THINGS_METRICS = (*PANOPTIC_METRICS, *BOX_METRICS, *FREE_SPACE_METRICS)
+"""What a robot acts on."""
+
+ON_REQUEST = (*MERGED_METRICS, *ASIDE_METRICS, *PAIR_METRICS, *THINGS_METRICS)
+"""Metrics that reports have only if they were requested."""
+
 RISK = 0.05
 """The share of wrong pixels up to which `covered_95` counts."""
 
@@ -78,6 +88,8 @@ LOWER_IS_BETTER = (
     "flyers",
     "changed_classes",
     "changed_depth",
+    "obstacles_free",
+    "obstacle_error",
 )
 
 
@@ -122,6 +134,7 @@ def group_metrics(frames: Sequence[FrameScores]) -> list[MetricGroup]:
         ),
         (PANOPTIC_METRICS, "segments", _panoptic_values),
         (BOX_METRICS, "boxes", _box_values),
+        (FREE_SPACE_METRICS, "free_space", _free_space_values),
         (DEPTH_METRICS, "depth", partial(_depth_values, "depth", ("abs_rel", "delta"))),
         (("depth_abs_rel_seen",), "depth_seen", partial(_depth_values, "depth_seen", ("abs_rel",))),
     )
@@ -301,6 +314,17 @@ def _box_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
     def values(times: np.ndarray, scene_times: np.ndarray) -> np.ndarray:
         true, found, *hits = (times @ counts).T
         return np.stack([_ratio(hit, of) for hit in hits for of in (true, found)])
+
+    return values
+
+
+def _free_space_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
+    """Computes `FREE_SPACE_METRICS`."""
+    counts = np.array([astuple(frame.free_space) for frame in frames if frame.free_space is not None])
+
+    def values(times: np.ndarray, scene_times: np.ndarray) -> np.ndarray:
+        occupied, wrong, free, right, cameras, error = (times @ counts).T
+        return np.stack([_ratio(wrong, occupied), _ratio(right, free), _ratio(error, cameras)])
 
     return values
 

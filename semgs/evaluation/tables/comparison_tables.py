@@ -9,13 +9,7 @@ from typing import Any
 
 from semgs._version import __version__
 from semgs.evaluation.scoring.intervals import paired_differences
-from semgs.evaluation.scoring.summary import (
-    BOX_METRICS,
-    LOWER_IS_BETTER,
-    MERGED_METRICS,
-    PANOPTIC_METRICS,
-    SEEN_METRICS,
-)
+from semgs.evaluation.scoring.summary import LOWER_IS_BETTER, MERGED_METRICS, SEEN_METRICS, THINGS_METRICS
 from semgs.evaluation.tables.evaluation_report import COMPARED, SavedReport, SavedResult, worse_than_copy
 from semgs.evaluation.tables.published_results import MARK, PublishedTable
 from semgs.evaluation.tables.score_cells import interval_cells, score_cells
@@ -284,17 +278,22 @@ def kinds_grid(report: SavedReport) -> Grid | None:
 
 
 def things_grid(report: SavedReport) -> Grid | None:
-    """The metrics of things, with their intervals; None if things were not scored."""
-    shown = (*PANOPTIC_METRICS, *BOX_METRICS)
-    rows = [
-        (Cell(f"{report.name}, {views} views"), *interval_cells(result.numbers, shown))
-        for views, result in report.results.items()
-        if result.numbers.get("pq") is not None
-    ]
-    if not rows:
+    """The metrics of things and of free space that were requested, with their intervals; None if none was."""
+    rows = {views: result.numbers for views, result in report.results.items()}
+    shown = [metric for metric in THINGS_METRICS if any(numbers.get(metric) is not None for numbers in rows.values())]
+    if not shown:
         return None
-    note = "Things are matched in the image above an IoU of one half, and by their boxes in metres. Means over classes; boxes over all things."
-    return Grid(title="Things", head=("method", *[TITLES[metric] for metric in shown]), rows=tuple(rows), notes=(note,))
+    return Grid(
+        title="Things and free space",
+        head=("", *(f"{report.name}, {views} views" for views in rows)),
+        rows=tuple(
+            (Cell(TITLES[metric]), *(cell for numbers in rows.values() for cell in interval_cells(numbers, [metric])))
+            for metric in shown
+        ),
+        notes=(
+            "Things match in the image above an IoU of one half, boxes in metres. Free space is beside that by measured depth.",
+        ),
+    )
 
 
 def distinct_names(reports: Sequence[SavedReport]) -> list[str]:

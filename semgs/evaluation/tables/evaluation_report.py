@@ -19,14 +19,11 @@ from semgs.evaluation.scoring.method_scores import MethodScores
 from semgs.evaluation.scoring.risk_coverage import risk_coverage
 from semgs.evaluation.scoring.score_records import decode_scores, encode_scores, finite, number, seconds
 from semgs.evaluation.scoring.summary import (
-    ASIDE_METRICS,
-    BOX_METRICS,
     CONFIDENCE_METRICS,
     LOWER_IS_BETTER,
     MERGED_METRICS,
     METRICS,
-    PAIR_METRICS,
-    PANOPTIC_METRICS,
+    ON_REQUEST,
     SEEN_METRICS,
     score_classes,
     summarise,
@@ -337,11 +334,7 @@ def _saved_result(entry: dict[str, Any], classes: int) -> SavedResult:
         absent = (
             *SEEN_METRICS,
             *CONFIDENCE_METRICS,
-            *MERGED_METRICS,
-            *ASIDE_METRICS,
-            *PAIR_METRICS,
-            *PANOPTIC_METRICS,
-            *BOX_METRICS,
+            *ON_REQUEST,
         )
         values += [row.get(name) if name in absent else row[name] for name in METRICS]
         values += [end for low, high in row.get("intervals", {}).values() for end in (low, high)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import pi
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.panoptic import count_boxes, count_segments, joined, qualities, tally, true_boxes
 from semgs.evaluation.scoring.score_records import decode_scores, encode_scores
 from semgs.evaluation.scoring.summary import summarise
+from semgs.evaluation.tables.comparison_tables import things_grid
+from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
 from semgs.geometry.cameras import Cameras
 from semgs.robotics.boxes import Box
 
@@ -182,6 +185,20 @@ def test_scores_of_things_come_back_from_json():
             decode_scores(entry | {"segments": entry["segments"] | wrong}, 20)
     with pytest.raises(ValueError, match="numbers of boxes"):
         decode_scores(encode_scores(scores) | {"boxes": [1, 2]}, 20)
+
+
+def test_the_table_of_things_has_a_row_for_each_metric_that_was_requested():
+    numbers = {"pq": 0.5, "sq": 0.75, "obstacle_error": 0.25, "intervals": {"pq": [0.4, 0.6]}, "miou": 0.3}
+    report = SavedReport(Path("report.json"), "small", "neighbours", {}, None, {2: SavedResult(2, numbers, {}, (), "")})
+    grid = things_grid(report)
+    assert grid is not None
+    assert [[cell.text for cell in row] for row in grid.rows] == [
+        ["PQ", "0.500 [0.400, 0.600]"], ["SQ", "0.750"], ["obstacle ahead [m]", "0.25"],
+    ]  # fmt: skip
+    without = SavedReport(
+        Path("report.json"), "small", "neighbours", {}, None, {2: SavedResult(2, {"miou": 0.3}, {}, (), "")}
+    )
+    assert things_grid(without) is None
 
 
 def test_a_joined_group_is_counted_once():

@@ -114,6 +114,8 @@ class Evaluate:
     panoptic: Annotated[Literal["", "coco", "eps3d"], optional("coco|eps3d")] = ""
     """Also find things, as semgs export --as objects does, and score them against the true ones: panoptic quality by the rule of COCO or by that of EPS3D, and
     boxes. Needs scenes in metres with maps of instances."""
+    free_space: bool = False
+    """Also map free space, as semgs export --as occupancy does, and score it against the map by measured depth. Needs scenes in metres with depth."""
     single: bool = False
     """Score the classes of each image by itself."""
     sides: Annotated[SeveralCounts, optional()] = ()
@@ -249,6 +251,7 @@ class Evaluate:
             "--depth-range": self.depth_range is not None,
             "--precision": self.precision != "float32",
             "--allow-seen": self.allow_seen,
+            "--free-space": self.free_space,
         }
         if self.predictions is not None and (given := [option for option, is_given in of_weights.items() if is_given]):
             raise UsageError(f"{given[0]} is for WEIGHTS; --predictions are rendered already")
@@ -279,6 +282,7 @@ class Evaluate:
             "--depth": self.depth is not None,
             "--merge": bool(self.merge),
             "--panoptic": bool(self.panoptic),
+            "--free-space": self.free_space,
         }
         if given := [option for option, is_given in refused.items() if is_given]:
             raise UsageError(f"--single classifies each image by itself, so it cannot go with {', '.join(given)}")
@@ -326,6 +330,7 @@ class Evaluate:
                 precision,
                 self.exposure,
                 bool(self.panoptic),
+                self.free_space,
             )
 
     def _groups(self, classes: ClassTable | None) -> ClassGroups | None:
@@ -346,21 +351,24 @@ class Evaluate:
         """Refuse scenes whose things cannot be scored.
 
         Raises:
-            InputError: no target has a map of instances, or a scene is not in metres.
+            InputError: no target has a map of instances, no scene has depth, or a scene is not in metres.
         """
-        if not self.panoptic:
+        needs = "--panoptic" if self.panoptic else "--free-space"
+        if not (self.panoptic or self.free_space):
             return
-        if all(task.scene.frames[task.sample.target].instances is None for task in plan.tasks):
+        if self.free_space and all(frame.depth is None for scene in plan.scenes for frame in scene.frames):
+            raise InputError(self.data, "scenes with depth for --free-space", "none")
+        if self.panoptic and all(task.scene.frames[task.sample.target].instances is None for task in plan.tasks):
             raise InputError(self.data, "scenes with maps of instances for --panoptic", "none")
         for scene in plan.scenes if self.weights else ():
             if scene.unit != "metric":
                 raise InputError(
                     scene.path,
-                    "lengths in metres for --panoptic",
+                    f"lengths in metres for {needs}",
                     "an unknown unit",
                     advice="if they are metres, use --unit metric",
                 )
-        if self.weights:
+        if self.weights and self.panoptic:
             from semgs.robotics.object_libraries import check_object_libraries
 
             check_object_libraries()
