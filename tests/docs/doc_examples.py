@@ -90,7 +90,7 @@ SMALLER_IN_PYTHON = {
 
 SLOW = (
     "app", "batch", "export-network", "label", "paper.", "poses", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
-    "kitchen_colmap", "splat-transform", "mosaic.tflite", "scripts/", "tests/", "--protocol neighbours", "--protocol lsm", "eval/other", "eval/segformer",
+    "kitchen_colmap", "splat-transform", "mosaic.tflite", "scripts/", "tests/", "--protocol neighbours", "--protocol lsm", "--free-space", "eval/other", "eval/segformer",
     "examples/train", "examples/score", "examples/robot", "examples/depth_maps_in", "--correspondence", "--weights runs/small", "--html", "--refine",
     "label-splat", "--rerun", "--single", "--features",
 )  # fmt: skip
