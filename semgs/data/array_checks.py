@@ -181,6 +181,6 @@ def _fitting(first: np.ndarray, second: np.ndarray, poses: Float64[np.ndarray, "
 
 def _fitting_any(first: np.ndarray, second: np.ndarray, pixel: float) -> float:
     """The share of matches that any two poses fit at best."""
-    planes = [np.ascontiguousarray(rays[:, :2] / rays[:, 2:]) for rays in (first, second)]
-    _, inside = cv2.findEssentialMat(*planes, np.eye(3), cv2.RANSAC, 0.999, FITS_PX * pixel)
+    a, b = (np.ascontiguousarray(rays[:, :2] / rays[:, 2:]) for rays in (first, second))
+    _, inside = cv2.findEssentialMat(a, b, np.eye(3), cv2.RANSAC, 0.999, FITS_PX * pixel)
     return 0.0 if inside is None else float(inside.mean())
