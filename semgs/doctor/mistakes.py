@@ -270,16 +270,17 @@ MISTAKES = (
     Mistake("fx and fy swapped", _focal_swapped),
     Mistake("cx and cy swapped", _centre_swapped),
     MILLIMETRES,
+    INVERSE_DEPTH,
     DEPTH_UNIT,
     ALONG_RAY,
-    INVERSE_DEPTH,
     Mistake("images in reverse order", _reversed),
     Mistake("images off by one", _off_by_one),
     Mistake("images sorted as text (10 before 9)", _sorted_otherwise),
     Mistake("focal length of another image size", _of_other_size, _other_factors),
     Mistake("wrong principal point", _other_centre, _other_centres),
 )
-"""In this order the first counts if several explain the data equally well: those with a free parameter are last."""
+"""In this order the first counts if several explain the data equally well: those with a free parameter are last, but inverse depth, of
+which parallax shows that it falls with depth, is before what depth may be."""
 
 BAD_DEPTH = Mistake("depth maps that do not fit the images (not registered to them, or wrong)", _without_depth)
 """The last resort, because less is asked of cameras without depth: it counts if nothing else explains the data."""
