@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from functools import lru_cache
 
 import cv2
@@ -36,6 +37,39 @@ MOST, FEW = 0.6, 0.6
 
 OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 """OpenGL's camera axes in OpenCV's."""
+
+CLEARLY = 0.8
+"""A reading fits clearly better than another if that fits at most this part of what it fits. Poses that fit more are right."""
+
+OFF = 5.0
+"""Poses that nothing explains are warned of if few matches fit even to so many times `FITS_PX`."""
+
+
+def _with(
+    poses: Float64[np.ndarray, "n 4 4"], rotations: np.ndarray, positions: np.ndarray
+) -> Float64[np.ndarray, "n 4 4"]:
+    """Poses with other rotations [n 3 3] and positions [n 3 1]."""
+    changed = poses.copy()
+    changed[:, :3, :3], changed[:, :3, 3:] = rotations, positions
+    return changed
+
+
+READINGS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "are world to camera: pass their inverse": np.linalg.inv,
+    "look like OpenGL's or Blender's, y up and z backward: multiply world_from_camera by diag(1, -1, -1, 1) from the right": lambda poses: (
+        poses @ OPENGL
+    ),
+    "are world to camera, with OpenGL's axes: pass inv(poses) @ diag(1, -1, -1, 1)": lambda poses: (
+        np.linalg.inv(poses) @ OPENGL
+    ),
+    "have the rotations of world to camera: transpose world_from_camera[:, :3, :3] and leave the positions as they are": lambda poses: (
+        _with(poses, poses[:, :3, :3].mT, poses[:, :3, 3:])
+    ),
+    "have the translations t of world to camera as positions: these are -R @ t, with R as in world_from_camera": lambda poses: (
+        _with(poses, poses[:, :3, :3], -poses[:, :3, :3] @ poses[:, :3, 3:])
+    ),
+}
+"""What poses that do not fit may be, with what to do about it, and the right poses then."""
 
 
 def check_intrinsics(cameras: Cameras) -> None:
@@ -81,34 +115,43 @@ def warn_of_copies(images: Float[Tensor, "v 3 h w"], cameras: Cameras) -> None:
 
 
 def warn_of_poses(images: Float[Tensor, "v 3 h w"], cameras: Cameras) -> None:
-    """Warn if two neighbouring images show that the poses are world to camera, or have OpenGL's axes (y up, z backward) instead of OpenCV's."""
+    """Warn if neighbouring images show that the poses do not fit: in words which of `READINGS` fits, if one does so clearly.
+
+    The first pair of images with matches decides. If it does not, that and the following ones together do.
+    """
     scale, pairs = min(1.0, LONGEST_SIDE / max(cameras.size)), range(1, min(len(images), MOST_TRIED))
     features = lru_cache(lambda index: sift(_grey(images[index], scale), FEATURES))
+    each = list[list[float]]()
     for second in pairs:
         (first_places, descriptors), (second_places, others) = features(second - 1), features(second)
         i, j = mutual_matches(descriptors, others)
-        if len(i) >= FEWEST:
-            break
-    else:
-        return
-    pair = slice(second - 1, second + 1)
-    matrices, poses = cameras.intrinsics[pair].numpy(), cameras.world_from_camera[pair].numpy()
-    rays = [
-        np.column_stack((places / scale, np.ones(len(places)))) @ np.linalg.inv(matrix).T
-        for places, matrix in zip((first_places[i], second_places[j]), matrices, strict=True)
-    ]
-    pixel = 1 / (scale * float(matrices[:, 0, 0].min()))
-    inverse = np.linalg.inv(poses)
-    readings = {
-        "are world to camera: pass their inverse": inverse,
-        "look like OpenGL's or Blender's, y up and z backward: multiply world_from_camera by diag(1, -1, -1, 1) from the right": poses @ OPENGL,
-        "are world to camera, with OpenGL's axes: pass inv(poses) @ diag(1, -1, -1, 1)": inverse @ OPENGL,
-    }  # fmt: skip
-    shares = {said: _fitting(rays[0], rays[1], reading, pixel) for said, reading in readings.items()}
-    likeliest = max(shares, key=lambda said: shares[said])
-    if _fitting(rays[0], rays[1], poses, pixel) <= FEW * shares[likeliest] and shares[likeliest] >= MOST:
+        pair = slice(second - 1, second + 1)
+        matrices, poses = cameras.intrinsics[pair].numpy(), cameras.world_from_camera[pair].numpy()
+        if len(i) < FEWEST or (poses[0, :3, 3] == poses[1, :3, 3]).all():
+            continue
+        rays = [
+            np.column_stack((places / scale, np.ones(len(places)))) @ np.linalg.inv(matrix).T
+            for places, matrix in zip((first_places[i], second_places[j]), matrices, strict=True)
+        ]
+        pixel = 1 / (scale * float(matrices[:, 0, 0].min()))
+        readings = (poses, *(read(poses) for read in READINGS.values()))
+        shares = [_fitting(rays[0], rays[1], reading, pixel) for reading in readings]
+        each.append([_fitting(rays[0], rays[1], poses, OFF * pixel), _fitting_any(rays[0], rays[1], pixel), *shares])
+        about, best, given, *others_fit = np.mean(each, axis=0).tolist()
+        likeliest = int(np.argmax(others_fit))
+        fits = others_fit.pop(likeliest)
+        if given > CLEARLY * max(best, fits):
+            return
+        if given <= FEW * fits and fits >= MOST and max(others_fit) <= CLEARLY * fits:
+            between = f"between images {second - 1} and {second}" if len(each) == 1 else "between neighbouring images"
+            said = f"the poses {list(READINGS)[likeliest]}. Matches {between} fit them only then"
+            warnings.warn(said, stacklevel=3)
+            return
+    if each and best >= MOST and about <= FEW * best:
         warnings.warn(
-            f"the poses {likeliest}. Matches between images {second - 1} and {second} fit them only then", stacklevel=3
+            f"the poses do not fit the images: {given:.0%} of the matches between neighbouring images agree with them, and no usual mistake explains it. "
+            "They should be camera to world, with x right, y down and z forward, and in the order of the images",
+            stacklevel=3,
         )
 
 
@@ -134,3 +177,10 @@ def _fitting(first: np.ndarray, second: np.ndarray, poses: Float64[np.ndarray, "
     in_front = ((a - cosine[:, None] * b) @ baseline > 0) & ((cosine[:, None] * a - b) @ baseline > 0)
     still = sine_squared < pixel**2  # too far away to tell in front from behind
     return float((near & (in_front | still)).mean())
+
+
+def _fitting_any(first: np.ndarray, second: np.ndarray, pixel: float) -> float:
+    """The share of matches that any two poses fit at best."""
+    a, b = (np.ascontiguousarray(rays[:, :2] / rays[:, 2:]) for rays in (first, second))
+    _, inside = cv2.findEssentialMat(a, b, np.eye(3), cv2.RANSAC, 0.999, FITS_PX * pixel)
+    return 0.0 if inside is None else float(inside.mean())

@@ -1,7 +1,7 @@
 """The elements of a PLY file as tables of numbers, read without trusting the header.
 
-Format: G. Turk, "The PLY Polygon File Format", 1994. Text, binary little endian and binary big endian are read; properties that are lists, as the faces of a
-mesh have them, are not, but may follow what is read.
+Format: G. Turk, "The PLY Polygon File Format", 1994. Text, binary little endian and binary big endian are read; elements with lists, as the faces of a mesh are,
+are not, but may follow what is read.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import io
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 
@@ -21,6 +22,12 @@ EXPECTED = "a PLY file"
 
 LONGEST_HEADER = 1 << 20
 """Bytes in which the header has to end."""
+
+VERTEX = "vertex"
+"""The element of points, and of Gaussians."""
+
+LIST = "list"
+"""The type of a property that is a list."""
 
 MOST_ELEMENTS = 100
 """Elements of a header; files have a handful."""
@@ -46,7 +53,7 @@ class Element:
     Attributes:
         name: such as "vertex".
         count: of rows.
-        types: the type of each property, as NumPy writes it without its order of bytes; "list" for a list.
+        types: the type of each property, as NumPy writes it without its order of bytes; `LIST` for a list.
     """
 
     name: str
@@ -59,8 +66,8 @@ class PlyTables:
     """The content of a file.
 
     Attributes:
-        tables: the columns of each element by their names.
-        counts: the rows of each element.
+        tables: the columns of each element that was read, by their names.
+        counts: the rows of each element, also of those that were not read.
         comments: the lines of comments.
     """
 
@@ -75,27 +82,28 @@ def read_tables(path: str | Stored, data: bytes, last: str | None = None) -> Ply
     Args:
         path: the file, for errors.
         data: its bytes.
-        last: the last element to read; what follows it is skipped. None reads all.
+        last: the last element to read; what follows it is skipped. None reads all, or up to the first one with lists if that follows the vertices.
 
     Raises:
-        InputError: it is not a PLY file, is longer or shorter than its header says, has lists, or lacks the element `last`.
+        InputError: it is not a PLY file, is longer or shorter than its header says, has lists in what has to be read, or lacks the element `last`.
     """
     end = _END.search(data, 0, LONGEST_HEADER)
     if end is None:
         raise InputError(path, EXPECTED, "no end of a header")
     order, elements, comments = _header(path, data[: end.start()])
+    names, read = [element.name for element in elements], elements
     if last is not None:
-        names = [element.name for element in elements]
         if last not in names:
             raise InputError(path, f"an element {last}", ", ".join(names) or "none", "header")
-        elements = elements[: names.index(last) + 1]
-    listed = [element for element in elements if "list" in element.types.values()]
-    if listed:
-        raise InputError(path, EXPECTED, f"the lists of a mesh (element {listed[0].name})")
-    if order:
-        tables = _binary(path, memoryview(data)[end.end() :], order, elements, last is None)
-    else:
-        tables = _text(path, data[end.end() :], elements, last is None)
+        read = elements[: names.index(last) + 1]
+    listed = next((place for place, element in enumerate(read) if LIST in element.types.values()), None)
+    if listed is not None:
+        if last is not None or VERTEX not in names[:listed]:
+            _refuse_lists(path, read[listed])
+        read = read[:listed]
+    complete = last is None and len(read) == len(elements)
+    body = memoryview(data)[end.end() :]
+    tables = _binary(path, body, order, read, complete) if order else _text(path, bytes(body), read, complete)
     return PlyTables(tables, {element.name: element.count for element in elements}, comments)
 
 
@@ -106,6 +114,14 @@ def with_plain_header(data: bytes) -> bytes:
         return data
     lines = data[: end.start()].split(b"\n")
     return b"\n".join(line for line in lines if not _REMARK.match(line)) + data[end.start() :]
+
+
+def _refuse_lists(path: str | Stored, element: Element) -> NoReturn:
+    """Refuse an element for its first list."""
+    name = next(name for name, kind in element.types.items() if kind == LIST)
+    expected = f"numbers in the element {element.name}"
+    advice = "lists can be read only after the vertices, so save the file without it"
+    raise InputError(path, expected, f"the list property {name}, which cannot be read", "header", advice)
 
 
 def _header(path: str | Stored, text: bytes) -> tuple[str, list[Element], tuple[str, ...]]:
@@ -134,7 +150,7 @@ def _header(path: str | Stored, text: bytes) -> tuple[str, list[Element], tuple[
                     )
                 elements.append(Element(name, int(count), {}))
             case ["property", "list", _, _, name] if elements:
-                _add(path, place, elements[-1], name, "list")
+                _add(path, place, elements[-1], name, LIST)
             case ["property", kind, name] if elements and kind in _TYPES:
                 _add(path, place, elements[-1], name, _TYPES[kind])
             case _:

@@ -9,8 +9,19 @@ from typing import Literal, final
 import numpy as np
 
 from semgs.data.scene import Scene
+from semgs.doctor.disparity import fit_disparity
 from semgs.doctor.misses import CAP_PX, miss, pair_misses, triangulated_depth, triangulated_depths
-from semgs.doctor.mistakes import ALONG_RAY, BAD_DEPTH, DEPTH_UNIT, MILLIMETRES, MISTAKES, Given, Mistake, plausible
+from semgs.doctor.mistakes import (
+    ALONG_RAY,
+    BAD_DEPTH,
+    DEPTH_UNIT,
+    INVERSE_DEPTH,
+    MILLIMETRES,
+    MISTAKES,
+    Given,
+    Mistake,
+    plausible,
+)
 from semgs.doctor.registered import unregistered
 from semgs.doctor.rig import FileConvention, Rig, rig_of
 from semgs.doctor.warps import DepthView, find_depth_views, warp_error
@@ -33,6 +44,9 @@ SLACK_PERCENT = 0.5
 
 ALIKE, ALIKE_BY = 1.25, 0.25
 """Two mistakes explain the data equally well if their errors differ by less than this factor, or by less than this."""
+
+ALIGN_INVERSE = "semgs reconstruct --depth maps --depth-meaning inverse"
+"""What takes inverse depth as it is."""
 
 Verdict = Literal["good", "slightly wrong", "suspicious", "cannot tell"]
 
@@ -147,8 +161,10 @@ class Diagnosis:
 
     @property
     def depth_ratio(self) -> float:
-        """The median of measured depth over the distance by parallax; NaN if the cameras miss the matches, or few have depth."""
+        """The median of measured depth over the distance by parallax; NaN if the cameras miss the matches, few have depth, or it is inverse depth."""
         if not self.evidence.matches.measured or not self.evidence.fits_alone(self.given):
+            return np.nan
+        if self.finding is not None and self.finding.mistake is INVERSE_DEPTH:
             return np.nan
         ratios = self.evidence.matches.depths[:, 0] / triangulated_depths(self.given, self.evidence.matches)
         known = ratios[np.isfinite(ratios)]
@@ -214,7 +230,10 @@ class Diagnosis:
             which += f" (it fits if it is multiplied by {self.finding.rig.depth_unit:g}{hint})"
         if self.finding.mistake is ALONG_RAY:
             which += " (divide each depth by |K^-1 (u, v, 1)| of its pixel)"
-        return f"{said}. Likely mistake: {which}, {self.amount(self.finding.error)} when corrected{also}."
+        said = f"{said}. Likely mistake: {which}, {self.amount(self.finding.error)} when corrected{also}."
+        if self.finding.mistake is INVERSE_DEPTH:
+            said += " Convert them to depth in metres" + (f", or use {ALIGN_INVERSE}." if options else ".")
+        return said
 
 
 def diagnose(scene: Scene, frames: Sequence[int] | None = None, features: int = FEATURES) -> Diagnosis:
@@ -248,7 +267,14 @@ def judge_cameras(
     """
     if not evidence:
         return Diagnosis("cannot tell", np.nan, (), MISTAKES, rig, evidence)
-    given = Given(rig, FileConvention.of(layout), tuple(names), rig.depth_unit * evidence.depth, evidence.error)
+    given = Given(
+        rig,
+        FileConvention.of(layout),
+        tuple(names),
+        rig.depth_unit * evidence.depth,
+        evidence.error,
+        fit_disparity(rig, evidence.matches),
+    )
     before = given.error(rig)
     findings = _findings(given, evidence) if before > FITS else ()
     rival = min((one.error for one in findings if one.mistake is not BAD_DEPTH), default=np.inf)

@@ -199,7 +199,7 @@ def _measured_points(rig: Rig, found: Diagnosis) -> Float64[np.ndarray, "m 3"]:
     matches = found.evidence.matches
     frames = matches.pairs[matches.pair][:, 0]
     rays = (matches.points[:, 0] - rig.centre[frames]) / rig.focal[frames]
-    depths = rig.z_depths(matches.depths[:, 0], rays)
+    depths = rig.z_depths(matches.depths[:, 0], rays, frames)
     places = np.column_stack((rays, np.ones(len(rays)))) * depths[:, None]
     places = np.einsum("mij,mj->mi", rig.poses[frames, :3, :3], places) + rig.poses[frames, :3, 3]
     return places[np.isfinite(places).all(1)]

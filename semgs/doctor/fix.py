@@ -56,6 +56,8 @@ def note_on_depth(scene: Scene, rig: Rig) -> str:
     """Which depth maps of a scene a `transforms.json` cannot list, in a sentence; "" if it can list them all, or the correction is to ignore them."""
     if rig.along_ray:
         return "The depth maps are not in the new file: it needs z-depth. Divide each depth by |K^-1 (u, v, 1)| of its pixel, and write the maps again."
+    if rig.disparity is not None:
+        return "The depth maps are not in the new file: it needs z-depth, and they are inverse depth."
     missing = sum(frame.depth is not None and _listed(frame.depth) is None for frame in scene.frames)
     if not missing:
         return ""
@@ -88,7 +90,7 @@ def _entry(frame: Frame, rig: Rig, index: int, folder: Path) -> dict[str, Any]:
     if isinstance(frame.mask, MaskMap):
         entry["mask_path"] = _relative(Path(str(frame.mask.path)), folder)
     depth = _listed(frame.depth)
-    if depth is not None and np.isfinite(rig.depth_unit) and not rig.along_ray:
+    if depth is not None and np.isfinite(rig.depth_unit) and not rig.along_ray and rig.disparity is None:
         entry["depth_file_path"] = _relative(Path(str(depth.path)), folder)
         entry["depth_unit_scale_factor"] = depth.unit * rig.depth_unit
     return entry

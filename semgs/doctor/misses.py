@@ -22,7 +22,7 @@ def misses(rig: Rig, matches: Matches) -> Float64[np.ndarray, " m"]:
     frames = matches.pairs[matches.pair]
     relative = _second_from_first(rig, matches)
     rays = (matches.points - rig.centre[frames]) / rig.focal[frames]
-    depths = rig.z_depths(matches.depths, rays)
+    depths = rig.z_depths(matches.depths, rays, frames)
     px = rig.focal[frames] * matches.shrink[..., None]
     forth_px = _one_way(relative, rays[:, 0], rays[:, 1], depths[:, 0], px[:, 1])
     back_px = _one_way(inverse(relative), rays[:, 1], rays[:, 0], depths[:, 1], px[:, 0])

@@ -45,6 +45,7 @@ class Given:
         names: of the frames, in the file's order.
         depth: the median of the measured depths at matches [m]; NaN if nothing was measured.
         error: how far cameras are from what was observed, in px or percent.
+        disparity: as from `fit_disparity`.
     """
 
     rig: Rig
@@ -52,6 +53,7 @@ class Given:
     names: tuple[str, ...]
     depth: float
     error: Error = field(repr=False)
+    disparity: Float64[np.ndarray, "n 2"] | None = field(default=None, repr=False)
 
 
 @final
@@ -94,6 +96,18 @@ def _transposed(given: Given) -> Iterator[Rig]:
 
     yield _rewritten(given, transposed)
     yield replace(given.rig, poses=transposed(given.rig.poses))
+
+
+def _with_inverse_translations(given: Given) -> Iterator[Rig]:
+    """The inverse of [R | t] has the translation -R^T t; with R^T as it is read, that is undone by -R."""
+
+    def corrected(matrices: np.ndarray) -> np.ndarray:
+        changed = matrices.copy()
+        changed[:, :3, 3:] = -matrices[:, :3, :3] @ matrices[:, :3, 3:]
+        return changed
+
+    yield _rewritten(given, corrected)
+    yield replace(given.rig, poses=corrected(given.rig.poses))
 
 
 def _other_quaternion(given: Given) -> Iterator[Rig]:
@@ -222,6 +236,11 @@ def _along_ray(given: Given) -> Iterator[Rig]:
         yield replace(given.rig, along_ray=not given.rig.along_ray)
 
 
+def _inverse_depth(given: Given) -> Iterator[Rig]:
+    if given.disparity is not None:
+        yield replace(given.rig, disparity=given.disparity)
+
+
 def _without_depth(given: Given) -> Iterator[Rig]:
     if not np.isnan(given.depth):
         yield replace(given.rig, depth_unit=np.nan)
@@ -238,16 +257,20 @@ DEPTH_UNIT = Mistake("wrong unit of depth", _other_depth_unit)
 
 ALONG_RAY = Mistake("depth along the ray instead of z", _along_ray)
 
+INVERSE_DEPTH = Mistake("depth maps that are inverse depth (disparity)", _inverse_depth)
+
 MISTAKES = (
     Mistake("poses inverted (world to camera for camera to world, or the reverse)", _inverted),
     Mistake("OpenGL and OpenCV axes confused", _other_axes),
     Mistake("poses inverted, and OpenGL and OpenCV axes confused", _inverted_with_other_axes),
     Mistake("rotations transposed", _transposed),
+    Mistake("translations of world to camera as positions (or the reverse)", _with_inverse_translations),
     Mistake("order of quaternions (w first or last)", _other_quaternion),
     Mistake("mirrored world (left-handed coordinates)", _mirrored),
     Mistake("fx and fy swapped", _focal_swapped),
     Mistake("cx and cy swapped", _centre_swapped),
     MILLIMETRES,
+    INVERSE_DEPTH,
     DEPTH_UNIT,
     ALONG_RAY,
     Mistake("images in reverse order", _reversed),
@@ -256,12 +279,13 @@ MISTAKES = (
     Mistake("focal length of another image size", _of_other_size, _other_factors),
     Mistake("wrong principal point", _other_centre, _other_centres),
 )
-"""In this order the first counts if several explain the data equally well: those with a free parameter are last."""
+"""In this order the first counts if several explain the data equally well: those with a free parameter are last, but inverse depth, of
+which parallax shows that it falls with depth, is before what depth may be."""
 
 BAD_DEPTH = Mistake("depth maps that do not fit the images (not registered to them, or wrong)", _without_depth)
 """The last resort, because less is asked of cameras without depth: it counts if nothing else explains the data."""
 
-OF_DEPTH = (DEPTH_UNIT, ALONG_RAY, BAD_DEPTH)
+OF_DEPTH = (DEPTH_UNIT, ALONG_RAY, INVERSE_DEPTH, BAD_DEPTH)
 """Mistakes in depth maps; all others are in the cameras."""
 
 

@@ -8,7 +8,7 @@ from semgs.data.frames import Frame
 from semgs.data.scene import Scene
 from semgs.data.spread import spread
 from semgs.doctor.diagnosis import diagnose
-from semgs.doctor.mistakes import OF_DEPTH
+from semgs.doctor.mistakes import INVERSE_DEPTH, OF_DEPTH
 from semgs.files.images.pictures import QUARTER_TURN, read_header
 from semgs.runtime.notes import Kind, Note
 
@@ -28,7 +28,7 @@ ON_THEIR_SIDE = Kind(
 )
 
 
-def warnings_of(scene: Scene, frames: Sequence[int], *, refined: bool = False) -> list[Note]:
+def warnings_of(scene: Scene, frames: Sequence[int], *, refined: bool = False, inverse: bool = False) -> list[Note]:
     """Warnings for the user if photos lie on their side, or the cameras or depth maps do not fit the images; none if all fits or nothing can be said.
 
     So few frames have few matches, so cameras are called slightly wrong only if most pairs of frames say so.
@@ -37,6 +37,7 @@ def warnings_of(scene: Scene, frames: Sequence[int], *, refined: bool = False) -
         scene: the scene.
         frames: positions of the frames that are used; the first `MOST_FRAMES` are tested.
         refined: whether their cameras were refined already. Then nothing is said of slightly wrong ones.
+        inverse: whether the user says that depth maps are inverse depth. Then nothing is said of that.
 
     Raises:
         InputError: an image or a depth map cannot be read.
@@ -44,7 +45,8 @@ def warnings_of(scene: Scene, frames: Sequence[int], *, refined: bool = False) -
     tested = tuple(frames[:MOST_FRAMES])
     warnings = notes_on_sides([scene.frames[position] for position in tested])
     found = diagnose(scene, tested, FEATURES)
-    if found.verdict == "suspicious":
+    stated = inverse and found.finding is not None and found.finding.mistake is INVERSE_DEPTH
+    if found.verdict == "suspicious" and not stated:
         wrong = "depth maps" if found.finding is not None and found.finding.mistake in OF_DEPTH else "cameras"
         warnings.append(MAY_BE_WRONG(what=wrong, found=found.sentence, page=found.without_options))
     if found.verdict == "slightly wrong" and found.evidence.contradicts(found.given) and not refined:

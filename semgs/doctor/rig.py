@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from semgs.data.cameras.lens import AbstractLens, matrix
 from semgs.data.frames import Frame
@@ -17,6 +17,9 @@ POSES_ARE_INVERSE = ("COLMAP",)
 
 AXES_ARE_OPENGL = ("transforms.json", "ScanNet++ dslr")
 """Layouts whose files have OpenGL camera axes; all others have OpenCV's."""
+
+NEAREST_TO_0 = 1e-9
+"""Smaller inverse depth counts as this: what is at infinity is very far away."""
 
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 """Between OpenGL's and OpenCV's camera axes, in both directions."""
@@ -34,6 +37,7 @@ class Rig:
         sizes: (width, height) of each frame [px].
         depth_unit: measured depths are multiplied by this.
         along_ray: whether measured depths are distances along the ray instead of z.
+        disparity: the scale and shift of each frame if measured depths d are inverse depth, 1 / z = scale d + shift; None if they are depth.
     """
 
     poses: Float64[np.ndarray, "n 4 4"]
@@ -42,11 +46,18 @@ class Rig:
     sizes: Float64[np.ndarray, "n 2"]
     depth_unit: float = 1.0
     along_ray: bool = False
+    disparity: Float64[np.ndarray, "n 2"] | None = None
 
     def z_depths(
-        self, depths: Float64[np.ndarray, "*n"], rays: Float64[np.ndarray, "*n 2"]
+        self,
+        depths: Float64[np.ndarray, "*n"],
+        rays: Float64[np.ndarray, "*n 2"],
+        frames: Int64[np.ndarray, "*n"] | int,
     ) -> Float64[np.ndarray, "*n"]:
-        """The z-depth that measured depths on the rays (x, y, 1) stand for: a distance along the ray is z |(x, y, 1)|."""
+        """The z-depth that measured depths of frames on the rays (x, y, 1) stand for: a distance along the ray is z |(x, y, 1)|; 0 and NaN stay unknown."""
+        if self.disparity is not None:
+            scales, shifts = np.moveaxis(self.disparity[frames], -1, 0)
+            return np.where(depths > 0, 1 / np.maximum(scales * depths + shifts, NEAREST_TO_0), depths)
         lengths = np.sqrt(1 + (rays**2).sum(-1)) if self.along_ray else 1.0
         return self.depth_unit * depths / lengths
 

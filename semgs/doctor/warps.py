@@ -98,7 +98,7 @@ def _disagreement(rig: Rig, first: DepthView, second: DepthView) -> float:
     if not np.isfinite(motion).all():
         return np.nan
     rays = (first.points[:, :2] - rig.centre[i]) / rig.focal[i]
-    depths = rig.z_depths(first.points[:, 2], rays)
+    depths = rig.z_depths(first.points[:, 2], rays, i)
     there = depths[:, None] * np.column_stack((rays, np.ones(len(rays)))) @ motion[:3, :3].T + motion[:3, 3]
     there = there[there[:, 2] > 0]
     rays = there[:, :2] / there[:, 2:]
@@ -109,7 +109,7 @@ def _disagreement(rig: Rig, first: DepthView, second: DepthView) -> float:
     if inside.sum() < LEAST_INSIDE * len(first.points):
         return CAP_PERCENT
     met = second.depths[row[inside].astype(np.int64), column[inside].astype(np.int64)].astype(np.float64)
-    met = rig.z_depths(met, rays[inside])
+    met = rig.z_depths(met, rays[inside], j)
     expected = there[inside, 2]
     known = met > 0
     return (

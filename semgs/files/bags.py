@@ -26,6 +26,12 @@ MOST_DEFINITION, MOST_ELEMENTS, MOST_NUMBERS = 1 << 18, 1 << 10, 1 << 26
 METADATA, MOST_METADATA = "metadata.yaml", 1 << 20
 """The list of a bag's topics, and its largest size [bytes]."""
 
+MCAP_ENCODINGS = ("protobuf", "json", "flatbuffer", "cdr")
+"""How messages in MCAP files are encoded; cdr is that of ROS 2."""
+
+MOST_MCAP_HEADER, MOST_MCAP_SUMMARY = 1 << 12, 1 << 20
+"""Bytes of an MCAP file in which its profile is, and those at its end in which encodings are looked for."""
+
 VISION = {
     "BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
     "Detection3D": "std_msgs/Header header\nObjectHypothesisWithPose[] results\nBoundingBox3D bbox\nstring id",
@@ -51,6 +57,31 @@ def bag_reader(path: Path, recordings: Sequence[Path] = ()) -> Any:
     _bound_rosbags()
     _check_metadata(path / METADATA)
     return AnyReader(recordings or [path], default_typestore=get_typestore(Stores.LATEST))
+
+
+def foreign_mcap(path: Path) -> tuple[str, str] | None:
+    """What an MCAP file is if not a recording of ROS 2, and what to do; None if it is one, or not an intact MCAP file.
+
+    Its first record has the profile. Its summary, at the end, has the encodings of the messages. Source: https://mcap.dev/spec
+    """
+    if not path.is_file():
+        return None
+    with path.open("rb") as opened:
+        start = opened.read(MOST_MCAP_HEADER)
+        opened.seek(-min(MOST_MCAP_SUMMARY, path.stat().st_size), os.SEEK_END)
+        end = opened.read()
+    found = re.match(rb"\x89MCAP0\r\n\x01.{8}(.{4})", start, re.DOTALL)
+    if found is None:
+        return None
+    profile = start[found.end() :][: int.from_bytes(found[1], "little")]
+    if profile == b"ros2":
+        return None
+    if profile == b"ros1":
+        return "an MCAP of ROS 1", "use the .bag that it was made from"
+    known = [name for name in MCAP_ENCODINGS if len(name).to_bytes(4, "little") + name.encode() in end]
+    messages = f", with messages in {' and '.join(known)}" if known else ""
+    advice = "record the topics of ROS 2 instead (ros2 bag record --storage mcap), or write images and poses to a transforms.json"
+    return f"an MCAP of another program than ROS 2{messages}", advice
 
 
 def check_definitions(reader: Any) -> None:

@@ -253,7 +253,9 @@ class Reconstruct(Run):
             from semgs.doctor.quick import frames_to_test, warnings_of
 
             tested = chosen if self.refine_poses else frames_to_test(chosen, len(scene))
-            notes += warnings_of(scene, tested, refined=self.refine_poses)
+            notes += warnings_of(
+                scene, tested, refined=self.refine_poses, inverse=self.placing.depth_meaning == "inverse"
+            )
         return scene, choice, notes
 
     def _check(self) -> None:

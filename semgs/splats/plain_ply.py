@@ -4,6 +4,8 @@ The element `vertex` has, in any order and of any type of numbers: x y z, f_dc_0
 scale_0..2 (natural logarithm), rot_0..3 (w, x, y, z), and 0, 9, 24 or 45 properties f_rest: all higher harmonics of red, then green, then blue.
 Source: https://github.com/graphdeco-inria/gaussian-splatting (scene/gaussian_model.py, save_ply). nx ny nz are left out if they are zero, as 3DGS writes them.
 
+CloudCompare keeps what it does not know as scalar fields, and writes their names with a prefix: scalar_opacity, in older versions scal_opacity.
+
 nerfstudio's ns-export gaussian-splat --ply-color-mode rgb writes red, green and blue as bytes in place of f_dc. Some exporters write scales and opacities as they are used,
 not as logarithms and logits; see `look_like_lengths` and `look_like_shares`.
 
@@ -15,12 +17,13 @@ sqrt(prod(s) / prod(s + f)), so that the Gaussian keeps its integral. Source: ht
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from semgs.data.ply_tables import PlyTables
+from semgs.data.ply_tables import VERTEX, PlyTables
 from semgs.files.errors import InputError
 from semgs.geometry.harmonics import DEGREE_0
 from semgs.runtime.notes import Kind
@@ -44,7 +47,11 @@ FILTER = "filter_3D"
 FOOTPRINT = "SemGS: scales contain the blur of a pixel; its variance is nx"
 """The comment of our own files whose scales contain footprints, which are taken away here."""
 
-VERTEX = "vertex"
+PREFIXES = ("scalar_", "scal_")
+"""What CloudCompare writes before the names of properties."""
+
+FACE = "face"
+"""The element of a mesh."""
 
 BYTES = ("red", "green", "blue")
 FEWEST, SAMPLED = 50, 1000
@@ -81,7 +88,7 @@ def read_plain_ply(path: Path, ply: PlyTables, activated: bool | None = None) ->
     Raises:
         InputError: it is a mesh, a point cloud or another kind of PLY, or its numbers are no Gaussians.
     """
-    columns = _with_constants(ply.tables.get(VERTEX, {}))
+    columns = _with_constants(_without_prefixes(ply.tables.get(VERTEX, {})))
     missing = [name for name in NEEDED if name not in columns]
     if missing:
         raise InputError(path, "a PLY of 3D Gaussians", _kind(ply, missing), advice=_remedy(missing))
@@ -146,6 +153,12 @@ def look_like_shares(opacities: Float[np.ndarray, " g"]) -> bool:
     return bool(len(known) >= FEWEST and known.min() >= 0 and 0 < known.max() <= 1)
 
 
+def _without_prefixes(columns: Columns) -> Columns:
+    """Columns with the names that they had before CloudCompare wrote them; a name that is there already stays another's."""
+    names = {name: reduce(str.removeprefix, PREFIXES, name) for name in columns}
+    return {name if plain in columns else plain: columns[name] for name, plain in names.items()}
+
+
 def _with_constants(columns: Columns) -> Columns:
     """Columns with the constant harmonics of the colours that nerfstudio writes as bytes, if it does."""
     if not all(name in columns and columns[name].dtype == np.uint8 for name in BYTES) or CONSTANT[0] in columns:
@@ -204,10 +217,12 @@ def by_coefficient(columns: Columns, rest: tuple[str, ...], constant: tuple[str,
 
 def _kind(ply: PlyTables, missing: list[str]) -> str:
     """What a PLY is that lacks some properties."""
-    columns = ply.tables.get(VERTEX)
-    if columns is None:
+    if VERTEX not in ply.tables:
         return f"elements {', '.join(ply.tables) or '(none)'}"
+    columns = _without_prefixes(ply.tables[VERTEX])
     if not any(name in columns for name in (*CONSTANT, "opacity", *SCALES, *ROTATION)):
+        if FACE in ply.counts:
+            return "a mesh"
         return "a point cloud" if all(name in columns for name in POSITION) else "another kind of PLY"
     return f"none of the properties {', '.join(missing[:4])}"
 

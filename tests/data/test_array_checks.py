@@ -76,6 +76,13 @@ def pair() -> Views:
 OPENGL = np.diag([1.0, -1, -1, 1])
 
 
+def composed(rotations: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """Poses with the rotations of some and the positions of others."""
+    poses = positions.copy()
+    poses[:, :3, :3] = rotations[:, :3, :3]
+    return poses
+
+
 @pytest.mark.parametrize("order", [[0, 2], [2, 0], [1, 3], [3, 1]])
 @pytest.mark.parametrize(
     ("given", "said"),
@@ -84,6 +91,15 @@ OPENGL = np.diag([1.0, -1, -1, 1])
         (np.linalg.inv, "the poses are world to camera: pass their inverse"),
         (lambda poses: poses @ OPENGL, "the poses look like OpenGL's or Blender's"),
         (lambda poses: np.linalg.inv(poses @ OPENGL), "the poses are world to camera, with OpenGL's axes"),
+        (
+            lambda poses: composed(np.linalg.inv(poses), poses),
+            "the poses have the rotations of world to camera: transpose",
+        ),
+        (
+            lambda poses: composed(poses, np.linalg.inv(poses)),
+            "the poses have the translations t of world to camera as positions",
+        ),
+        (lambda poses: composed(poses[::-1], poses), "the poses do not fit the images: "),
     ],
 )
 def test_poses_of_another_convention_are_warned_of(given: Callable, said: str | None, order: list[int]):
@@ -114,14 +130,28 @@ def test_inverted_poses_that_some_matches_fit_by_accident_are_warned_of(frames: 
         )
 
 
-@pytest.mark.parametrize("poses", ["still", "alike"])
-def test_poses_that_cannot_be_compared_are_accepted(pair: Views, poses: str):
+def test_poses_of_other_images_are_warned_of(pair: Views):
+    """All readings of cameras that do not turn are alike; none fits images of cameras that do."""
+    matrices = torch.eye(4, dtype=torch.float64).repeat(2, 1, 1)
+    matrices[1, 0, 3] = 0.1
+    with pytest.warns(UserWarning, match="the poses do not fit the images: 0% of the matches"):
+        Views.from_arrays(pair.images, matrices, pair.cameras.intrinsics, (0.5, 10.0))
+
+
+def test_a_reading_that_one_pair_fits_by_accident_is_not_enough():
+    """Two thirds of the matches of the first pair fit, as camera 1 is turned by 0.64 degrees. Those of the others do not."""
+    several = open_scene(demo_scene()).read([0, 1, 2, 3], (180, 240))
+    poses = several.cameras.world_from_camera.numpy().copy()
+    poses[2:] = composed(poses[2:].mT, poses[2:])
+    turn = np.radians(0.64)
+    poses[1, :3, :3] @= [[1, 0, 0], [0, np.cos(turn), -np.sin(turn)], [0, np.sin(turn), np.cos(turn)]]
+    with pytest.warns(UserWarning, match="the poses do not fit the images"):
+        Views.from_arrays(several.images, poses, several.cameras.intrinsics, (0.5, 10.0))
+
+
+def test_poses_that_cannot_be_compared_are_accepted(pair: Views):
     matrices = pair.cameras.world_from_camera.clone()
-    if poses == "still":
-        matrices[1] = matrices[0]
-    else:
-        matrices = torch.eye(4, dtype=torch.float64).repeat(2, 1, 1)
-        matrices[1, 0, 3] = 0.1
+    matrices[1] = matrices[0]
     Views.from_arrays(pair.images, matrices, pair.cameras.intrinsics, (0.5, 10.0))  # a warning would be an error
 
 

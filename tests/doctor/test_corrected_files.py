@@ -88,6 +88,15 @@ def test_depth_along_the_ray_is_left_out_with_a_note_that_says_how_to_correct_it
     assert all("depth_file_path" not in entry for entry in json.loads((tmp_path / "fixed.json").read_text())["frames"])
 
 
+def test_inverse_depth_is_left_out_with_a_note(tmp_path: Path):
+    write_scene(tmp_path / "scene")
+    scene = open_scene(tmp_path / "scene")
+    rig = replace(rig_of(scene.frames), disparity=np.ones((2, 2)))
+    assert note_on_depth(scene, rig).endswith("it needs z-depth, and they are inverse depth.")
+    write_fixed(tmp_path / "fixed.json", scene, rig)
+    assert all("depth_file_path" not in entry for entry in json.loads((tmp_path / "fixed.json").read_text())["frames"])
+
+
 def test_depth_that_a_transforms_json_cannot_describe_is_left_out_with_a_note(tmp_path: Path):
     write_scene(tmp_path / "scene")
     scene = open_scene(tmp_path / "scene")

@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from semgs.doctor.diagnosis import Diagnosis, Evidence
 from semgs.doctor.diagnosis import judge_cameras as judged_on
+from semgs.doctor.disparity import fit_disparity
 from semgs.doctor.misses import miss, misses, pair_misses, triangulated_depth
-from semgs.doctor.mistakes import ALONG_RAY, BAD_DEPTH, MILLIMETRES
+from semgs.doctor.mistakes import ALONG_RAY, BAD_DEPTH, INVERSE_DEPTH, MILLIMETRES
 from semgs.doctor.rig import FileConvention, Rig, inverse
 from semgs.sfm.matches import Matches
 
@@ -199,8 +200,8 @@ def test_a_distance_of_5_m_along_a_ray_of_slope_three_quarters_is_a_depth_of_4_m
     """|(0.75, 0, 1)| = 1.25 and |(0.6, 0.8, 1)| = sqrt(2). In a unit of 2, depths are twice that."""
     rays = np.array([[0.75, 0.0], [0.6, 0.8]])
     rig = replace(walk(), along_ray=True)
-    np.testing.assert_allclose(rig.z_depths(np.array([5.0, 3.0]), rays), [4, 3 / 2**0.5])
-    np.testing.assert_allclose(replace(rig, depth_unit=2.0).z_depths(np.array([5.0, np.nan]), rays), [8, np.nan])
+    np.testing.assert_allclose(rig.z_depths(np.array([5.0, 3.0]), rays, 0), [4, 3 / 2**0.5])
+    np.testing.assert_allclose(replace(rig, depth_unit=2.0).z_depths(np.array([5.0, np.nan]), rays, 0), [8, np.nan])
 
 
 def test_distances_along_the_ray_are_named_and_nothing_else_is():
@@ -213,6 +214,34 @@ def test_distances_along_the_ray_are_named_and_nothing_else_is():
     assert found.findings[0].error < 1e-6
     np.testing.assert_array_equal(found.findings[0].rig.focal, rig.focal)
     assert "divide each depth by |K^-1 (u, v, 1)|" in found.sentence
+
+
+def test_disparity_becomes_depth_by_the_line_of_its_frame():
+    """1 / z = 2 d + 0.1 in frame 0: 0.2 is 2 m. 1 / z = 4 d - 0.3 in frame 1: 0.2 is 2 m as well, and 0.05 is behind infinity. 0 is unknown."""
+    rig = replace(walk(), disparity=np.array([[2, 0.1], *[[4, -0.3]] * 5]))
+    depths = rig.z_depths(np.array([0.2, 0.2, 0.05, 0.0]), np.zeros((4, 2)), np.array([0, 1, 1, 1]))
+    np.testing.assert_allclose(depths, [2, 2, 1e9, 0])
+
+
+def test_inverse_depth_is_named_with_the_line_of_each_frame():
+    """Numbers as of Depth Anything: each image has a scale and a shift of its own. A fifth of them is wrong."""
+    rig, rng = walk(), np.random.default_rng(4)
+    matches = seen(rig)
+    lines = np.column_stack((rng.uniform(0.05, 0.1, 6), rng.uniform(-0.05, 0.05, 6)))
+    scales, shifts = np.moveaxis(lines[matches.pairs[matches.pair]], -1, 0)
+    disparity = (1 / matches.depths - shifts) / scales
+    disparity[rng.random(disparity.shape) < 0.2] = 3.0
+    found = judge_cameras(rig, replace(matches, depths=disparity))
+    assert [one.mistake for one in found.findings] == [INVERSE_DEPTH]
+    assert found.findings[0].rig.disparity is not None
+    np.testing.assert_allclose(found.findings[0].rig.disparity, lines, atol=1e-6)
+    assert "Likely mistake: depth maps that are inverse depth (disparity), 0.5 px when corrected. " in found.sentence
+    assert found.sentence.endswith("or use semgs reconstruct --depth maps --depth-meaning inverse.")
+    assert np.isnan(found.depth_ratio)
+    assert "--depth" not in found.without_options
+    rng.shuffle(disparity)
+    assert fit_disparity(rig, replace(matches, depths=disparity)) is None
+    assert fit_disparity(rig, matches) is None
 
 
 @pytest.mark.parametrize("factor", [0.7, 1.3])

@@ -12,7 +12,9 @@ from PIL import Image
 from semgs.data.demo_scene import demo_scene
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
-from semgs.doctor.diagnosis import diagnose
+from semgs.doctor import quick
+from semgs.doctor.diagnosis import Finding, diagnose
+from semgs.doctor.mistakes import INVERSE_DEPTH
 from semgs.doctor.quick import FEATURES, frames_to_test, warnings_of
 
 
@@ -50,6 +52,16 @@ def test_two_of_three_pairs_are_too_few_to_call_cameras_slightly_wrong():
     scene = turned(open_scene(demo_scene()), {1: 0.5})
     assert diagnose(scene, (1, 3, 2), FEATURES).verdict == "slightly wrong"
     assert warnings_of(scene, (1, 3, 2)) == []
+
+
+def test_it_warns_of_inverse_depth_unless_the_user_says_so(monkeypatch: pytest.MonkeyPatch):
+    scene = open_scene(demo_scene())
+    fits = diagnose(scene, (1, 3, 2), FEATURES)
+    found = replace(fits, verdict="suspicious", findings=(Finding(INVERSE_DEPTH, 0.4, fits.given),))
+    monkeypatch.setattr(quick, "diagnose", lambda *_: found)
+    (warning,) = warnings_of(scene, (1, 3, 2))
+    assert warning.startswith("The depth maps may be wrong.")
+    assert warnings_of(scene, (1, 3, 2), inverse=True) == []
 
 
 def test_it_says_that_photos_lie_on_their_side(tmp_path: Path):

@@ -421,7 +421,7 @@ DATA = (
     ),
     Mutant(
         "inverted poses in arrays pass", "semgs/data/array_checks.py",
-        "inverse = np.linalg.inv(poses)", "inverse = poses", ("tests/data/test_array_checks.py",),
+        "pass their inverse\": np.linalg.inv,", "pass their inverse\": np.asarray,", ("tests/data/test_array_checks.py",),
     ),
     Mutant(
         "the background of renderers is a measurement", "semgs/data/maps.py",

@@ -94,7 +94,7 @@ DOCTOR = (
     ),
     Mutant(
         "warps ignore the unit of depth", "semgs/doctor/warps.py",
-        "depths = rig.z_depths(first.points[:, 2], rays)", "depths = first.points[:, 2]",
+        "depths = rig.z_depths(first.points[:, 2], rays, i)", "depths = first.points[:, 2]",
         ("tests/doctor/test_warps.py::test_depth_twice_as_large_disagrees_by_how_the_cameras_approach",),
     ),
     Mutant(

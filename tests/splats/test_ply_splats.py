@@ -107,6 +107,30 @@ def test_other_elements_are_named_and_not_read(tmp_path: Path):
     assert_same(splat.gaussians, known_gaussian())
 
 
+@pytest.mark.parametrize("faces", [0, 2])
+@pytest.mark.parametrize("order", ["binary_little_endian", "ascii"])
+def test_faces_may_follow_the_gaussians(tmp_path: Path, order: str, faces: int):
+    head = f"element face {faces}\nproperty list uchar int vertex_indices\nend_header".encode()
+    data = ply({"vertex": columns_3dgs([known_row()])}, order).replace(b"end_header", head)
+    body = b"3 0 0 0\n" if order == "ascii" else b"\3" + bytes(12)
+    splat = load_splat(save(tmp_path / "a.ply", data + faces * body))
+    assert_same(splat.gaussians, known_gaussian())
+    assert splat.comments == (f"element face ({faces} rows) was not read",)
+
+
+@pytest.mark.parametrize("prefix", ["scalar_", "scal_"])
+def test_names_may_have_the_prefix_of_cloudcompare(tmp_path: Path, prefix: str):
+    """CloudCompare leaves x, y and z alone. A second opacity keeps its prefix."""
+    row = {name if name in "xyz" else prefix + name: value for name, value in known_row(instance=7.0).items()}
+    splat = load_splat(save(tmp_path / "a.ply", ply({"vertex": columns_3dgs([row])})))
+    assert_same(splat.gaussians, known_gaussian())
+    assert {name: values.tolist() for name, values in splat.extra.items()} == {"instance": [7]}
+    row = known_row(**{prefix + "opacity": 9.0})
+    splat = load_splat(save(tmp_path / "b.ply", ply({"vertex": columns_3dgs([row])})))
+    assert_same(splat.gaussians, known_gaussian())
+    assert set(splat.extra) == {prefix + "opacity"}
+
+
 def test_comments_may_be_in_any_encoding(tmp_path: Path):
     data = ply({"vertex": columns_3dgs([known_row()])})
     said = b"comment C:\\M\xfcller\r\n  comment B\xc3\xbcro\nobj_info \xff\n"
@@ -129,7 +153,9 @@ def rows_of(**changed: float) -> bytes:
 
 GOOD = rows_of()
 BAD = {
-    "mesh": (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0\n3 0 0 0\n", "the lists of a mesh"),
+    "mesh": (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0\n3 0 0 0\n", "a PLY of 3D Gaussians, found a mesh"),
+    "list of each Gaussian": (rows_of().replace(b"end_header", b"property list uchar int seen_by\nend_header"), "header: expected numbers in the element vertex, found the list property seen_by, which cannot be read"),
+    "list before": (rows_of().replace(b"element vertex", b"element camera 1\nproperty list uchar float k\nelement vertex"), "numbers in the element camera, found the list property k"),
     "cloud": (ply({"vertex": {name: ("float", [0.0]) for name in "xyz"}}), "a point cloud"),
     "coloured": (ply({"vertex": {name: ("uchar", [0]) for name in ("red", "green")}}), "another kind of PLY"),
     "no vertex": (ply({"points": {"x": ("float", [0.0])}}), "elements points"),

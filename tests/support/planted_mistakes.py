@@ -53,6 +53,16 @@ def _transposed(rig, rng):
     return _as_file(rig, transposed)
 
 
+def _translations(rig, rng):
+    """camera to world [R^T | t], with R and t of world to camera in OpenCV's axes; half the time in those of the file."""
+    axes = OPENGL if rng.random() < 0.5 else np.eye(4)
+
+    def translated(matrix):
+        return np.block([[matrix[:3, :3], np.linalg.inv(matrix @ axes)[:3, 3:]], [np.array([[0, 0, 0, 1.0]])]])
+
+    return _as_file(rig, translated)
+
+
 def _quaternion(rig, rng):
     first = rng.random() < 0.5
 
@@ -123,6 +133,7 @@ PLANTED = (
     Planted("OpenGL and OpenCV axes confused", _opencv_axes),
     Planted("poses inverted, and OpenGL and OpenCV axes confused", _extrinsics_pasted),
     Planted("rotations transposed", _transposed),
+    Planted("translations of world to camera as positions (or the reverse)", _translations),
     Planted("order of quaternions (w first or last)", _quaternion),
     Planted("mirrored world (left-handed coordinates)", _mirrored),
     Planted("fx and fy swapped", _focal_swapped),

@@ -3,6 +3,7 @@
 A camera has the label of its photo (with or without ending) and a 4x4 matrix, camera to the chunk's world, with OpenCV's axes. A component may have a
 transform with a scale from there to another world; it is applied. A sensor has its calibration: f, b1, b2 (skew), the principal point as an offset from
 the middle of the image, k1 to k4, and p1 and p2, whose order is the reverse of OpenCV's. Fisheye lenses are equidistant. The unit of length is unknown.
+In a rig, only cameras of the master have a matrix. Those of slaves are left out: nothing public says in which unit the offsets of their sensors are.
 Metashape user manual, appendix D (camera models), and the XML that it writes.
 """
 
@@ -32,6 +33,7 @@ LAYOUT = "Metashape"
 IMAGES = "images"
 EXPECTED = "the cameras of Metashape as XML"
 DISABLED = ("false", "0")
+IN_A_RIG = "cameras are left out, as they are slaves of a rig, of which the file has no poses (export cameras as COLMAP, which has them)"
 START = 4096
 
 UNIT = Kind(
@@ -65,12 +67,12 @@ def open_metashape(path: Path) -> Scene:
     every = list(chunk.iterfind("cameras//camera"))
     cameras = [one for one in every if one.get("enabled") not in DISABLED]
     disabled = [one.get("label", "") for one in every if one.get("enabled") in DISABLED]
-    posed, unposed = list[ElementTree.Element](), list[str]()
+    posed, unposed, slaves = list[ElementTree.Element](), list[str](), list[str]()
     for one in cameras:
         if (one.findtext("transform") or "").strip():
             posed.append(one)
         else:
-            unposed.append(one.get("label", ""))
+            (unposed if one.get("master_id") is None else slaves).append(one.get("label", ""))
     labels = [one.get("label", "") for one in posed]
     _check_labels(file, labels)
     matrices = []
@@ -109,6 +111,7 @@ def open_metashape(path: Path) -> Scene:
             UNIT(),
             *note_lacking(disabled, len(every), "cameras are disabled in Metashape and are left out"),
             *note_lacking(unposed, len(cameras), "cameras have no pose and are left out"),
+            *note_lacking(slaves, len(cameras), IN_A_RIG),
             *note_lacking(absent, len(posed), f"photos of {file.name} are missing"),
         ),
     )

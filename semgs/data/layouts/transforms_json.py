@@ -68,6 +68,7 @@ NOT_METRES = Kind(
 )
 
 DEPTHS = (".png", ".npy", ".pgm")
+LOSSY = (".jpg", ".jpeg")
 DEPTH_OF_NGP, SCALE_OF_NGP, ENABLED_OF_NGP = "depth_path", "integer_depth_scale", "enable_depth_loading"
 """instant-ngp's keys of depth, which NeRFCapture and SplaTAM use, too: z-depth in counts of so many units of the poses."""
 
@@ -199,6 +200,7 @@ class _Notes:
         self.reformed: list[str] = []
         self.missing_maps: list[str] = []
         self.unread_maps: list[str] = []
+        self.lossy_maps: list[str] = []
         self.unscaled_maps: list[str] = []
         self.disabled_maps: list[str] = []
 
@@ -210,6 +212,11 @@ class _Notes:
             *note_transparent(self.transparent),
             *note_lacking(self.missing_maps, self.maps, "listed depth, label and mask files are missing"),
             *note_lacking(self.unread_maps, self.maps, "listed depth, label and mask files have an unsupported format"),
+            *note_lacking(
+                self.lossy_maps,
+                self.maps,
+                "listed depth, label and mask files are left out, as JPEG changes numbers (make them again, as PNG)",
+            ),
             *note_lacking(
                 self.unscaled_maps,
                 self.maps,
@@ -279,7 +286,7 @@ def _map(fields: Fields, key: str, kinds: Sequence[str], notes: _Notes, beside: 
     if path is None:
         notes.missing_maps.append(name)
     elif path.suffix.lower() not in kinds:
-        notes.unread_maps.append(name)
+        (notes.lossy_maps if path.suffix.lower() in LOSSY else notes.unread_maps).append(name)
         return None
     return path
 

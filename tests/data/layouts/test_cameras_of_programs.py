@@ -53,6 +53,16 @@ def test_disabled_cameras_are_left_out_and_counted(tmp_path: Path):
     assert "1 of 3 cameras have no pose and are left out, the first is IMG_9." in scene.notes
 
 
+def test_slaves_of_a_rig_are_left_out_with_what_to_do(tmp_path: Path):
+    file = write_metashape(tmp_path) / "cameras.xml"
+    text = file.read_text()
+    file.write_text(text.replace('label="IMG_9"', 'label="IMG_9" master_id="0"'))
+    (note,) = (note for note in open_scene(tmp_path).notes if "IMG_9" in note)
+    assert note.startswith(
+        "1 of 4 cameras are left out, as they are slaves of a rig, of which the file has no poses (export cameras as COLMAP"
+    )
+
+
 def test_a_component_scales_turns_and_moves_its_cameras(tmp_path: Path):
     """Doubled, x to y to z to x, and 10 along x: a camera at (a, b, c) is at (10 + 2 c, 2 a, 2 b)."""
     text = (

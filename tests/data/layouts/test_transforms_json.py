@@ -342,6 +342,16 @@ def with_maps(folder: Path, shared: dict[str, Any], depths: np.ndarray, labels: 
     return folder
 
 
+def test_maps_that_are_jpeg_are_left_out_with_the_reason(tmp_path: Path):
+    folder = write(tmp_path, PINHOLE, [{"label_file_path": name} for name in ("a.jpg", "b.JPEG", "c.tif")])
+    for name in ("a.jpg", "b.JPEG", "c.tif"):
+        Image.fromarray(np.zeros(SIZE, np.uint8)).save(folder / name)
+    notes = open_scene(folder).notes
+    said = "2 of 3 listed depth, label and mask files are left out, as JPEG changes numbers (make them again, as PNG), the first is a.jpg."
+    assert said in notes
+    assert "1 of 3 listed depth, label and mask files have an unsupported format, the first is c.tif." in notes
+
+
 DEPTHS = np.random.default_rng(0).integers(0, 9000, SIZE, dtype=np.uint16)
 LABELS = np.random.default_rng(1).choice(np.array([0, 4, 19, 255], np.uint8), SIZE)
 

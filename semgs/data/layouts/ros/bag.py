@@ -17,7 +17,7 @@ from typing import Any
 
 from semgs.data.layouts.ros.cut_bags import CutRecording, recordings_of
 from semgs.data.layouts.ros.image_messages import as_file, ending_of
-from semgs.files.bags import METADATA, bag_reader, check_definitions
+from semgs.files.bags import METADATA, bag_reader, check_definitions, foreign_mcap
 from semgs.files.errors import InputError, readable
 from semgs.files.text import listed
 
@@ -100,8 +100,8 @@ class Bag:
         except ImportError:
             raise
         except Exception as error:  # each storage raises its own
-            found = f"one that rosbags cannot read: {error}"
-            raise InputError(path, "a ROS bag", found, advice=REPAIRS.get(path.suffix)) from error
+            found, advice = foreign_mcap(path) or (f"one that rosbags cannot read: {error}", REPAIRS.get(path.suffix))
+            raise InputError(path, "a ROS bag", found, advice=advice) from error
         self.cut = [one.name for one in self._reader.paths if isinstance(one, CutRecording)]
         for one in self._reader.connections:
             if not isinstance(one.topic, str):  # such as an unquoted 5 in YAML

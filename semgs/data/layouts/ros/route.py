@@ -31,6 +31,9 @@ UNNAMED_BODY = Kind(
     "The poses in {source} do not name their frame; they are assumed to be those of the camera's frame {frame}.",
 )
 
+MOST_BODIES = 3
+"""So many moving frames are named."""
+
 
 def find_route(bag: Bag, frame_id: str, details: SceneDetails) -> tuple[list[Motion], list[str]]:
     """The motions from the camera's frame up to the world, and notes about them.
@@ -58,7 +61,8 @@ def find_route(bag: Bag, frame_id: str, details: SceneDetails) -> tuple[list[Mot
         wanted = frame_id if details.world is None else f"{frame_id} in {details.world},"
         raise InputError(
             bag.path, f"poses of {wanted} by TF, Odometry or PoseStamped", _ways(tree, moving, frame_id), "world",
-            advice=None if details.world else "a bag needs /tf and /tf_static, or a topic of poses with /tf_static",
+            advice=_missing_link(tree, moving, frame_id)
+            or (None if details.world else "a bag needs /tf and /tf_static, or a topic of poses with /tf_static"),
         )  # fmt: skip
     if "TF" in routes:
         routes = {"TF": routes["TF"]}
@@ -150,10 +154,28 @@ def _sample(place: Any, turn: Any) -> tuple[np.ndarray, np.ndarray]:
     return np.array([place.x, place.y, place.z]), np.array([turn.x, turn.y, turn.z, turn.w])
 
 
+def _missing_link(tree: Mapping[str, Motion], moving: Iterable[Motion], frame_id: str) -> str | None:
+    """What to do if there are frames that move, and the camera is not below any of them; None otherwise."""
+    route = motions_above(tree, frame_id)
+    steps = [step for step in (*tree.values(), *moving) if not step.fixed]
+    bodies = sorted({step.child for step in steps} - {step.parent for step in steps})
+    if not bodies or any(not step.fixed for step in route):
+        return None
+    top = route[-1].parent if route else frame_id
+    return (
+        f"no transform leads from {' or '.join(bodies[:MOST_BODIES])}, which moves, to {top}: record it on /tf_static, "
+        "for example from static_transform_publisher"
+    )
+
+
 def _ways(tree: Mapping[str, Motion], moving: Iterable[Motion], frame_id: str) -> str:
     """The poses that there are, for errors."""
     route = motions_above(tree, frame_id)
     chain = " < ".join([frame_id, *(step.parent for step in route)])
     still = "" if any(not step.fixed for step in route) else ", which never moves"
-    ways = [f"TF from the camera up: {chain}{still}", *(f"{one.source}: {one.parent} > {one.child}" for one in moving)]
+    elsewhere = [step for step in tree.values() if not step.fixed and step not in route][:MOST_BODIES]
+    ways = [
+        f"TF from the camera up: {chain}{still}",
+        *(f"{one.source}: {one.parent} > {one.child}" for one in (*elsewhere, *moving)),
+    ]
     return "; ".join(ways)

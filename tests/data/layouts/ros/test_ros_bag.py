@@ -599,6 +599,44 @@ def test_numbers_of_messages_that_are_text_are_refused(tmp_path: Path):
         open_scene(path)
 
 
+def test_the_missing_transform_between_two_trees_is_named(tmp_path: Path):
+    bag = robot(FEW)
+    bag.messages = [one for one in bag.messages if one[1] != "/tf_static"]
+    line = refused(bag, tmp_path / "a")
+    assert "/tf: odom > base_link" in line
+    assert f"no transform leads from base_link, which moves, to {OPTICAL}: record it on /tf_static, " in line
+    assert f"base_link, which moves, to {OPTICAL}" in refused(bag, tmp_path / "b", world="odom")
+    bag.transform(START - STEP, "camera_link", OPTICAL, LINK_FROM_OPTICAL, "/tf_static")
+    assert "no transform leads from base_link, which moves, to camera_link: " in refused(bag, tmp_path / "c")
+    assert "no transform leads" not in refused(robot(FEW), tmp_path / "d", world="moon")
+
+
+@pytest.mark.parametrize(
+    ("profile", "encoding", "said"),
+    [
+        ("ros1", "ros1", "found an MCAP of ROS 1; use the .bag that it was made from"),
+        (
+            "",
+            "protobuf",
+            "found an MCAP of another program than ROS 2, with messages in protobuf; record the topics of ROS 2 instead",
+        ),
+        ("x", "json", "found an MCAP of another program than ROS 2, with messages in json; "),
+        ("", "", "found an MCAP of another program than ROS 2; "),
+    ],
+)
+def test_an_mcap_of_another_program_is_named(tmp_path: Path, profile: str, encoding: str, said: str):
+    writer_of = pytest.importorskip("mcap.writer").Writer
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = writer_of(file)
+        writer.start(profile=profile, library="a test")
+        schema = writer.register_schema("Text", "", b"")
+        writer.add_message(writer.register_channel("/text", encoding, schema), 1, b"", 1)
+        writer.finish()
+    with pytest.raises(InputError, match=f"expected a ROS bag, {re.escape(said)}"):
+        open_scene(path)
+
+
 @pytest.mark.parametrize("field", ["encoding", "width", "data", "header"])
 def test_a_bag_that_names_a_field_of_an_image_otherwise_is_refused(tmp_path: Path, field: str):
     """A bag says itself what the fields of its messages are."""
