@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import final
-
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -22,26 +19,6 @@ EDGE_PX = 6
 
 FLYER = 1.25
 """What is drawn floats if the true depth is more than so many times as far."""
-
-
-@final
-@dataclass(frozen=True)
-class AsideScores:
-    """Scores of one target; None if the truth or the prediction is missing, or no pixel counts.
-
-    Attributes:
-        psnr_edges: at edges [dB].
-        depth_edges: mean of |z - truth| / truth there.
-        psnr_gradients: PSNR of horizontal and vertical differences of neighbouring pixels [dB]: noise lowers it, as blur does.
-        made_up: share of the pixels that no input view sees which the method draws.
-        flyers: share of the pixels that the method draws which float in front.
-    """
-
-    psnr_edges: float | None = None
-    depth_edges: float | None = None
-    psnr_gradients: float | None = None
-    made_up: float | None = None
-    flyers: float | None = None
 
 
 def near_steps(depths: Float[Tensor, "h w"]) -> Bool[Tensor, "h w"]:
@@ -63,13 +40,21 @@ def psnr_gradients(image: Float[Tensor, "3 h w"], truth: Float[Tensor, "3 h w"])
     return float(-10 * mean.log10()) if mean > 0 else None
 
 
-def aside_scores(prediction: Prediction, truth: Views, unseen: Bool[Tensor, "h w"] | None) -> AsideScores:
+def aside_scores(prediction: Prediction, truth: Views, unseen: Bool[Tensor, "h w"] | None) -> dict[str, float]:
     """Compare a prediction with a true view.
 
     Args:
         prediction: of the view.
         truth: the view alone.
         unseen: the pixels that no input view sees, by true depth; None if it is unknown.
+
+    Returns:
+        psnr_edges: at edges [dB].
+        depth_edges: mean of |z - truth| / truth there.
+        psnr_gradients: PSNR of horizontal and vertical differences of neighbouring pixels [dB]: noise lowers it, as blur does.
+        made_up: share of the pixels that no input view sees which the method draws.
+        flyers: share of the pixels that the method draws which float in front.
+        Without those of which the truth or the prediction is missing, or no pixel counts.
     """
     image, depths, drawn = prediction.image, prediction.depths, prediction.unseen
     drawn = None if drawn is None else ~drawn
@@ -77,17 +62,16 @@ def aside_scores(prediction: Prediction, truth: Views, unseen: Bool[Tensor, "h w
     found: dict[str, float | None] = {}
     if image is not None:
         found["psnr_gradients"] = psnr_gradients(image, truth.images[0])
-    if true_depths is None:
-        return AsideScores(**found)
-    known, edges = true_depths > 0, near_steps(true_depths)
-    if image is not None and edges.any():
-        ratio = psnr_seen(image.double(), truth.images[0].double(), edges)
-        found["psnr_edges"] = None if ratio is None else float(ratio)
-    if depths is not None and (edges & known).any():
-        wrong = (depths - true_depths).abs() / true_depths
-        found["depth_edges"] = float(wrong[edges & known].double().mean())
-    if drawn is not None and unseen is not None and (unseen & known).any():
-        found["made_up"] = float(drawn[unseen & known].double().mean())
-    if drawn is not None and depths is not None and (drawn & known).any():
-        found["flyers"] = float((FLYER * depths < true_depths)[drawn & known].double().mean())
-    return AsideScores(**found)
+    if true_depths is not None:
+        known, edges = true_depths > 0, near_steps(true_depths)
+        if image is not None and edges.any():
+            ratio = psnr_seen(image.double(), truth.images[0].double(), edges)
+            found["psnr_edges"] = None if ratio is None else float(ratio)
+        if depths is not None and (edges & known).any():
+            wrong = (depths - true_depths).abs() / true_depths
+            found["depth_edges"] = float(wrong[edges & known].double().mean())
+        if drawn is not None and unseen is not None and (unseen & known).any():
+            found["made_up"] = float(drawn[unseen & known].double().mean())
+        if drawn is not None and depths is not None and (drawn & known).any():
+            found["flyers"] = float((FLYER * depths < true_depths)[drawn & known].double().mean())
+    return {name: value for name, value in found.items() if value is not None}

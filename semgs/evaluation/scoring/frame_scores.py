@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Int64, UInt8
+from jaxtyping import Int64, UInt8
 from torch import Tensor
 
 from semgs.data.tables.class_groups import ClassGroups
@@ -42,10 +42,9 @@ class FrameScores:
             the method does not say what it saw.
         seconds_encode, seconds_render: wall-clock.
         confidences: the labelled and seen pixels by their confidence, as `semgs.objectives.selective` counts them.
-        psnr_edges, depth_edges, psnr_gradients, made_up, flyers: as in `semgs.evaluation.scoring.aside_scores.AsideScores`; None for targets that are not aside.
         merged, merged_truth: `confusion` and `truth` by groups of classes; not saved, and None unless requested.
         free_space: of the map of the input views; None unless requested.
-        changed_classes, changed_depth: as `changes` has them; None if the target was not predicted a second time.
+        more: scores that only some targets have, by metric: those of `changes`, and of `semgs.evaluation.scoring.aside_scores`.
         segments: the segments that truth and prediction share; None unless requested.
         boxes: the numbers of `semgs.evaluation.scoring.panoptic.count_boxes`; None unless requested.
         hidden: pixels that count in none of them; not saved.
@@ -71,16 +70,10 @@ class FrameScores:
     confidences: Int64[np.ndarray, "level 2"] | None = None
     hidden: int = 0
     fragments: float | None = None
-    psnr_edges: float | None = None
-    depth_edges: float | None = None
-    psnr_gradients: float | None = None
-    made_up: float | None = None
-    flyers: float | None = None
     merged: Int64[np.ndarray, "group group"] | None = None
     merged_truth: Int64[np.ndarray, " group"] | None = None
     free_space: FreeSpace | None = None
-    changed_classes: float | None = None
-    changed_depth: float | None = None
+    more: Mapping[str, float] = field(default_factory=dict)
     segments: Segments | None = None
     boxes: tuple[int, ...] | None = None
 
@@ -143,29 +136,25 @@ def score(
     )
 
 
-def changes(one: Prediction, other: Prediction) -> dict[str, Any]:
+def changes(one: Prediction, other: Prediction) -> dict[str, float]:
     """How much of what both predictions see differs between them.
 
     Returns:
         changed_classes: share of the pixels with another class.
         changed_depth: share of the pixels of which one depth is over `CHANGED` times the other.
-        None if one predicts none, or no pixel is seen in both.
+        Without the one that a prediction lacks, or of which no pixel is seen in both.
     """
     seen = torch.tensor(True)
     for part in (one, other):
         seen = seen if part.unseen is None else seen & ~part.unseen
-    found: dict[str, Any] = {"changed_classes": None, "changed_depth": None}
-    if one.labels is not None and other.labels is not None:
-        found["changed_classes"] = _share(one.labels != other.labels, seen.expand(one.labels.shape))
+    found: dict[str, float] = {}
+    if one.labels is not None and other.labels is not None and seen.any():
+        found["changed_classes"] = float((one.labels != other.labels)[seen.expand(one.labels.shape)].double().mean())
     if one.depths is not None and other.depths is not None:
         near, far = torch.minimum(one.depths, other.depths), torch.maximum(one.depths, other.depths)
-        found["changed_depth"] = _share(far > CHANGED * near, seen & (near > 0))
+        if (counted := seen & (near > 0)).any():
+            found["changed_depth"] = float((far > CHANGED * near)[counted].double().mean())
     return found
-
-
-def _share(those: Bool[Tensor, "h w"], counted: Bool[Tensor, "h w"]) -> float | None:
-    """The share of the counted pixels; None if there is none."""
-    return float(those[counted].double().mean()) if counted.any() else None
 
 
 def _confidences(prediction: Prediction, labels: UInt8[Tensor, "h w"]) -> Int64[np.ndarray, "level 2"] | None:

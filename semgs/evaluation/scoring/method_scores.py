@@ -142,12 +142,12 @@ class _TargetScorer:
             if not task.kind:
                 return scores
             unseen = None if warped is None else warped.unseen
-            return replace(scores, **vars(aside_scores(given, target, unseen)))
+            return replace(scores, more=aside_scores(given, target, unseen))
 
         own = self._with_things(scored(prediction), task, prediction, views)
         if task.sample.others:
             again = self.method.predict(make_inputs(task.from_others(), views))
-            own = replace(own, **changes(prediction, again))
+            own = replace(own, more={**own.more, **changes(prediction, again)})
         scores = _TargetScores(
             method=own,
             one_pass=None if prediction.one_pass is None else scored(prediction.one_pass),

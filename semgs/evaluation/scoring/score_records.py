@@ -14,7 +14,7 @@ from semgs.data.tables.classes import IGNORE
 from semgs.evaluation.frames.free_space import FreeSpace
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.panoptic import Rule, Segments
-from semgs.evaluation.scoring.summary import ASIDE_METRICS, PAIR_METRICS
+from semgs.evaluation.scoring.summary import MORE_METRICS
 from semgs.files.records import make_record
 from semgs.objectives.metrics import DepthScores, accuracy, class_accuracy, miou
 from semgs.objectives.selective import LEVELS
@@ -50,9 +50,7 @@ def encode_scores(frame: FrameScores) -> dict[str, Any]:
     found |= {"miou_seen": frame.miou_seen, "accuracy_seen": frame.accuracy_seen, "psnr_seen": finite(frame.psnr_seen)}
     if frame.depth_seen is not None:
         found["depth_seen"] = asdict(frame.depth_seen)
-    found |= {
-        name: finite(value) for name in (*ASIDE_METRICS, *PAIR_METRICS) if (value := getattr(frame, name)) is not None
-    }
+    found |= {name: finite(value) for name, value in frame.more.items()}
     found["seconds_encode"] = seconds(frame.seconds_encode)
     found["seconds_render"] = seconds(frame.seconds_render)
     if frame.confusion is not None and frame.truth is not None:
@@ -92,13 +90,14 @@ def decode_scores(entry: dict[str, Any], classes: int) -> FrameScores:
     values: dict[str, Any] = {name: _dense(entry[name], shape) for name, shape in shapes.items() if name in entry}
     for name in ("psnr", "ssim", "lpips", "unseen", "seconds_encode", "seconds_render"):
         values[name] = number(entry[name])
-    for name in ("miou_seen", "accuracy_seen", "psnr_seen", *ASIDE_METRICS, *PAIR_METRICS):
+    for name in ("miou_seen", "accuracy_seen", "psnr_seen"):
         values[name] = number(entry.get(name))
     return FrameScores(
         scene=str(entry["scene"]),
         target=str(entry["target"]),
         contexts=tuple(entry["contexts"]),
         depth=_depth(entry, "depth_abs_rel", "depth_delta_125", "depth_pixels"),
+        more={name: value for name in MORE_METRICS if (value := number(entry.get(name))) is not None},
         segments=_segments(entry["segments"], classes) if "segments" in entry else None,
         free_space=make_record(FreeSpace, entry["free_space"]) if "free_space" in entry else None,
         boxes=_boxes(entry["boxes"]) if "boxes" in entry else None,

@@ -26,6 +26,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 import torch
@@ -56,6 +57,9 @@ ASIDE_METRICS = ("psnr_edges", "depth_edges", "psnr_gradients", "made_up", "flye
 PAIR_METRICS = ("changed_classes", "changed_depth")
 """Metrics of targets that are predicted from two sets of input views (`semgs.evaluation.scoring.frame_scores.changes`)."""
 
+MORE_METRICS = (*ASIDE_METRICS, *PAIR_METRICS)
+"""Both."""
+
 PANOPTIC_METRICS = ("pq", "sq", "rq", "instance_miou")
 BOX_METRICS = ("box_recall_25", "box_precision_25", "box_recall_50", "box_precision_50")
 """Metrics of things (`semgs.evaluation.scoring.panoptic`)."""
@@ -66,7 +70,7 @@ FREE_SPACE_METRICS = ("obstacles_free", "free_found", "obstacle_error")
 THINGS_METRICS = (*PANOPTIC_METRICS, *BOX_METRICS, *FREE_SPACE_METRICS)
 """What a robot acts on."""
 
-ON_REQUEST = (*MERGED_METRICS, *ASIDE_METRICS, *PAIR_METRICS, *THINGS_METRICS)
+ON_REQUEST = (*MERGED_METRICS, *MORE_METRICS, *THINGS_METRICS)
 """Metrics that reports have only if they were requested."""
 
 RISK = 0.05
@@ -126,7 +130,7 @@ def group_metrics(frames: Sequence[FrameScores]) -> list[MetricGroup]:
         (MERGED_METRICS, "merged", _merged_values),
         *(
             ((name,), name, partial(_means, name))
-            for name in (*PICTURE_METRICS, "psnr_seen", "unseen", "fragments", *ASIDE_METRICS, *PAIR_METRICS)
+            for name in (*PICTURE_METRICS, "psnr_seen", "unseen", "fragments", *MORE_METRICS)
         ),
         *(
             ((f"{name}_per_image_seen",), f"{name}_seen", partial(_means_over_scenes, f"{name}_seen"))
@@ -140,7 +144,7 @@ def group_metrics(frames: Sequence[FrameScores]) -> list[MetricGroup]:
     )
     found = []
     for names, needed, values in groups:
-        scored = [frame for frame in frames if getattr(frame, needed) is not None]
+        scored = [frame for frame in frames if _score(frame, needed) is not None]
         if scored:
             scene_of = _scene_numbers(scored)
             found.append(MetricGroup(names, scene_of, values(scored, scene_of)))
@@ -329,9 +333,14 @@ def _free_space_values(frames: Sequence[FrameScores], scene_of: np.ndarray) -> V
     return values
 
 
+def _score(frame: FrameScores, name: str) -> Any:
+    """A score of a target by its name; None if it has none."""
+    return frame.more.get(name) if name in MORE_METRICS else getattr(frame, name)
+
+
 def _means(name: str, frames: Sequence[FrameScores], scene_of: np.ndarray) -> Values:
     """Computes the mean of a score over targets."""
-    scores = np.array([getattr(frame, name) for frame in frames], np.float64)
+    scores = np.array([_score(frame, name) for frame in frames], np.float64)
     return lambda times, scene_times: _weighted(scores, times)[None]
 
 

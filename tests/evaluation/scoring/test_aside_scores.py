@@ -10,7 +10,7 @@ import torch
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.evaluation.frames.predictions import Prediction
 from semgs.evaluation.frames.protocols import kind_aside
-from semgs.evaluation.scoring.aside_scores import AsideScores, aside_scores, near_steps, psnr_gradients
+from semgs.evaluation.scoring.aside_scores import aside_scores, near_steps, psnr_gradients
 from semgs.geometry.cameras import Cameras
 
 HEIGHT, WIDTH = 4, 40
@@ -69,17 +69,17 @@ def test_each_number_counts_its_own_pixels():
     undrawn[:, 35:] = True
     prediction = Prediction(image=given, depths=torch.full((HEIGHT, WIDTH), 2.0), unseen=undrawn)
     found = aside_scores(prediction, view(step(), image), unseen)
-    assert found.psnr_edges == pytest.approx(20.0, abs=1e-4)
-    assert found.depth_edges == pytest.approx(7 / 14 / 3)
-    assert found.made_up == pytest.approx(5 / 10)
-    assert found.flyers == pytest.approx(15 / 35)
+    assert found["psnr_edges"] == pytest.approx(20.0, abs=1e-4)
+    assert found["depth_edges"] == pytest.approx(7 / 14 / 3)
+    assert found["made_up"] == pytest.approx(5 / 10)
+    assert found["flyers"] == pytest.approx(15 / 35)
 
 
 def test_what_is_not_known_is_not_scored():
     image = torch.zeros(3, HEIGHT, WIDTH)
     flat = aside_scores(Prediction(image=image), view(torch.full((HEIGHT, WIDTH), 2.0), image), None)
-    assert flat == AsideScores()
-    assert aside_scores(Prediction(), view(step(), image), None) == AsideScores()
+    assert flat == {}
+    assert aside_scores(Prediction(), view(step(), image), None) == {}
 
 
 def test_a_target_is_aside_by_its_name():

@@ -40,11 +40,10 @@ def test_only_pixels_that_both_see_count():
 
 
 def test_without_classes_depth_or_a_common_pixel_there_is_no_score():
-    none = {"changed_classes": None, "changed_depth": None}
-    assert changes(prediction(3, 2.0, unseen=10), prediction(3, 2.0)) == none
-    assert changes(Prediction(), prediction(3, 2.0)) == none
+    assert changes(prediction(3, 2.0, unseen=10), prediction(3, 2.0)) == {}
+    assert changes(Prediction(), prediction(3, 2.0)) == {}
     undrawn = Prediction(labels=torch.zeros(10, 10, dtype=torch.uint8), depths=torch.zeros(10, 10))
-    assert changes(undrawn, prediction(0, 2.0)) == {"changed_classes": 0, "changed_depth": None}
+    assert changes(undrawn, prediction(0, 2.0)) == {"changed_classes": 0}
 
 
 class Sides:
@@ -69,8 +68,8 @@ def test_each_target_is_predicted_twice_and_the_list_says_from_what(make_scene: 
     assert [task.sample for task in again.tasks] == [task.sample for task in plan.tasks]
     (rows,) = score_method(again, Sides(), tmp_path, save=False)
     found = rows.method[2]
-    assert (found.target, found.changed_classes, found.changed_depth) == ("images/003.png", 0.5, 0.0)
-    assert rows.baselines["copy"][2].changed_classes is None
+    assert (found.target, found.more) == ("images/003.png", {"changed_classes": 0.5, "changed_depth": 0.0})
+    assert not rows.baselines["copy"][2].more
     back = decode_scores(encode_scores(found), 20)
     assert summarise([back])["changed_classes"] == 0.5
     content = json.loads(path.read_text())
