@@ -22,7 +22,7 @@ from semgs.data.scenes import open_scene
 from semgs.data.views import Batch, stack
 from semgs.depth_maps.depth_source import DepthMaps, Meaning
 from semgs.evaluation.frames.frame_plan import make_plan
-from semgs.evaluation.frames.network_method import NetworkMethod
+from semgs.evaluation.frames.network_method import Handling, NetworkMethod
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import make_inputs, read_views
 from semgs.export.ply import save_ply
@@ -128,6 +128,6 @@ class Flat:
 @pytest.mark.parametrize("depth", [None, lambda scene: Flat()], ids=["", "depth maps"])
 def test_a_frame_is_predicted_for_an_evaluation(model: SemGS, depth: Callable[[Scene], DepthMaps] | None):
     task = make_plan("neighbours", neighbours, [open_scene(demo_scene())], (2,), SIZE).tasks[0]
-    found = NetworkMethod(model, "cuda", "ours", depth=depth).predict(make_inputs(task, read_views(task)))
+    found = NetworkMethod(model, "cuda", "ours", Handling(depth=depth)).predict(make_inputs(task, read_views(task)))
     assert found.labels.shape == SIZE
     assert not isinstance(found.image, Pretended)

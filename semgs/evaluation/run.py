@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -13,9 +13,8 @@ from semgs.data.scene_lists import read_list
 from semgs.data.scenes import open_scenes
 from semgs.data.tables.class_groups import ClassGroups
 from semgs.data.tables.classes import ClassTable
-from semgs.depth_maps.depth_source import DepthMaps
 from semgs.evaluation.frames.frame_plan import FramePlan, frame_list, index_of, make_plan, read_plan
-from semgs.evaluation.frames.network_method import NetworkMethod
+from semgs.evaluation.frames.network_method import AS_THEY_ARE, Handling, NetworkMethod
 from semgs.evaluation.frames.predictions import Method
 from semgs.evaluation.frames.protocols import LSM_SIZE, LSM_VIEWS, aside, lsm, neighbours, pairs, peers, read_lsm_list
 from semgs.evaluation.frames.saved import TIMING, SavedPredictions
@@ -41,9 +40,7 @@ from semgs.files.hashes import sha256
 from semgs.model.semgs import SemGS
 from semgs.model.weights.load import find, load, table_of
 from semgs.runtime.precision import Precision
-from semgs.scene.exposure import ExposureChoice
 from semgs.scene.nearest import NearestViews
-from semgs.segmenters.labelling import Labelling
 
 VIEWS = (2, 3, 4)
 """The default numbers of contexts: the paper's."""
@@ -184,14 +181,9 @@ def load_candidate(
     classes: ClassTable | None,
     device: str,
     name: str = "",
-    labelling: Callable[[Scene], Labelling] | None = None,
-    nearest: int | None = None,
-    passes: int = 0,
-    depth: Callable[[Scene], DepthMaps] | None = None,
     precision: Precision = "float32",
-    exposure: ExposureChoice = "as-taken",
-    things: bool = False,
-    free_space: bool = False,
+    nearest: int | None = None,
+    handling: Handling = AS_THEY_ARE,
 ) -> Candidate:
     """Weights to evaluate.
 
@@ -200,24 +192,17 @@ def load_candidate(
         classes: the class table of the truth; None for that of the weights.
         device: to encode on.
         name: in tables; by default that of the network.
-        labelling: gives the Gaussians of a scene their classes, instead of the network; the network then needs none.
-        nearest: render each target with the Gaussians of only so many input views, the nearest; None for all.
-        passes: refine the Gaussians with so many steps for each input view; 0 for none.
-        depth: gives depth maps of the frames of a scene, which the network's depth is weighed with; None for none.
         precision: of the network's layers.
-        exposure: whether input views come to a common exposure; targets stay as taken.
-        things: find things, in scenes in metres.
-        free_space: map free space, in scenes in metres.
+        nearest: render each target with the Gaussians of only so many input views, the nearest; None for all.
+        handling: what else is done with the Gaussians. With a `labelling`, the network needs no classes.
 
     Raises:
         ValueError: there are no included weights of that name, or `nearest` is not positive.
         InputError: the file cannot be used, or has another class table.
     """
-    model, subject = open_network(weights, None if labelling else classes, name, precision)
+    model, subject = open_network(weights, None if handling.labelling else classes, name, precision)
     chosen = None if nearest is None else NearestViews(nearest, model.placer.shrink_seen)
-    method = NetworkMethod(
-        model, device, subject.name, labelling, chosen, passes, depth, exposure, things, free_space, classes
-    )
+    method = NetworkMethod(model, device, subject.name, replace(handling, nearest=chosen, classes=classes))
     return Candidate(method, subject, device)
 
 

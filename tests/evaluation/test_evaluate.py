@@ -17,7 +17,7 @@ from semgs.data.tables.classes import SCANNET20
 from semgs.data.views import Views
 from semgs.depth_maps.frame_maps import FrameMaps
 from semgs.evaluation.frames.frame_plan import FramePlan, make_plan
-from semgs.evaluation.frames.network_method import NetworkMethod
+from semgs.evaluation.frames.network_method import Handling, NetworkMethod
 from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import make_inputs, read_frame, read_views
@@ -204,7 +204,9 @@ def test_a_target_may_be_rendered_with_the_nearest_input_views_alone(plan: Frame
     task = next(one for one in plan.tasks if len(one.sample.contexts) == 3)
     inputs, model = make_inputs(task, read_views(task)), load("small").eval()
     nearest = NearestViews(2, model.placer.shrink_seen)
-    found, every = (NetworkMethod(model, "cpu", "small", nearest=one).predict(inputs) for one in (nearest, None))
+    found, every = (
+        NetworkMethod(model, "cpu", "small", Handling(nearest=one)).predict(inputs) for one in (nearest, None)
+    )
     encoding = nearest(encode(model, inputs.contexts).encoding, inputs.contexts.cameras, inputs.camera)
     assert found.image is not None
     assert every.image is not None
@@ -232,7 +234,7 @@ def test_depth_maps_halve_the_error_of_a_bent_network(plan: FramePlan):
             return small(contexts).with_depths(truth * bend.exp(), contexts.cameras, depth_spread=0 * truth + 0.2)
 
     def rendered_depth(most: float, depth: Callable[[Scene], FrameMaps] | None) -> torch.Tensor:
-        predicted = NetworkMethod(Bent(most), "cpu", "bent", depth=depth).predict(inputs)  # type: ignore[arg-type]
+        predicted = NetworkMethod(Bent(most), "cpu", "bent", Handling(depth=depth)).predict(inputs)  # type: ignore[arg-type]
         assert predicted.depths is not None
         return predicted.depths.clamp(min=0.1).log()
 
@@ -252,7 +254,9 @@ def test_a_refined_network_is_scored_beside_itself_before(plan: FramePlan, tmp_p
     scored = []
     for passes in (0, 2):
         (tmp_path / str(passes)).mkdir()
-        (rows,) = score_method(few, NetworkMethod(model, "cpu", "small", passes=passes), tmp_path / str(passes))
+        (rows,) = score_method(
+            few, NetworkMethod(model, "cpu", "small", Handling(passes=passes)), tmp_path / str(passes)
+        )
         scored.append(rows)
     plain, refined = scored
     assert "one_pass" not in plain.baselines

@@ -44,8 +44,8 @@ class ClassTable:
         return len(self.names)
 
     def within(self, coarser: ClassTable) -> tuple[int, ...] | None:
-        """The class of a coarser table that each class is: that of its name, or "other"; None if the coarser table has neither."""
-        if "other" not in coarser.names:
+        """The class of a coarser table that each class is: that of its name, or "other"; None if the other table is no such table of ours."""
+        if coarser not in TABLES or "other" not in coarser.names:
             return None
         return tuple(coarser.index(name if name in coarser.names else "other") for name in self.names)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -32,15 +32,13 @@ from semgs.scene.upright import up_of
 from semgs.segmenters.labelling import Labelling
 
 
-class NetworkMethod:
-    """A network as a method: encodes the contexts, renders the target.
+@dataclass(frozen=True)
+class Handling:
+    """What is done with a network's Gaussians, and what is made of them.
 
-    Args:
-        network: in evaluation mode.
-        device: to encode on.
-        name: to call it by in tables.
+    Attributes:
         labelling: gives the Gaussians of a scene their classes; None for those of the network.
-        nearest: chooses the Gaussians that each target is rendered with; None for all.
+        nearest: render each target with the Gaussians of only so many input views, those nearest to it; None for all.
         passes: refine the Gaussians with so many steps for each input view; 0 for none.
         depth: gives depth maps of the frames of a scene, which are aligned to the network's depth and weighed with it; None for none.
         exposure: whether the input views, and with them the Gaussians, come to a common exposure; targets stay as taken.
@@ -49,31 +47,37 @@ class NetworkMethod:
         classes: answer in this table, of which each class of the Gaussians is in one; None for that of the Gaussians.
     """
 
-    def __init__(
-        self,
-        network: Network,
-        device: str,
-        name: str,
-        labelling: Callable[[Scene], Labelling] | None = None,
-        nearest: NearestViews | None = None,
-        passes: int = 0,
-        depth: Callable[[Scene], DepthMaps] | None = None,
-        exposure: ExposureChoice = "as-taken",
-        things: bool = False,
-        free_space: bool = False,
-        classes: ClassTable | None = None,
-    ) -> None:
+    labelling: Callable[[Scene], Labelling] | None = None
+    nearest: NearestViews | None = None
+    passes: int = 0
+    depth: Callable[[Scene], DepthMaps] | None = None
+    exposure: ExposureChoice = "as-taken"
+    things: bool = False
+    free_space: bool = False
+    classes: ClassTable | None = None
+
+
+AS_THEY_ARE = Handling()
+"""Gaussians are rendered as the network makes them."""
+
+
+class NetworkMethod:
+    """A network as a method: encodes the contexts, renders the target.
+
+    Args:
+        network: in evaluation mode.
+        device: to encode on.
+        name: to call it by in tables.
+        handling: what is done with its Gaussians.
+    """
+
+    def __init__(self, network: Network, device: str, name: str, handling: Handling = AS_THEY_ARE) -> None:
         self._network = network
         self._device = device
         self.name = name
-        self._labelling = None if labelling is None else lru_cache(maxsize=1)(labelling)
-        self._nearest = nearest
-        self._passes = passes
-        self._depth = None if depth is None else lru_cache(maxsize=1)(depth)
-        self._exposure = exposure
-        self._things = things
-        self._free_space = free_space
-        self._classes = classes
+        self._handling = handling
+        self._labelling = None if handling.labelling is None else lru_cache(maxsize=1)(handling.labelling)
+        self._depth = None if handling.depth is None else lru_cache(maxsize=1)(handling.depth)
 
     @torch.no_grad()
     def predict(self, inputs: Inputs) -> Prediction:
@@ -92,16 +96,16 @@ class NetworkMethod:
             task = inputs.task
             labelling = self._labelling(task.scene)
             encoding = labelling(encoding, task.scene, task.sample.contexts, inputs.contexts, task.fit)
-        if self._classes is not None and encoding.classes not in (None, self._classes):
-            encoding = encoding.regrouped(self._classes)
-        contexts, exposures = inputs.contexts, common_exposure(inputs.contexts, encoding, self._exposure)
+        if self._handling.classes is not None and encoding.classes not in (None, self._handling.classes):
+            encoding = encoding.regrouped(self._handling.classes)
+        contexts, exposures = inputs.contexts, common_exposure(inputs.contexts, encoding, self._handling.exposure)
         if exposures is not None:
             contexts, encoding = exposures.applied(contexts), exposures.recoloured(encoding)
-        if not self._passes:
+        if not self._handling.passes:
             return self._render(encoding, inputs, encoded.seconds)
         one_pass, start = self._render(encoding, inputs, encoded.seconds), now()
         encoding = refine_until(
-            encoding, contexts, self._passes, moves=self._depth is None, exposure=exposures is not None
+            encoding, contexts, self._handling.passes, moves=self._depth is None, exposure=exposures is not None
         ).encoding
         return replace(self._render(encoding, inputs, encoded.seconds + now() - start), one_pass=one_pass)
 
@@ -115,13 +119,13 @@ class NetworkMethod:
     def _render(self, encoding: Encoding, inputs: Inputs, seconds_encode: float) -> Prediction:
         """The target, rendered."""
         start = now()
-        if self._nearest is not None:
-            encoding = self._nearest(encoding, inputs.contexts.cameras, inputs.camera)
+        if self._handling.nearest is not None:
+            encoding = self._handling.nearest(encoding, inputs.contexts.cameras, inputs.camera)
         rendering = encoding.render(inputs.camera)
         seconds = now() - start
         classes = None if rendering.semantics is None else likeliest(rendering.semantics[0]).cpu()
-        found = self._find(encoding, inputs, classes) if self._things and classes is not None else {}
-        if self._free_space and inputs.measured is not None:
+        found = self._find(encoding, inputs, classes) if self._handling.things and classes is not None else {}
+        if self._handling.free_space and inputs.measured is not None:
             found["free_space"] = score_free_space(encoding, inputs.contexts, inputs.measured)
         return Prediction(
             labels=classes,

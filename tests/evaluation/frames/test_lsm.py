@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -134,6 +135,7 @@ def test_weights_of_twenty_classes_answer_in_eight(scene: Scene):
     assert of is not None
     assert [LSM8.names[label] for label in of[:7]] == ["wall", "floor", "other", "bed", "chair", "sofa", "table"]
     assert LSM8.within(SCANNET20) is None
+    assert SCANNET20.within(replace(LSM8, name="mine")) is None, "in a table of somebody else, other may be anything"
     encoding = encode(
         load("small", "random").eval(), scene.read([0, 4], (32, 32), fit="crop").changed(labels=None, depths=None)
     ).encoding

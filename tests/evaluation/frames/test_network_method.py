@@ -20,7 +20,7 @@ from semgs.data.tables.classes import SCANNET20
 from semgs.data.views import Views
 from semgs.depth_maps.frame_maps import FrameMaps
 from semgs.evaluation.frames.frame_plan import make_plan
-from semgs.evaluation.frames.network_method import NetworkMethod
+from semgs.evaluation.frames.network_method import Handling, NetworkMethod
 from semgs.evaluation.frames.predictions import Inputs
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import make_inputs, read_views
@@ -54,7 +54,7 @@ def test_input_views_come_to_a_common_exposure_if_asked(make_scene: Callable[...
         images = torch.stack([image(one, SIZE) for one in brightness])
         contexts = Views(images, cameras_at(0.0, 0.0, size=SIZE), [[0.5, 10.0]] * 2)
         inputs = Inputs(task, contexts, cameras_at(0.1, size=SIZE))
-        found = NetworkMethod(TakesColours(), "cpu", "wall", exposure=exposure).predict(inputs).image
+        found = NetworkMethod(TakesColours(), "cpu", "wall", Handling(exposure=exposure)).predict(inputs).image
         assert found is not None
         return found
 
@@ -94,7 +94,7 @@ def test_maps_from_elsewhere_are_stretched_as_the_photos_are(make_scene: Callabl
             return read["depth"][-1]
 
     labelling = Classes(MapFiles.opened(tmp_path / "maps", scene), fusion=False)
-    NetworkMethod(Flat(), "cpu", "flat", lambda scene: labelling, depth=lambda scene: Depth()).predict(  # type: ignore[arg-type, return-value]
+    NetworkMethod(Flat(), "cpu", "flat", Handling(lambda scene: labelling, depth=lambda scene: Depth())).predict(  # type: ignore[arg-type, return-value]
         make_inputs(task, views)
     )
     assert torch.equal(torch.stack(read["classes"]), torch.where(torch.arange(48) < 12, 4, 7).expand(2, 24, 48))

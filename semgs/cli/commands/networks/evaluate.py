@@ -310,6 +310,7 @@ class Evaluate:
         precision: Precision,
     ) -> Candidate:
         """The method to evaluate, and its description for the report."""
+        from semgs.evaluation.frames.network_method import Handling
         from semgs.evaluation.run import load_candidate, open_predictions
 
         if self.predictions is not None:
@@ -318,20 +319,16 @@ class Evaluate:
             if labelling is not None:
                 for scene in plan.scenes:
                     self._check_table(labelling(scene).source.classes, classes)
-            return load_candidate(
-                self.weights,
-                classes,
-                device,
-                self._name(labelling is not None),
-                labelling,
-                self.nearest,
-                self._passes(),
-                depth,
-                precision,
-                self.exposure,
-                bool(self.panoptic),
-                self.free_space,
+            handling = Handling(
+                labelling=labelling,
+                passes=self._passes(),
+                depth=depth,
+                exposure=self.exposure,
+                things=bool(self.panoptic),
+                free_space=self.free_space,
             )
+            name = self._name(labelling is not None)
+            return load_candidate(self.weights, classes, device, name, precision, self.nearest, handling)
 
     def _groups(self, classes: ClassTable | None) -> ClassGroups | None:
         """The groups of classes; None without the option.
