@@ -13,6 +13,7 @@ from semgs.data.views import Views
 GROUP = "semgs.rooms"
 """The group of the entry point."""
 
+PACKAGE = "semgs_rooms"
 MISSING = "generated rooms need the package semgs-rooms: pip install -e packages/semgs-rooms in SemGS's folder"
 
 Split = Literal["training", "validation"]
@@ -86,6 +87,11 @@ def room_source() -> RoomSource:
     """
     found = list(entry_points(group=GROUP))
     if not found:
-        raise ImportError(MISSING, name="semgs_rooms")
-    source: RoomSource = found[0].load()
+        raise ImportError(MISSING, name=PACKAGE)
+    try:
+        source: RoomSource = found[0].load()
+    except ModuleNotFoundError as error:
+        if error.name != PACKAGE:
+            raise
+        raise ImportError(MISSING, name=PACKAGE) from error  # installed from a folder that has moved
     return source

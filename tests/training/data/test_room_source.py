@@ -10,10 +10,30 @@ from semgs.cli.main import main
 from semgs.training.data import room_source as sources
 
 
-@pytest.fixture
-def without_rooms(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No package says that it generates rooms."""
-    monkeypatch.setattr(sources, "entry_points", lambda group: [])
+class Moved:
+    """The entry point of a package whose folder is gone."""
+
+    def load(self) -> None:
+        raise ModuleNotFoundError("No module named 'semgs_rooms'", name="semgs_rooms")
+
+
+@pytest.fixture(params=["not installed", "its folder is gone"])
+def without_rooms(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No package says that it generates rooms, or one that is not there."""
+    found = [] if request.param == "not installed" else [Moved()]
+    monkeypatch.setattr(sources, "entry_points", lambda group: found)
+    sources.room_source.cache_clear()
+
+
+def test_another_library_that_is_missing_keeps_its_name(monkeypatch: pytest.MonkeyPatch):
+    class Lacking:
+        def load(self) -> None:
+            raise ModuleNotFoundError("No module named 'embreex'", name="embreex")
+
+    monkeypatch.setattr(sources, "entry_points", lambda group: [Lacking()])
+    sources.room_source.cache_clear()
+    with pytest.raises(ModuleNotFoundError, match="embreex"):
+        sources.room_source()
     sources.room_source.cache_clear()
 
 
