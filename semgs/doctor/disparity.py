@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.stats import theilslopes
 
 from semgs.doctor.misses import triangulated_depths
 from semgs.doctor.rig import Rig
@@ -49,8 +48,12 @@ def fit_disparity(rig: Rig, matches: Matches) -> Float64[np.ndarray, "n 2"] | No
 
 
 def _line(d: Float64[np.ndarray, " m"], inverse: Float64[np.ndarray, " m"]) -> tuple[float, float] | None:
-    """Scale and shift of the line through most points; None if it falls, or does not explain them."""
-    scale = theilslopes(inverse, d).slope
+    """Scale and shift of the line through most points, by the median of the slopes of their pairs (Theil and Sen); None if it falls, or does not explain them."""
+    one, other = np.triu_indices(len(d), 1)
+    apart = d[one] != d[other]
+    if not apart.any():
+        return None
+    scale = np.median((inverse[one] - inverse[other])[apart] / (d[one] - d[other])[apart])
     left = inverse - scale * d
-    before, after = (np.median(np.abs(one - np.median(one))) for one in (inverse, left))
+    before, after = (np.median(np.abs(some - np.median(some))) for some in (inverse, left))
     return (float(scale), float(np.median(left))) if scale > 0 and after <= LEFT * before else None

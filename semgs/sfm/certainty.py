@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import cv2
 import numpy as np
 from jaxtyping import Float64
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 MOST_DEG = 3.5
 """The direction of the motion has at most this standard deviation. Right directions of 256 px photos had up to 3; most wrong ones had 5 and more."""
@@ -53,7 +52,7 @@ def direction_error_deg(
     across = np.linalg.svd(motion[None])[2][1:]
 
     def distances(change: np.ndarray) -> np.ndarray:
-        turned = Rotation.from_rotvec(change[:3]).as_matrix() @ rotation
+        turned = cv2.Rodrigues(change[:3])[0] @ rotation
         essential = np.cross(motion + change[3:] @ across, turned, axisb=0, axisc=0)
         lines = rays[0] @ essential.T, rays[1] @ essential
         length = np.sqrt(sum((line[:, :2] ** 2).sum(1) for line in lines))
@@ -74,11 +73,12 @@ def parallax_px(matches: Float64[np.ndarray, "2 n 2"], focal_px: float) -> float
         matches: positions in both photos, from the principal point [px].
         focal_px: where to start.
     """
+    from scipy.optimize import least_squares  # takes a second to import, only for photos without cameras
 
     def off(values: np.ndarray) -> np.ndarray:
         focal = focal_px * np.exp(values[3])
         turned = np.concatenate((matches[0] / focal, np.ones((matches.shape[1], 1))), axis=1)
-        turned = turned @ Rotation.from_rotvec(values[:3]).as_matrix().T
+        turned = turned @ cv2.Rodrigues(values[:3])[0].T
         return np.asarray(focal * turned[:, :2] / turned[:, 2:] - matches[1])
 
     starts = [np.array([0.0, 0.0, 0.0, start]) for start in (-0.5, 0.0, 0.5)]
