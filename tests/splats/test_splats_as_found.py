@@ -147,7 +147,14 @@ def test_a_ply_without_colours_or_of_flat_gaussians_says_what_to_do(tmp_path: Pa
     columns = columns_3dgs([known_row(0)])
     flat = {name: column for name, column in columns.items() if name != "scale_2"}
     plain = {name: column for name, column in columns.items() if not name.startswith("f_dc")}
-    for made, said in ((flat, r"2D Gaussians \(2DGS\) are flat"), (plain, "--ply-color-mode sh_coeffs")):
+    floats = plain | dict.fromkeys(("red", "green", "blue"), ("float", [0.5]))
+    anchors = plain | dict.fromkeys(("f_offset_0", "f_anchor_feat_0"), ("float", [0.5]))
+    for made, said in (
+        (flat, r"2D Gaussians \(2DGS\) are flat"),
+        (floats, "; export colours as harmonics: ns-export gaussian-splat --ply-color-mode sh_coeffs$"),
+        (plain, "; it has Gaussians without colours: export them as harmonics with the program that trained it$"),
+        (anchors, r"; it has anchors \(Scaffold-GS, Octree-GS and the like\), whose Gaussians come from networks: export these with the "),
+    ):
         with pytest.raises(InputError, match=said):
             load_splat(save(tmp_path / "a.ply", ply({"vertex": made})))
 
