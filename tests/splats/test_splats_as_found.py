@@ -13,6 +13,7 @@ from splat_files import columns_3dgs, glb, gltf, gltf_arrays, known_row, ply, sa
 
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
+from semgs.scene.scene_file import load_scene
 from semgs.splats.endings import is_splat
 from semgs.splats.load import load_splat
 from semgs.splats.splat import Splat
@@ -169,6 +170,17 @@ def test_kinds_that_are_not_read_are_named_with_what_converts_them(tmp_path: Pat
         InputError, match=rf"found {kind}; convert it first: splat-transform office.{ending} office.ply"
     ):
         load_splat(path)
+
+
+@pytest.mark.parametrize("ending", [".pt", ".pth", ".ckpt", ".PT"])
+def test_the_checkpoint_of_a_training_is_named_and_not_unpickled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str):
+    path = tmp_path / f"ckpt_29999_rank0{ending}"
+    torch.save({"step": 29999, "splats": {"means": torch.zeros(3, 3)}}, path)
+    monkeypatch.setattr(torch, "load", lambda *_, **__: pytest.fail("unpickled"))
+    told = r"a training checkpoint; export a PLY with the program that trained it \(nerfstudio: ns-export gaussian-splat; gsplat: export_splats\)$"
+    for load, expected in ((load_splat, "a splat: PLY"), (load_scene, "a scene file or a splat, ")):
+        with pytest.raises(InputError, match=f"expected {expected}.*found {told}"):
+            load(path)
 
 
 def test_the_folder_of_a_training_leads_to_its_last_splat(tmp_path: Path):
