@@ -50,7 +50,7 @@ def check_container(path: Path) -> None:
 
 
 def _has_description(file: BinaryIO) -> bool:
-    """Whether an MP4 or MOV has its box `moov`, up to its end. A box of length 0 goes on to the end of the file, and one of length 1 has its length in 8 bytes."""
+    """Whether an MP4 or MOV has its box `moov`, up to its end. A box of length 0 reaches to the end of the file, and one of length 1 has its length in 8 bytes."""
     place, end = 0, file.seek(0, os.SEEK_END)
     for _ in range(MOST_BOXES):
         file.seek(place)

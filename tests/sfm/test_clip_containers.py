@@ -181,7 +181,9 @@ def test_samples_in_another_file_are_not_read(tmp_path: Path, monkeypatch: pytes
         copy_frames(place, tmp_path, 4)
 
 
-@pytest.mark.parametrize("cut", ["in the frames", "in the description", "before the frames", "in a long box", "at a box of no length"])
+@pytest.mark.parametrize(
+    "cut", ["in the frames", "in the description", "before the frames", "in a long box", "at a box of no length"]
+)
 def test_a_clip_that_is_cut_off_is_called_incomplete_by_us_alone(tmp_path: Path, cut: str, capfd):
     """Its description, `moov`, is behind its frames; FFmpeg and OpenCV write lines of their own about that."""
     clip = write_clip(tmp_path / "a.mp4", frames())

@@ -154,7 +154,10 @@ def test_a_ply_without_colours_or_of_flat_gaussians_says_what_to_do(tmp_path: Pa
         (flat, r"2D Gaussians \(2DGS\) are flat"),
         (floats, "; export colours as harmonics: ns-export gaussian-splat --ply-color-mode sh_coeffs$"),
         (plain, "; it has Gaussians without colours: export them as harmonics with the program that trained it$"),
-        (anchors, r"; it has anchors \(Scaffold-GS, Octree-GS and the like\), whose Gaussians come from networks: export these with the "),
+        (
+            anchors,
+            r"; it has anchors \(Scaffold-GS, Octree-GS and the like\), whose Gaussians come from networks: export these with the ",
+        ),
     ):
         with pytest.raises(InputError, match=said):
             load_splat(save(tmp_path / "a.ply", ply({"vertex": made})))
@@ -173,7 +176,9 @@ def test_kinds_that_are_not_read_are_named_with_what_converts_them(tmp_path: Pat
 
 
 @pytest.mark.parametrize("ending", [".pt", ".pth", ".ckpt", ".PT"])
-def test_the_checkpoint_of_a_training_is_named_and_not_unpickled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str):
+def test_the_checkpoint_of_a_training_is_named_and_not_unpickled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
+):
     path = tmp_path / f"ckpt_29999_rank0{ending}"
     torch.save({"step": 29999, "splats": {"means": torch.zeros(3, 3)}}, path)
     monkeypatch.setattr(torch, "load", lambda *_, **__: pytest.fail("unpickled"))

@@ -179,7 +179,7 @@ def test_no_unit_is_asked_for_of_pictures_of_depth(tmp_path: Path):
         "4 of 4 depth maps are left out, as they are PNG of 8 bits in colour, not 16 bits of one channel"
     )
     write_picture(maps[1], np.full((48, 64), 2000, np.uint16))
-    asked, left_out = (note for note in open_scene(folder).notes if 'depth maps are' in note)
+    asked, left_out = (note for note in open_scene(folder).notes if "depth maps are" in note)
     assert asked.startswith("1 depth maps are left out because their unit is unknown (--depth-unit 0.001")
     assert left_out.startswith("3 of 4 depth maps are left out, as they are PNG of 8 bits in colour")
 
