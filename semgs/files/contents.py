@@ -22,9 +22,9 @@ def refuse_checkpoint(path: Path, expected: str) -> None:
         expected: what it should be, for the error.
 
     Raises:
-        InputError: it has the ending of one.
+        InputError: it is a file with the ending of one.
     """
-    if path.suffix.lower() in CHECKPOINTS:
+    if path.suffix.lower() in CHECKPOINTS and path.is_file():
         advice = "export a PLY with the program that trained it (nerfstudio: ns-export gaussian-splat; gsplat: export_splats)"
         raise InputError(path, expected, "a training checkpoint", advice=advice)
 
