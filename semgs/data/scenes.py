@@ -25,6 +25,7 @@ from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails, Unit
 from semgs.data.scene_lists import SceneList, scenes_by_name
 from semgs.data.spread import spread
+from semgs.files.bags import METADATA
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import existing_folder, not_hidden, trained_splat, typed_path, without_dots
 from semgs.files.text import listed
@@ -313,7 +314,7 @@ def _hint(path: Path) -> str:
         return f"this is a capture of Stray Scanner, which is not read; semgs poses {clip} OUT estimates cameras from its clip"
     inside = _scene_below(path)
     if inside is not None:
-        return f"there is one in {inside}"
+        return _without_metadata(inside) or f"there is one in {inside}"
     files = list(path.iterdir())
     below = [
         place.name
@@ -345,6 +346,17 @@ def _packed_recording(path: Path) -> Path | None:
         if file.suffix.lower() in UNPACKERS and Path(file.stem).suffix.lower() in ros.ENDINGS:
             return file
     return None
+
+
+def _without_metadata(recording: Path) -> str | None:
+    """What to do about the folder of a recording of ROS 2 that lacks `metadata.yaml`; None for other files and folders."""
+    if recording.suffix.lower() not in (".db3", ".mcap") or not recording.is_file():
+        return None
+    folder = recording.parent
+    reindex = f"without {METADATA}; ros2 bag reindex {folder} writes it"
+    if sum(file.suffix.lower() == recording.suffix.lower() for file in not_hidden(folder.iterdir())) > 1:
+        return f"{folder} has recordings {reindex} if they are parts of one bag"
+    return f"{folder} is a ROS bag {reindex}, or open {recording} alone"
 
 
 def _scene_below(path: Path) -> Path | None:

@@ -2,11 +2,31 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored, stored
 
 LFS_POINTER = b"version https://git-lfs.github.com/spec/"
 """How the text begins that Git LFS leaves in place of a file that it has not fetched yet."""
+
+CHECKPOINTS = (".pt", ".pth", ".ckpt")
+"""Endings of checkpoints of trainings: pickles, which may run anything and are not read as splats or scenes."""
+
+
+def refuse_checkpoint(path: Path, expected: str) -> None:
+    """Refuse the checkpoint of a training of Gaussians.
+
+    Args:
+        path: the file.
+        expected: what it should be, for the error.
+
+    Raises:
+        InputError: it is a file with the ending of one.
+    """
+    if path.suffix.lower() in CHECKPOINTS and path.is_file():
+        advice = "export a PLY with the program that trained it (nerfstudio: ns-export gaussian-splat; gsplat: export_splats)"
+        raise InputError(path, expected, "a training checkpoint", advice=advice)
 
 
 def check_fetched(path: str | Stored, beginning: bytes, expected: str) -> None:

@@ -16,7 +16,7 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
-from semgs.geometry.rotations import nearest_rotation
+from semgs.geometry.rotations import nearest_rotation, why_no_rotation
 from semgs.geometry.summaries import describe_tensor
 
 Arrays = np.ndarray | Tensor | Sequence
@@ -238,10 +238,11 @@ def _rigid(poses: Float64[Tensor, "*batch 4 4"]) -> Float64[Tensor, "*batch 4 4"
     bad = ((rotation - nearest).abs() > ROTATION_TOLERANCE).any(-1).any(-1)
     if bad.any():
         index = _first(bad)
-        determinant = torch.linalg.det(rotation)[bad].reshape(-1)[0]
+        first = rotation[bad].reshape(-1, 3, 3)[0]
+        kind, advice = why_no_rotation(first)
         raise ValueError(
-            f"world_from_camera{index} is not a rigid motion: its 3x3 part has determinant {determinant:.4g} and is more than "
-            f"{ROTATION_TOLERANCE} from the nearest rotation; expected camera-to-world poses without scale or reflection"
+            f"world_from_camera{index} is not a rigid motion: its 3x3 part has determinant {torch.linalg.det(first):.4g} and is more than "
+            f"{ROTATION_TOLERANCE} from the nearest rotation ({kind}); {advice or 'expected camera-to-world poses without scale or reflection'}"
         )
     rigid = poses.clone()
     rigid[..., :3, :3] = torch.where(exact[..., None, None], rotation, nearest)

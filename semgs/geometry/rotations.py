@@ -70,6 +70,22 @@ def nearest_rotation(matrices: Float[Tensor, "*batch 3 3"]) -> Float[Tensor, "*b
     return (u * flip[..., None, :]) @ vh
 
 
+def why_no_rotation(matrix: Float[Tensor, "3 3"]) -> tuple[str, str | None]:
+    """What a matrix does that a rotation does not, and what to do about it, None if that is unknown; for messages."""
+    if torch.linalg.det(matrix) < 0:
+        return "it mirrors", None
+    lengths = matrix.norm(dim=0)
+    directions = matrix / lengths
+    if torch.allclose(directions.mT @ directions, torch.eye(3, dtype=matrix.dtype), rtol=0, atol=1e-2):
+        first, second, third = lengths.tolist()
+        equal = lengths.max() - lengths.min() < 1e-3 * lengths.max()
+        scale = (
+            f"it scales by {first:.4g}" if equal else f"its columns are {first:.4g}, {second:.4g} and {third:.4g} long"
+        )
+        return scale, "divide each of its three columns by its length"
+    return ("it is singular" if torch.linalg.det(matrix) < 1e-6 else "it scales or shears"), None
+
+
 def covariance(
     quaternions: Float[Tensor, "*batch 4"], scales: Float[Tensor, "*batch 3"]
 ) -> Float[Tensor, "*batch 3 3"]:

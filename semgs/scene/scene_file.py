@@ -34,6 +34,7 @@ from torch import Tensor
 from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
 from semgs.files.atomic import write_bytes
+from semgs.files.contents import refuse_checkpoint
 from semgs.files.errors import InputError, input_error
 from semgs.files.paths import typed_path
 from semgs.files.records import make_record
@@ -312,6 +313,7 @@ def load_scene(path: str | Path) -> SavedScene:
         raise InputError(
             file, "a scene file", "no such file", advice="give the folder or file that `semgs reconstruct --out` wrote"
         )
+    refuse_checkpoint(file, "a scene file or a splat")
     with open_tensors(file, "a complete scene file of semgs reconstruct") as opened:
         header = _header(file, (opened.metadata() or {}).get("semgs"))
         tensors = {name: opened.get_tensor(name).clone() for name in opened.keys()}  # noqa: SIM118 - not a dict

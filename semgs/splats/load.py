@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from semgs.data.ply_tables import MAGIC, read_tables
-from semgs.files.contents import read_bytes
+from semgs.files.contents import read_bytes, refuse_checkpoint
 from semgs.files.errors import InputError
 from semgs.files.paths import trained_splat, typed_path
 from semgs.splats import gltf_container
@@ -39,6 +39,7 @@ def load_splat(path: str | Path, activated: bool | None = None) -> Splat:
         trained = trained_splat(file) if file.is_dir() else None
         advice = None if trained is None else f"the splat of this training is {trained}"
         raise InputError(file, EXPECTED, "no such file" if not file.exists() else "no file", advice=advice)
+    refuse_checkpoint(file, EXPECTED)
     data = read_bytes(file, EXPECTED)
     if data[:4] in (MAGIC + b"\n", MAGIC + b"\r"):
         ply = read_tables(file, data)

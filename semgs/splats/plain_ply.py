@@ -54,6 +54,9 @@ FACE = "face"
 """The element of a mesh."""
 
 BYTES = ("red", "green", "blue")
+ANCHORS = ("f_anchor_feat_", "f_offset_")
+"""How the names of properties begin that make a vertex an anchor. https://github.com/city-super/Scaffold-GS (scene/gaussian_model.py, save_ply)."""
+
 FEWEST, SAMPLED = 50, 1000
 """Fewer Gaussians than the first do not show how their numbers are meant; neighbours of so many as the second are looked at."""
 LARGE = 1.5
@@ -91,7 +94,7 @@ def read_plain_ply(path: Path, ply: PlyTables, activated: bool | None = None) ->
     columns = _with_constants(_without_prefixes(ply.tables.get(VERTEX, {})))
     missing = [name for name in NEEDED if name not in columns]
     if missing:
-        raise InputError(path, "a PLY of 3D Gaussians", _kind(ply, missing), advice=_remedy(missing))
+        raise InputError(path, "a PLY of 3D Gaussians", _kind(ply, missing), advice=_remedy(columns, missing))
     check_count(path, ply.counts[VERTEX], "element vertex")
     rest = rest_names(path, columns)
     means = together(columns, POSITION)
@@ -227,12 +230,19 @@ def _kind(ply: PlyTables, missing: list[str]) -> str:
     return f"none of the properties {', '.join(missing[:4])}"
 
 
-def _remedy(missing: list[str]) -> str:
+def _remedy(columns: Columns, missing: list[str]) -> str:
     """What to do about a PLY that lacks some properties."""
+    if any(name.startswith(ANCHORS) for name in columns):
+        return (
+            "it has anchors (Scaffold-GS, Octree-GS and the like), whose Gaussians come from networks: export these with the program that trained it, "
+            "or train with plain 3DGS"
+        )
     if missing == [SCALES[2]]:
         return "2D Gaussians (2DGS) are flat and lack it: add it, such as -10 for each, or train with 3DGS"
     if missing == [*CONSTANT]:
-        return "export colours as harmonics: ns-export gaussian-splat --ply-color-mode sh_coeffs"
+        if all(name in columns for name in BYTES):
+            return "export colours as harmonics: ns-export gaussian-splat --ply-color-mode sh_coeffs"
+        return "it has Gaussians without colours: export them as harmonics with the program that trained it"
     return "meshes and point clouds have no Gaussians"
 
 

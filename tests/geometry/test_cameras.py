@@ -83,7 +83,8 @@ def test_a_pose_may_be_a_hundredth_off_a_rotation_and_no_more(scale: float, kept
     if kept:
         torch.testing.assert_close(Cameras(matrix, K, SIZE).world_from_camera[:3, :3], rotation)
     else:
-        with pytest.raises(ValueError, match=r"more than 0\.01 from the nearest rotation"):
+        told = rf"more than 0\.01 from the nearest rotation \(it scales by {scale}\); divide each of its three columns by its length$"
+        with pytest.raises(ValueError, match=told):
             Cameras(matrix, K, SIZE)
 
 

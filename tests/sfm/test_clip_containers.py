@@ -181,11 +181,34 @@ def test_samples_in_another_file_are_not_read(tmp_path: Path, monkeypatch: pytes
         copy_frames(place, tmp_path, 4)
 
 
-def test_a_clip_that_is_cut_off_has_no_frames(tmp_path: Path):
+@pytest.mark.parametrize(
+    "cut", ["in the frames", "in the description", "before the frames", "in a long box", "at a box of no length"]
+)
+def test_a_clip_that_is_cut_off_is_called_incomplete_by_us_alone(tmp_path: Path, cut: str, capfd):
+    """Its description, `moov`, is behind its frames; FFmpeg and OpenCV write lines of their own about that."""
     clip = write_clip(tmp_path / "a.mp4", frames())
-    clip.write_bytes(clip.read_bytes()[:200])
-    with pytest.raises(InputError, match="expected a video that OpenCV can decode, found no frames"):
+    whole = clip.read_bytes()
+    frames_at, description_at = whole.index(b"mdat") - 4, whole.index(b"moov") - 4
+    assert frames_at < description_at
+    clip.write_bytes({
+        "in the frames": whole[:-len(whole) // 2],
+        "in the description": whole[:-1],
+        "before the frames": whole[:frames_at],
+        "in a long box": whole[:frames_at] + struct.pack(">I4sQ", 1, b"mdat", 1 << 40) + whole[frames_at:],
+        "at a box of no length": whole[:frames_at] + struct.pack(">I4s", 0, b"mdat") + whole[frames_at:],
+    }[cut])  # fmt: skip
+    told = r"a\.mp4: expected a complete MP4 or MOV, found an incomplete one, cut off while it was recorded or copied; copy it again, or film anew$"
+    with pytest.raises(InputError, match=told):
         copy_frames(clip, tmp_path, 4)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_clip_whose_boxes_have_long_lengths_is_complete(tmp_path: Path):
+    clip = write_clip(tmp_path / "a.mp4", frames())
+    whole = clip.read_bytes()
+    at = whole.index(b"mdat") - 4
+    clip.write_bytes(whole[:at] + struct.pack(">I4sQ", 1, b"free", 16) + whole[at:])
+    check_container(clip)
 
 
 def test_a_name_with_a_pattern_or_a_protocol_is_the_name_of_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -13,6 +13,7 @@ from splat_files import columns_3dgs, glb, gltf, gltf_arrays, known_row, ply, sa
 
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
+from semgs.scene.scene_file import load_scene
 from semgs.splats.endings import is_splat
 from semgs.splats.load import load_splat
 from semgs.splats.splat import Splat
@@ -147,7 +148,17 @@ def test_a_ply_without_colours_or_of_flat_gaussians_says_what_to_do(tmp_path: Pa
     columns = columns_3dgs([known_row(0)])
     flat = {name: column for name, column in columns.items() if name != "scale_2"}
     plain = {name: column for name, column in columns.items() if not name.startswith("f_dc")}
-    for made, said in ((flat, r"2D Gaussians \(2DGS\) are flat"), (plain, "--ply-color-mode sh_coeffs")):
+    floats = plain | dict.fromkeys(("red", "green", "blue"), ("float", [0.5]))
+    anchors = plain | dict.fromkeys(("f_offset_0", "f_anchor_feat_0"), ("float", [0.5]))
+    for made, said in (
+        (flat, r"2D Gaussians \(2DGS\) are flat"),
+        (floats, "; export colours as harmonics: ns-export gaussian-splat --ply-color-mode sh_coeffs$"),
+        (plain, "; it has Gaussians without colours: export them as harmonics with the program that trained it$"),
+        (
+            anchors,
+            r"; it has anchors \(Scaffold-GS, Octree-GS and the like\), whose Gaussians come from networks: export these with the ",
+        ),
+    ):
         with pytest.raises(InputError, match=said):
             load_splat(save(tmp_path / "a.ply", ply({"vertex": made})))
 
@@ -162,6 +173,19 @@ def test_kinds_that_are_not_read_are_named_with_what_converts_them(tmp_path: Pat
         InputError, match=rf"found {kind}; convert it first: splat-transform office.{ending} office.ply"
     ):
         load_splat(path)
+
+
+@pytest.mark.parametrize("ending", [".pt", ".pth", ".ckpt", ".PT"])
+def test_the_checkpoint_of_a_training_is_named_and_not_unpickled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
+):
+    path = tmp_path / f"ckpt_29999_rank0{ending}"
+    torch.save({"step": 29999, "splats": {"means": torch.zeros(3, 3)}}, path)
+    monkeypatch.setattr(torch, "load", lambda *_, **__: pytest.fail("unpickled"))
+    told = r"a training checkpoint; export a PLY with the program that trained it \(nerfstudio: ns-export gaussian-splat; gsplat: export_splats\)$"
+    for load, expected in ((load_splat, "a splat: PLY"), (load_scene, "a scene file or a splat, ")):
+        with pytest.raises(InputError, match=f"expected {expected}.*found {told}"):
+            load(path)
 
 
 def test_the_folder_of_a_training_leads_to_its_last_splat(tmp_path: Path):

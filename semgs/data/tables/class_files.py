@@ -31,6 +31,12 @@ from semgs.files.paths import typed_path
 from semgs.files.stored import Stored
 from semgs.files.strict_json import read_json
 
+LIKE = 'write the file like {"classes": [{"name": "wall", "colour": [174, 199, 232], "ids": [1]}], "ignored": [0]}'
+LIKE_SCANNET20 = (
+    'write the file like {"classes": [{"id": 20, "name": "dresser", "scannet20": "cabinet"}], "unknown": 255}'
+)
+"""Advice for files of another form."""
+
 
 @dataclass(frozen=True)
 class LabelSet:
@@ -57,7 +63,7 @@ def read_class_file(path: str | Stored) -> LabelSet:
     expected = "a table of classes as JSON"
     content = read_json(path, expected)
     if not isinstance(content, dict) or not isinstance(content.get("classes"), list) or not content["classes"]:
-        raise InputError(path, 'an object with a list "classes"', "something else", advice="see docs/train.md")
+        raise InputError(path, 'an object with a list "classes"', "something else", advice=LIKE)
     listed = content["classes"]
     terms = content.get("terms", "")
     if not isinstance(terms, str):
@@ -65,21 +71,21 @@ def read_class_file(path: str | Stored) -> LabelSet:
     if any(isinstance(one, dict) and "scannet20" in one for one in listed):
         return LabelSet(SCANNET20, _scannet20_labels(path, content), terms)
     if unknown := sorted(content.keys() - {"name", "classes", "ignored", "terms"}):
-        raise InputError(path, "name, classes, ignored, terms", repr(unknown[0]))
+        raise InputError(path, "name, classes, ignored, terms", repr(unknown[0]), advice=LIKE)
     numbered = any(isinstance(one, dict) and "ids" in one for one in listed)
     names, colours, ids = [], [], []
     for index, one in enumerate(listed):
         key = f"classes[{index}]"
         if not isinstance(one, dict) or not isinstance(one.get("name"), str) or not one["name"]:
-            raise InputError(path, "an object with a name", repr(one), key=key)
+            raise InputError(path, "an object with a name", repr(one), key=key, advice=LIKE)
         if unknown := sorted(one.keys() - {"name", "colour", "ids"}):
-            raise InputError(path, "name, colour, ids", repr(unknown[0]), key=key)
+            raise InputError(path, "name, colour, ids", repr(unknown[0]), key=key, advice=LIKE)
         colour = one.get("colour", [])
         if not _numbers(colour) or len(colour) != 3:
-            raise InputError(path, "[red, green, blue] from 0 to 255", repr(colour), key=f"{key}.colour")
+            raise InputError(path, "[red, green, blue] from 0 to 255", repr(colour), key=f"{key}.colour", advice=LIKE)
         own = one.get("ids", [] if numbered else [index])
         if not _numbers(own) or not own:
-            raise InputError(path, "a list of numbers from 0 to 255", repr(own), key=f"{key}.ids")
+            raise InputError(path, "a list of numbers from 0 to 255", repr(own), key=f"{key}.ids", advice=LIKE)
         if IGNORE in own:
             raise _used_for_no_label(path, f"{key}.ids")
         names.append(one["name"])
@@ -118,7 +124,9 @@ def _scannet20_labels(path: Path | Stored, content: dict[str, Any]) -> tuple[int
     for index, entry in enumerate(content["classes"]):
         key = f"classes[{index}]"
         if not isinstance(entry, dict) or entry.keys() - {"name"} != {"id", "scannet20"}:
-            raise InputError(path, "an object with id, scannet20 and a name", repr(entry), key=key)
+            raise InputError(
+                path, "an object with id, scannet20 and a name", repr(entry), key=key, advice=LIKE_SCANNET20
+            )
         number, name = entry["id"], entry["scannet20"]
         if not _numbers([number]):
             raise InputError(path, "a number from 0 to 255", repr(number), key=f"{key}.id")

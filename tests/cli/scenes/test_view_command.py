@@ -79,6 +79,13 @@ def test_cameras_for_what_is_no_splat_are_refused_before_any_work(
         assert shown.out == ""
 
 
+def test_the_checkpoint_of_a_training_is_refused_as_such(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """Not as predictions of cameras, which may have the same ending."""
+    (tmp_path / "step-000029999.pt").write_bytes(b"PK")
+    assert main(["view", str(tmp_path / "step-000029999.pt")]) == 2
+    assert "expected a scene or a splat, found a training checkpoint; export a PLY" in capsys.readouterr().err
+
+
 def test_a_scene_that_is_not_there_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["view", str(tmp_path / "nowhere")]) == 2
     assert "nowhere: expected a folder with a scene, found nothing there" in capsys.readouterr().err

@@ -242,7 +242,9 @@ def assigned(key: str, value: object, frame: int | None = None) -> Callable[[dic
     ("edit", "key", "found_text"),
     [
         (matrix(1, lambda m: m.__setitem__((slice(0, 3), 1), 0)), "frames[1].transform_matrix", "it is singular"),
-        (matrix(0, lambda m: m.__setitem__(slice(0, 3), 2 * m[:3])), "frames[0].transform_matrix", "scales or shears"),
+        (matrix(0, lambda m: m.__setitem__(slice(0, 3), 2 * m[:3])), "frames[0].transform_matrix", "determinant 8 that is not a rotation (it scales by 2)"),
+        (matrix(0, lambda m: m.__setitem__(slice(0, 3), m[:3] @ np.diag((1, 1.1, 1.2, 1)))), "frames[0].transform_matrix", "(its columns are 1, 1.1 and 1.2 long)"),
+        (matrix(0, lambda m: m.__setitem__((slice(0, 3), 0), m[:3, 0] + m[:3, 1])), "frames[0].transform_matrix", "(it scales or shears)"),
         (matrix(0, lambda m: m.__setitem__((slice(0, 3), 1), -m[:3, 1])), "frames[0].transform_matrix", "mirrors"),
         (matrix(2, lambda m: m.__setitem__((3, 0), 1)), "frames[2].transform_matrix", "a last row of"),
         (assigned("transform_matrix", [[1, 0, 0, 0]] * 3, 1), "frames[1].transform_matrix", "shape (3, 4)"),

@@ -11,7 +11,7 @@ import pytest
 from test_transforms_json import DEPTHS, SIZE, with_maps
 
 from semgs.data.scenes import open_scene
-from semgs.data.tables.class_files import read_class_file
+from semgs.data.tables.class_files import LIKE, LIKE_SCANNET20, read_class_file
 from semgs.data.tables.classes import IGNORE, SCANNET20
 from semgs.files.errors import InputError
 
@@ -177,3 +177,29 @@ def test_what_means_no_label_is_a_number_or_a_list(tmp_path: Path, unknown: obje
     (tmp_path / "classes.json").write_text(json.dumps(content))
     with pytest.raises(InputError, match="unknown: expected a whole number, or a list of them, found"):
         read_class_file(tmp_path / "classes.json")
+
+
+@pytest.mark.parametrize(
+    ("content", "key", "example"),
+    [
+        (["wall"], None, LIKE),
+        ({"wall": 1}, None, LIKE),
+        ({"classes": ["wall"]}, "classes[0]", LIKE),
+        ({"classes": [{"name": "wall"}]}, "classes[0].colour", LIKE),
+        ({"classes": [{"name": "wall", "color": [1, 2, 3]}]}, "classes[0]", LIKE),
+        ({"classes": [{"name": "wall", "colour": [1, 2, 3], "ids": 1}]}, "classes[0].ids", LIKE),
+        ({"classes": [{"name": "wall", "colour": [1, 2, 3]}], "ids": [1]}, None, LIKE),
+        ({"classes": [{"name": "wall", "scannet20": "wall"}]}, "classes[0]", LIKE_SCANNET20),
+    ],
+)
+def test_a_file_of_another_form_is_shown_one_that_can_be_read(
+    tmp_path: Path, content: object, key: str | None, example: str
+):
+    """Whole, so that the next mistake need not be found by trying."""
+    with pytest.raises(InputError) as told:
+        read_class_file(written(tmp_path / "t.json", content))
+    assert (told.value.key, told.value.advice) == (key, example)
+    shown = json.loads(example.removeprefix("write the file like "))
+    assert (
+        read_class_file(written(tmp_path / "shown.json", shown)).meaning[shown["classes"][0].get("id", 1)] is not None
+    )

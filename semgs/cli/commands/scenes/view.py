@@ -16,6 +16,7 @@ import tyro
 
 from semgs.cli.progress import Terminal, show_stage
 from semgs.files.atomic import write_text
+from semgs.files.contents import refuse_checkpoint
 from semgs.files.folders import check_new_file
 from semgs.files.paths import existing_folder
 from semgs.robotics.object_libraries import check_object_libraries
@@ -104,6 +105,7 @@ class View:
             ImportError: viser, or for --objects scikit-learn or trimesh, is not installed.
         """
         existing_folder(self.scene)
+        refuse_checkpoint(self.scene, "a scene or a splat")
         if self.cameras is not None and not is_splat(self.scene):
             raise UsageError(f"--cameras is for splats of other programs; {self.scene} is not one")
         if self.objects and is_splat(self.scene):

@@ -192,7 +192,7 @@ def read_images(path: Path, cameras: Collection[int]) -> list[ColmapImage]:
         cameras: the ids of the cameras.
 
     Raises:
-        InputError: the file cannot be read or is damaged, an image has no pose or an unknown camera, or appears twice.
+        InputError: the file cannot be read or is damaged, an image has no pose or an unknown camera, or appears twice, or there are no cameras.
     """
     listed = list((_binary_images if path.suffix == ".bin" else _text_images)(path))
     poses = _world_from_camera(path, [one.pose for one in listed], [one.place for one in listed])
@@ -200,6 +200,9 @@ def read_images(path: Path, cameras: Collection[int]) -> list[ColmapImage]:
     for one in listed:
         if one.number in known:
             raise InputError(path, "each image once", f"image {one.number} again", one.place)
+        if not cameras:
+            file = path.with_name(f"cameras{path.suffix}")
+            raise InputError(file, "the cameras of the images", "none", advice="export the model again")
         if one.camera not in cameras:
             raise InputError(path, f"a camera that cameras{path.suffix} has", f"{one.camera}", one.place)
         known.add(one.number)

@@ -12,7 +12,7 @@ from semgs.data.layouts.parts.fields import Fields
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored
 from semgs.geometry.cameras import ROTATION_TOLERANCE
-from semgs.geometry.rotations import nearest_rotation
+from semgs.geometry.rotations import nearest_rotation, why_no_rotation
 
 FURTHEST = 1e12
 """Largest coordinate of a position [the scene's unit]; beyond, float64 cannot resolve millimetres."""
@@ -57,15 +57,9 @@ def checked_poses(
     if (off > ROTATION_TOLERANCE).any():
         index = int(np.argmax(off > ROTATION_TOLERANCE))
         determinant = float(np.linalg.det(poses[index, :3, :3]))
-        kind = (
-            "it mirrors" if determinant < 0 else "it is singular" if abs(determinant) < 1e-6 else "it scales or shears"
-        )
-        raise _refused(
-            path,
-            keys[index],
-            f"a 3x3 part with determinant {determinant:.4g} that is not a rotation ({kind})",
-            expected,
-        )
+        kind, advice = why_no_rotation(torch.from_numpy(poses[index, :3, :3]))
+        found = f"a 3x3 part with determinant {determinant:.4g} that is not a rotation ({kind})"
+        raise _refused(path, keys[index], found, expected, advice)
     poses[:, :3, :3] = rotations
     return poses
 
@@ -105,6 +99,6 @@ def _array(path: Stored, matrices: Sequence[object], keys: Sequence[str], expect
     return poses
 
 
-def _refused(path: Stored, key: str, found: str, expected: str) -> InputError:
+def _refused(path: Stored, key: str, found: str, expected: str, advice: str | None = None) -> InputError:
     """The error for one pose."""
-    return InputError(path, expected, found, key)
+    return InputError(path, expected, found, key, advice)

@@ -29,9 +29,9 @@ def without_unreadable_depth(scene: Scene) -> Scene:
     for index, frame in enumerate(scene.frames):
         file = _file(frame)
         if isinstance(file, Path):
-            fault = _fault(file)
+            fault = fault_of_depth(file)
         elif file is not None:
-            first = first or (_fault(file),)
+            first = first or (fault_of_depth(file),)
             fault = first[0]
         else:
             continue
@@ -60,7 +60,7 @@ def _file(frame: Frame) -> Stored | None:
     return depth.path if isinstance(depth, DepthMap) and depth.path.suffix.lower() == ".png" else None
 
 
-def _fault(file: Stored) -> str | None:
+def fault_of_depth(file: Stored) -> str | None:
     """What a file of another kind than depth is, None if it is depth, damaged or missing."""
     try:
         if isinstance(file, Path):

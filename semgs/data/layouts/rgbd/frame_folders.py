@@ -24,6 +24,7 @@ import numpy as np
 from semgs.data.cameras.lens import HALF
 from semgs.data.layouts.parts.association import associate
 from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details, read_calibration
+from semgs.data.layouts.parts.readable_depths import fault_of_depth
 from semgs.data.layouts.parts.sentences import note_lacking
 from semgs.data.layouts.parts.trajectories import FoundPose, Trajectory, read_pose, read_trajectory
 from semgs.data.layouts.parts.usable_frames import PICTURES, Shot, ShotList, first_file, sequence_name
@@ -116,8 +117,9 @@ def open_rgbd(path: Path, details: SceneDetails) -> Scene:
     unit = details.depth_unit or stated or (MILLIMETRE if files.source else None)
     notes: list[str] = [] if files.depths else [*_unread(path)]
     if depths and unit is None:
-        depths = {}
-        notes.append(UNKNOWN_DEPTH_UNIT(count=len(files.depths)))
+        depths = {one: file for one, file in depths.items() if file.suffix.lower() == ".png" and fault_of_depth(file)}
+        if len(files.depths) > len(depths):  # the others are left out later, as no unit would help
+            notes.append(UNKNOWN_DEPTH_UNIT(count=len(files.depths) - len(depths)))
     rotated = files.source == "SUN3D"
     maps = {picture: DepthMap(file, unit or MILLIMETRE, rotated) for picture, file in depths.items()}
     poses = _poses(path, files)
@@ -131,7 +133,7 @@ def open_rgbd(path: Path, details: SceneDetails) -> Scene:
         shots=[Shot(one.relative_to(path).as_posix(), one, poses.get(one), maps.get(one)) for one in files.pictures],
         lens=calibration.lens,
         name=sequence_name(path),
-        unit="metric" if depths else "unknown",
+        unit="metric" if depths and unit else "unknown",
         notes=notes,
     ).scene()
 

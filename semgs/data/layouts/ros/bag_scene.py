@@ -33,6 +33,9 @@ LAYOUT = "ROS bag"
 DETAILS = ("camera", "world", "body", "intrinsics")
 ENDINGS = (".mcap", ".db3", ".bag")
 
+REALSENSE = "/file_version"
+"""The topic that every recording of the RealSense SDK begins with, but none of ROS has. librealsense, src/media/ros/ros_file_format.h."""
+
 DEPTH_TOLERANCE = 0.02
 """Largest time difference between a depth map and its image [s]."""
 
@@ -70,6 +73,12 @@ def open_recording(path: Path, details: SceneDetails) -> Scene:
 def _recording(path: Path, details: SceneDetails) -> Scene:
     """As `open_recording`, but for messages whose fields are not those of their types, as a bag defines them itself."""
     bag = open_bag(path)
+    if REALSENSE in bag.topics and any(topic.startswith("/device_") for topic in bag.topics):
+        raise InputError(
+            path, "a ROS bag with poses", "a recording of the RealSense SDK (RealSense Viewer), which has none",
+            advice=f"extract its photos, rs-convert -c -i {path.name} -p PHOTOS/, and estimate cameras, semgs poses PHOTOS OUT; or record "
+            "with the RealSense ROS wrapper and odometry",
+        )  # fmt: skip
     topic = choose_pictures(bag, details.camera)
     frame = frame_id_of(bag.first(topic))
     if not frame:

@@ -130,6 +130,8 @@ def test_lists_in_an_entry_that_reach_beyond_the_file_are_refused(tmp_path: Path
         ("cameras_txt", "7 PINHOLE 64 99999999999 60 59 31 25", "line 1: expected a whole number, found 99999999999"),
         ("cameras_txt", TEXTS["cameras"] + "\n" + TEXTS["cameras"], "each camera once, found camera 7 twice"),
         ("cameras_bin", CAMERA[:40] + struct.pack("<d", np.nan) + CAMERA[48:], "camera 7: expected finite parameters"),
+        ("cameras_txt", "# none\n", "expected the cameras of the images, found none; export the model again"),
+        ("cameras_bin", struct.pack("<Q", 0), "expected the cameras of the images, found none; export the model again"),
         ("cameras_bin", CAMERA + b"\0", "found 1 bytes after its end"),
         ("images_txt", "3 1 0 0 0 1 2 3 8 a.png\n", r"line 1: expected a camera that cameras\.txt has, found 8"),
         ("images_txt", "3 1 0 0 0 1 2 nan 7 a.png\n", "line 1: expected a unit quaternion and a translation"),

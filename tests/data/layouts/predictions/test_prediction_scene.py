@@ -246,7 +246,7 @@ def with_value(array: np.ndarray, place: tuple, value: float) -> np.ndarray:
          "extrinsic[1]: expected a world-to-camera matrix [R t; 0 0 0 1] of finite numbers, R a rotation, found a number that is not finite"),
         (changed(extrinsic=lambda old: old * [[[1]], [[1]], [[2]]]),
          "extrinsic[2]: expected a world-to-camera matrix [R t; 0 0 0 1] of finite numbers, R a rotation, "
-         "found a 3x3 part with determinant 8 that is not a rotation (it scales or shears)"),
+         "found a 3x3 part with determinant 8 that is not a rotation (it scales by 2); divide each of its three columns by its length"),
         (changed(intrinsic=lambda old: old * [[4], [4], [1]]),
          "intrinsic[0]: expected a camera of images of 42x28 (width x height), found a principal point at (80.64, 59.36); "
          "if they are the intrinsics of the full-size photos, save those of the processed images"),

@@ -165,6 +165,25 @@ def test_depth_of_no_stated_unit_is_left_out_and_told(tmp_path: Path, manner: st
     assert scene.notes[0].startswith("3 depth maps are left out because their unit is unknown (--depth-unit 0.001")
 
 
+def test_no_unit_is_asked_for_of_pictures_of_depth(tmp_path: Path):
+    """Depth in colours, as viewers save it, cannot be read with any unit; a lone map of 16 bits can."""
+    folder = pose_files(tmp_path, miniature(frames=4))
+    maps = sorted((folder / "depth").iterdir())
+    for file in maps:
+        write_picture(file, np.zeros((48, 64, 3), np.uint8))
+    scene = open_scene(folder)
+    assert scene.unit == "unknown"
+    assert all(frame.depth is None for frame in scene.frames)
+    (note,) = scene.notes
+    assert note.startswith(
+        "4 of 4 depth maps are left out, as they are PNG of 8 bits in colour, not 16 bits of one channel"
+    )
+    write_picture(maps[1], np.full((48, 64), 2000, np.uint16))
+    asked, left_out = (note for note in open_scene(folder).notes if "depth maps are" in note)
+    assert asked.startswith("1 depth maps are left out because their unit is unknown (--depth-unit 0.001")
+    assert left_out.startswith("3 of 4 depth maps are left out, as they are PNG of 8 bits in colour")
+
+
 def test_depth_of_a_kind_that_is_not_read_is_told(tmp_path: Path):
     folder = pose_files(tmp_path, miniature(frames=3))
     for file in (folder / "depth").iterdir():

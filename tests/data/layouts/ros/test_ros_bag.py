@@ -868,3 +868,46 @@ def test_files_of_macos_beside_recordings_are_ignored(tmp_path: Path):
     for name in ("a.db3", "._a.db3"):
         (tmp_path / name).touch()
     assert recordings_of(tmp_path) == [tmp_path / "a.db3"]
+
+
+def test_a_recording_of_the_realsense_sdk_is_named_whatever_is_given(tmp_path: Path):
+    """It has images and a CameraInfo in topics of its own, in the frame 0, and no poses."""
+    bag = Bag(ROS1)
+    bag.add(1, "/file_version", "UInt32", data=4)
+    bag.info("/device_0/sensor_1/Color_0/info/camera_info", frame="")
+    for time, image in zip(times(FEW), FEW.images, strict=True):
+        bag.image(time, "/device_0/sensor_1/Color_0/image/data", image, "rgb8", "0")
+    path = bag.write(tmp_path / "viewer.bag")
+    for asked in ({}, {"intrinsics": (57.5, 56.25, 32.0, 25.0)}):
+        with pytest.raises(InputError) as told:
+            open_scene(path, **asked)
+        assert str(told.value) == (
+            f"{path}: expected a ROS bag with poses, found a recording of the RealSense SDK (RealSense Viewer), which has none; extract its "
+            "photos, rs-convert -c -i viewer.bag -p PHOTOS/, and estimate cameras, semgs poses PHOTOS OUT; or record with the RealSense ROS "
+            "wrapper and odometry"
+        )
+
+
+def test_the_topics_of_others_do_not_make_a_recording_of_the_realsense_sdk(tmp_path: Path):
+    bag = robot(FEW)
+    bag.add(START, "/file_version", "UInt32", data=4)
+    check_read(open_scene(bag.write(tmp_path / "bag")), FEW)
+
+
+@pytest.mark.parametrize(("storage", "ending"), [("mcap", ".mcap"), ("sqlite3", ".db3")])
+def test_a_bag_without_its_metadata_is_told_how_to_get_it(tmp_path: Path, storage: str, ending: str):
+    """One of several parts is not suggested, as it would be read without the others."""
+    folder = robot(FEW).write(tmp_path / "all" / "run", storage)
+    (folder / "metadata.yaml").unlink()
+    file = next(folder.glob(f"*{ending}")).rename(folder / f"run_0{ending}")
+    reindex = f"without metadata.yaml; ros2 bag reindex {folder} writes it"
+    (folder / f"._run_0{ending}").touch()
+    for path in (folder, folder.parent):
+        with pytest.raises(InputError) as told:
+            open_scene(path)
+        assert str(told.value).endswith(f"; {folder} is a ROS bag {reindex}, or open {file} alone")
+    (folder / f"run_1{ending}").write_bytes(file.read_bytes())
+    for path in (folder, folder.parent):
+        with pytest.raises(InputError) as told:
+            open_scene(path)
+        assert str(told.value).endswith(f"; {folder} has recordings {reindex} if they are parts of one bag")
