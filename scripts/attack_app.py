@@ -560,7 +560,7 @@ def _zips(outside: Path) -> dict[str, list[tuple[Any, bytes]]]:
     ]
     zips: dict[str, list[tuple[Any, bytes]]] = {HONEST: [("transforms.json", json.dumps(transforms).encode()), *photos]}
     climbing = os.path.relpath(outside, "/tmp/a/b/c/d/e/f")
-    for key in ("file_path", "depth_file_path", "label_file_path", "mask_path"):
+    for key in ("file_path", "depth_file_path", "label_file_path", "mask_path", "instance_file_path"):
         for kind, place in (
             ("an absolute", str(outside)),
             ("a climbing", f"../../../../../../../../../..{outside}"),

@@ -105,6 +105,7 @@ REFUSED = {
     ("transforms", "transforms.json", "frames.depth_file_path"),
     ("transforms", "transforms.json", "frames.label_file_path"),
     ("nerfstudio", "transforms.json", "frames.mask_path"),
+    ("nerfstudio", "transforms.json", "frames.instance_file_path"),
     ("nerfstudio", "transforms.json", "frames.file_path"),
     ("nerfstudio", "transforms.json", "frames.depth_file_path"),
     ("nerfstudio", "transforms.json", "frames.label_file_path"),

@@ -32,7 +32,7 @@ def transforms_of_nerfstudio(folder: Path) -> Path:
             del scene[key]
         scene.update(camera_angle_x=1.1, k1=0.05, k2=-0.01, p1=0.001, p2=0.0, camera_model="OPENCV", applied_scale=0.5)
         scene["applied_transform"] = np.eye(4)[:3].tolist()
-        scene["frames"][0].update(fl_x=50.0, fl_y=51.0, mask_path="masks/0.png")
+        scene["frames"][0].update(fl_x=50.0, fl_y=51.0, mask_path="masks/0.png", instance_file_path="things/0.png")
 
     write_scene(folder / "scene", 3, (24, 32), change=change)
     return folder / "scene"

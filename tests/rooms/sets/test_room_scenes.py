@@ -47,7 +47,7 @@ def test_poses_are_written_with_opengl_axes(folder):
 def test_the_same_seed_writes_the_same_bytes(folder, tmp_path):
     write_scene(tmp_path / "again", SETTINGS, 2)
     names = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
-    assert len(names) == 3 * 4 + 3
+    assert len(names) == 4 * 4 + 3
     for name in names:
         assert (folder / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
 
