@@ -11,6 +11,7 @@ from semgs.data.demo_scene import demo_scene
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import back_project, project
+from semgs_rooms.plans.style import Style
 from semgs_rooms.sets.room_scenes import RoomSettings, draw_scene, write_scene
 
 SETTINGS = RoomSettings(7, (48, 64), frames=4)
@@ -96,3 +97,27 @@ def test_the_embedded_scenes_frames_agree_on_where_things_are():
         gap = (views.depths[i + 1][row, column] - z[inside]).abs()
         assert same.double().mean() > 0.93
         assert (gap < 0.02).double().mean() > 0.85
+
+
+@pytest.mark.parametrize("style", ["home", "other", "closeup"])
+def test_every_pixel_of_a_thing_has_a_number_and_the_room_itself_has_none(style: Style):
+    """Of wall and floor none has one; of all other classes every pixel has, and a thing of one piece keeps it in the next view."""
+    drawn = draw_scene(RoomSettings(5, (48, 64), frames=2, style=style), 1)
+    assert drawn.views.labels is not None
+    labels, numbers = drawn.views.labels.numpy(), np.stack(drawn.things)
+    assert (numbers[labels < 2] == 0).all()
+    assert (numbers[(labels >= 2) & (labels != 255)] > 0).all()
+    assert (labels[(labels >= 2) & (labels != 255)]).size > 100
+    one, other = (
+        {pair for pair in zip(each[shown != 255].tolist(), shown[shown != 255].tolist(), strict=True) if pair[0]}
+        for each, shown in zip(numbers, labels, strict=True)
+    )
+    assert one & other
+
+
+def test_numbers_of_things_are_read_back(folder: Path):
+    scene = open_scene(folder)
+    view = scene.read([1], "native")
+    numbers = scene.frames[1].things(view)
+    assert numbers is not None
+    np.testing.assert_array_equal(numbers, draw_scene(SETTINGS, 2).things[1])

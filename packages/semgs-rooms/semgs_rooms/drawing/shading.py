@@ -86,7 +86,7 @@ def things(room: Room, world_from_camera: Float64[np.ndarray, "4 4"], camera: Ro
     directions = pixel_directions(world_from_camera, camera.intrinsics, centres(camera.size))
     triangles, _ = room.caster.cast(np.broadcast_to(world_from_camera[:3, 3], directions.shape), directions)
     piece = np.zeros(len(room.plan.parts) + 1, np.uint16)
-    for number, (first, end) in enumerate(room.plan.pieces, 1):
+    for number, (first, end) in enumerate(room.plan.pieces if room.plan.instances is None else room.plan.instances, 1):
         piece[first:end] = number
     return piece[np.where(triangles < 0, -1, room.owners[triangles])].reshape(camera.size)
 

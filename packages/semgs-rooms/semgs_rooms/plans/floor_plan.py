@@ -52,6 +52,7 @@ class FloorPlan:
         footprints: corners of each piece of furniture on the floor, anticlockwise [m].
         pieces: range of parts (first, end) of each furniture piece, wall decoration and clutter.
         lamps: those that are on.
+        instances: range of parts of each thing that has a number in maps of instances; None for those of `pieces`, which cameras choose from.
     """
 
     kind: str
@@ -61,3 +62,4 @@ class FloorPlan:
     footprints: tuple[Float64[np.ndarray, "4 2"], ...]
     pieces: tuple[tuple[int, int], ...] = ()
     lamps: tuple[Lamp, ...] = ()
+    instances: tuple[tuple[int, int], ...] | None = None

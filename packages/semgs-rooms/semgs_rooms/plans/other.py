@@ -75,7 +75,7 @@ def draw_other(rng: np.random.Generator, swap: Swap | None = None) -> FloorPlan:
     loft.lamps()
     loft.things()
     return FloorPlan(" + ".join(zones), loft.size, tuple(loft.parts), tuple(loft.windows), tuple(loft.footprints),
-                lamps=tuple(loft.lit))  # fmt: skip
+                lamps=tuple(loft.lit), instances=tuple(loft.instances))  # fmt: skip
 
 
 class _Loft:
@@ -85,6 +85,7 @@ class _Loft:
         self.rng, self.size, self.swap = rng, size, swap
         self.palette = draw_palette(rng)
         self.parts: list[Solid] = []
+        self.instances: list[tuple[int, int]] = []
         self.footprints: list[Float64[np.ndarray, "4 2"]] = []
         self.kept_free: list[Float64[np.ndarray, "4 2"]] = []
         self.windows: list[Opening] = []
@@ -164,10 +165,15 @@ class _Loft:
                     self.footprints.append(rectangle(*wall.at(start), drape.size[0], 0.18, wall.yaw))
                     self.hang(wall, drape, start, 0.0)
 
+    def put(self, parts: Sequence[Solid]) -> None:
+        """Add the parts of one thing."""
+        self.instances.append((len(self.parts), len(self.parts) + len(parts)))
+        self.parts += parts
+
     def hang(self, wall: Wall, piece: Piece, left: float, low: float) -> None:
         """Hang a piece on a wall with its lower left corner at (left, low) [m]."""
         wall.taken.append((left, left + piece.size[0], low, low + piece.size[2]))
-        self.parts += move(self.tone(piece).parts, (*wall.at(left), low), wall.yaw)
+        self.put(move(self.tone(piece).parts, (*wall.at(left), low), wall.yaw))
 
     def stand(self, piece: Piece, x: float, y: float, yaw: float) -> bool:
         """Put a piece on the floor with its origin at (x, y). False if there is no room."""
@@ -179,7 +185,7 @@ class _Loft:
             return False
         piece = self.tone(piece)
         self.footprints.append(shape)
-        self.parts += move(piece.parts, (x, y, 0.0), yaw)
+        self.put(move(piece.parts, (x, y, 0.0), yaw))
         if piece.surface is not None:
             self.tops.append((x, y, yaw, width, depth, piece.surface))
         return True
@@ -344,7 +350,7 @@ class _Loft:
                     break
                 a, b = left, (depth - thing.size[1]) * rng.uniform(0.2, 0.8)
                 thing = thing if self.swap is None else self.swap(thing)
-                self.parts += move(thing.parts, (*floor_point((x, y), yaw, a, b), height), yaw)
+                self.put(move(thing.parts, (*floor_point((x, y), yaw, a, b), height), yaw))
                 left += thing.size[0] + rng.uniform(0.04, 0.25)
         for _ in range(int(rng.integers(0, 4))):
             thing, middle = things.clutter(rng, rng.uniform(0.2, 0.5)), rng.uniform(-0.45, 0.45) * self.size[0]
