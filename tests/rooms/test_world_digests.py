@@ -60,7 +60,10 @@ def digest(texts: list[str]) -> str:
 
 @pytest.mark.parametrize("style", STYLES)
 def test_rooms_and_all_that_is_in_them_are_those_of_every_other_machine(walks, style):
-    assert digest([json.dumps(rounded(walk.plan)) for walk in walks[style]]) == DIGESTS[style]["plans"]
+    plans = [rounded(walk.plan) for walk in walks[style]]
+    for plan in plans:
+        del plan["instances"]  # which parts are one thing, of a world that was there before
+    assert digest([json.dumps(plan) for plan in plans]) == DIGESTS[style]["plans"]
 
 
 @pytest.mark.parametrize("style", STYLES)
