@@ -54,6 +54,14 @@ class Pixels:
     maps: tuple[np.ndarray, np.ndarray] | None = field(default=None, repr=False)
     crop: bool = False
 
+    def of_file(self, path: Stored, values: Shaped[np.ndarray, "rows columns"]) -> Shaped[np.ndarray, "h w"]:
+        """A map in a file, which may be smaller than the stored image, at the pixels of the view.
+
+        Raises:
+            InputError: it has another aspect than the image.
+        """
+        return self.taken(fit_to_image(path, values, self.lens.size))
+
     def taken(self, values: Shaped[np.ndarray, "rows columns"]) -> Shaped[np.ndarray, "h w"]:
         """A map of the stored image at the pixels of the view. Values are never interpolated.
 
@@ -117,7 +125,7 @@ class DepthMap:
         Raises:
             InputError: as `MapSource.read`, or it has another aspect than the image.
         """
-        return pixels.taken(fit_to_image(self.path, self.metres(), pixels.lens.size))
+        return pixels.of_file(self.path, self.metres())
 
     def metres(self) -> Float32[np.ndarray, "rows columns"]:
         """The stored map [m], 0 where unknown.
@@ -202,7 +210,7 @@ class ClassMap:
             InputError: as `MapSource.read`, or it has another aspect than the image, or a label outside the table.
         """
         labels = read_labels(self.path, self.classes, self.key, self.meaning)
-        return pixels.taken(fit_to_image(self.path, labels, pixels.lens.size))
+        return pixels.of_file(self.path, labels)
 
 
 @final
@@ -225,7 +233,7 @@ class IdMap:
         Raises:
             InputError: as `MapSource.read`, or it has another aspect than the image.
         """
-        return pixels.taken(fit_to_image(self.path, self.labels[read_numbers(self.path)], pixels.lens.size))
+        return pixels.of_file(self.path, self.labels[read_numbers(self.path)])
 
 
 @final
@@ -247,7 +255,7 @@ class InstanceMap:
             InputError: as `MapSource.read`, or it has another aspect than the image.
         """
         numbers = read_numbers(self.path).astype(np.int32)
-        return pixels.taken(fit_to_image(self.path, numbers, pixels.lens.size))
+        return pixels.of_file(self.path, numbers)
 
 
 @final
@@ -269,7 +277,7 @@ class MaskMap:
             InputError: as `MapSource.read`, or it has another aspect than the image.
         """
         visible = read_visible(self.path).astype(np.uint8)
-        return pixels.taken(fit_to_image(self.path, visible, pixels.lens.size)) == 0
+        return pixels.of_file(self.path, visible) == 0
 
 
 @final

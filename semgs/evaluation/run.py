@@ -200,24 +200,33 @@ def load_candidate(
         ValueError: there are no included weights of that name, or `nearest` is not positive.
         InputError: the file cannot be used, or has another class table.
     """
-    model, subject = open_network(weights, None if handling.labelling else classes, name, precision)
+    model, subject = open_network(weights, None if handling.labelling else classes, name, precision, coarser=True)
     chosen = None if nearest is None else NearestViews(nearest, model.placer.shrink_seen)
     method = NetworkMethod(model, device, subject.name, replace(handling, nearest=chosen, classes=classes))
     return Candidate(method, subject, device)
 
 
 def open_network(
-    weights: str | Path, classes: ClassTable | None, name: str = "", precision: Precision = "float32"
+    weights: str | Path,
+    classes: ClassTable | None,
+    name: str = "",
+    precision: Precision = "float32",
+    *,
+    coarser: bool = False,
 ) -> tuple[SemGS, EvaluatedMethod]:
-    """A network in evaluation mode, and its description; arguments and errors as for `load_candidate`."""
+    """A network in evaluation mode, and its description; other arguments and errors as for `load_candidate`.
+
+    Args:
+        coarser: also accept a table that the network's classes are within (`ClassTable.within`); the network then keeps its own.
+    """
     network, path = find(weights)
     own = table_of(path)
-    coarser = own is not None and classes not in (None, own) and own.within(classes) is not None
-    model = load(network, path, classes=own if coarser else classes or own)
+    groups = coarser and own is not None and classes not in (None, own) and own.within(classes) is not None
+    model = load(network, path, classes=own if groups else classes or own)
     model.precision = precision
     parameters = sum(parameter.numel() for parameter in model.parameters())
     origin = model.origin
-    if coarser and own is not None and classes is not None:
+    if groups and own is not None and classes is not None:
         origin += f"; its classes, {own.name}, count as those of {classes.name}"
     return model.eval(), EvaluatedMethod(name or model.name, "weights", origin, sha256(path), parameters)
 

@@ -13,6 +13,7 @@ import pytest
 import torch
 from scannet_writer import long_scan, png, write_extracted
 
+from semgs.cli.main import main
 from semgs.data.scene import Scene
 from semgs.data.scene_lists import read_list
 from semgs.data.scenes import open_scene
@@ -154,3 +155,22 @@ def test_weights_of_twenty_classes_answer_in_eight(scene: Scene):
 def test_the_included_list_has_the_last_fifty_scans_but_one():
     names = read_list("scannet-lsm").names
     assert (len(names), names[0], names[-1], "scene0696_02" in names) == (49, "scene0686_01", "scene0706_00", False)
+
+
+def test_single_images_need_weights_of_the_labels_own_table(
+    written: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """Rendered classes are regrouped; those of single images are compared as they are."""
+    typed = [
+        "evaluate",
+        "small",
+        "--single",
+        "--data",
+        str(written),
+        "--as-peers",
+        "lsm8",
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    assert main(typed) == 2
+    assert "expected class table lsm8 (8 classes), found scannet20 (20 classes)" in capsys.readouterr().err
