@@ -7,13 +7,15 @@ OUT/predictions/SCENE/STEM.png    the likeliest class of each pixel, at the size
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, final
 
+import cv2
 import numpy as np
 import torch
+from jaxtyping import Float32, UInt8
 
 from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.resampling import default_size
@@ -30,6 +32,7 @@ from semgs.evaluation.tables.evaluation_report import EvaluatedMethod
 from semgs.evaluation.tables.score_cells import interval_cells
 from semgs.evaluation.tables.table_grid import Cell, Grid, printed
 from semgs.files.atomic import write_json
+from semgs.files.errors import InputError
 from semgs.files.folders import own_folder
 from semgs.files.images.pictures import write_png
 from semgs.files.text import counted
@@ -39,7 +42,10 @@ from semgs.objectives.metrics import confusion_matrix
 from semgs.objectives.selective import counts_by_confidence
 from semgs.rendering.rendering import likeliest
 from semgs.rendering.temperatures import highest_probability
+from semgs.segmenters.class_map_files import MadeBy
+from semgs.segmenters.class_source import ClassSource, Translated
 from semgs.segmenters.labelling import Labelling
+from semgs.segmenters.networks.network_source import Photos, Segmenter
 
 FORMAT = "semgs.report.single"
 VERSION = 1
@@ -56,7 +62,8 @@ class Trial:
     """A way to classify the images, a row of the table.
 
     Attributes:
-        side: short side at which images are read and compared [px]; None for the size at which `semgs reconstruct` would read each.
+        side: short side at which images are read, classified and compared [px]; None for the size at which `semgs reconstruct` would
+            read each, and for the full image if a segmenter classifies it.
         flip: take the mean of each image and its mirror image.
     """
 
@@ -127,6 +134,55 @@ def evaluate_single_images(
     return "\n\n".join(printed(grid, "text") for grid in single_grids(rows, classes))
 
 
+@final
+@dataclass(frozen=True)
+class _Tried:
+    """A segmentation network that gets its images as a trial says.
+
+    Attributes:
+        network: the network.
+        trial: short side of the images, and whether their mirror images count.
+    """
+
+    network: Segmenter
+    trial: Trial
+
+    @property
+    def classes(self) -> ClassTable:
+        """Those of the network."""
+        return self.network.classes
+
+    @property
+    def made_by(self) -> MadeBy:
+        """The network."""
+        return self.network.made_by
+
+    def __call__(self, image: UInt8[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "class rows columns"]:
+        """As `Segmenter`."""
+        if self.trial.side is not None:
+            height, width = self.trial.size(image.shape[:2])
+            image = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA))
+        found = self.network(image)
+        if not self.trial.flip:
+            return found
+        return (found + self.network(np.ascontiguousarray(image[:, ::-1]))[..., ::-1]) / 2
+
+
+def tried(source: ClassSource, trial: Trial) -> ClassSource:
+    """A source whose network gets its images as a trial says. Maps of files are compared at that size.
+
+    Raises:
+        InputError: the trial needs mirror images, and the source has maps of files.
+    """
+    if isinstance(source, Translated):
+        return replace(source, source=tried(source.source, trial))
+    if isinstance(source, Photos):
+        return replace(source, segmenter=_Tried(source.segmenter, trial))
+    if trial.flip:
+        raise InputError(source.title, "a network, which can classify mirror images", "maps of the images as they are")
+    return source
+
+
 def _done_after(done: Callable[[int], object], before: int, count: int) -> None:
     """Count on from the images of earlier trials."""
     done(before + count)
@@ -152,7 +208,7 @@ def score_single_images(
     temperature = None if network.temperatures is None else network.temperatures.gaussians
     scores: list[FrameScores] = []
     for scene in scenes:
-        source = None if labelling is None else labelling(scene).source
+        source = None if labelling is None else tried(labelling(scene).source, trial)
         labelled_frames = {index: frame for index, frame in enumerate(scene.frames) if frame.labels is not None}
         stems = distinct_stems({index: frame.name for index, frame in labelled_frames.items()})
         for index, frame in labelled_frames.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,7 +16,7 @@ from networks import preset
 from semgs.data.frames import Frame
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
-from semgs.data.tables.classes import SCANNET20
+from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.data.views import Views
 from semgs.evaluation.scoring.summary import summarise
 from semgs.evaluation.single_images import (
@@ -25,11 +25,15 @@ from semgs.evaluation.single_images import (
     score_single_images,
     single_grids,
     single_numbers,
+    tried,
 )
 from semgs.evaluation.tables.evaluation_report import EvaluatedMethod
+from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_uint8
 from semgs.model.semgs import SemGS
 from semgs.rendering.temperatures import Temperatures
+from semgs.segmenters.class_map_files import MadeBy
+from semgs.segmenters.networks.network_source import Photos
 
 SUBJECT = EvaluatedMethod("by colour", "weights", "known by heart", "0" * 64, 1)
 
@@ -162,3 +166,38 @@ def test_a_segmenter_answers_instead_of_the_network(images: Scene):
     labelling = SimpleNamespace(source=SimpleNamespace(of=of))
     frames = score_single_images(by_colour(), [images], labelling=lambda scene: labelling)  # type: ignore[arg-type, return-value]
     assert summarise(frames)["accuracy"] == pytest.approx(256 / 768)
+
+
+@dataclass(frozen=True)
+class Halves:
+    """A segmenter that says wall to the left and floor to the right at .7 to .3, and notes the sizes that it sees."""
+
+    seen: list[tuple[int, ...]] = field(default_factory=list)
+    classes: ClassTable = SCANNET20
+    made_by: MadeBy = field(default_factory=lambda: MadeBy("halves", "0" * 64))
+
+    def __call__(self, image: np.ndarray) -> np.ndarray:
+        """The distributions of an image."""
+        self.seen.append(image.shape[:2])
+        found = np.zeros((20, *image.shape[:2]), np.float32)
+        found[0], found[1] = 0.3, 0.7
+        half = image.shape[1] // 2
+        found[0, :, :half], found[1, :, :half] = 0.7, 0.3
+        return found
+
+
+def test_a_segmenter_sees_images_at_the_size_of_the_trial_and_mirrored(images: Scene, tmp_path: Path):
+    """As the network of `test_trials_are_rows...`: half of all pixels by itself, all walls with the mirror image. Both images have a short side of 16 px; at 32
+    they are 32x64 (walls) and 64x32. Maps of files are of no mirror image."""
+    network = Halves()
+    labelling = SimpleNamespace(source=Photos(network))
+    for trial, accuracy in ((Trial(16), 384 / 768), (Trial(16, flip=True), 512 / 768)):
+        frames = score_single_images(by_colour(), [images], trial=trial, labelling=lambda scene: labelling)  # type: ignore[arg-type, return-value]
+        assert summarise(frames)["accuracy"] == pytest.approx(accuracy)
+    network.seen.clear()
+    score_single_images(by_colour(), [images], trial=Trial(32), labelling=lambda scene: labelling)  # type: ignore[arg-type, return-value]
+    assert sorted(network.seen) == [(32, 64), (64, 32)]
+    maps = SimpleNamespace(title="maps")
+    with pytest.raises(InputError, match="maps: expected a network, which can classify mirror images, found maps of"):
+        tried(maps, Trial(flip=True))  # type: ignore[arg-type]
+    assert tried(maps, Trial(32)) is maps  # type: ignore[arg-type]

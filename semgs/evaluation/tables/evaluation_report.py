@@ -44,10 +44,10 @@ class EvaluatedMethod:
 
     Attributes:
         name: in tables.
-        kind: "weights" or "predictions".
+        kind: "weights", "predictions", or "segmenter" for one that classifies single images.
         source: where it comes from, in a sentence.
-        sha256: of the weights' file; None for predictions.
-        parameters: of the network; None for predictions.
+        sha256: of the weights; None for predictions, and where it is unknown.
+        parameters: of our network; None for others.
     """
 
     name: str

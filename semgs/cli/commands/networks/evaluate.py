@@ -42,7 +42,9 @@ if TYPE_CHECKING:
     from semgs.depth_maps.depth_source import DepthMaps
     from semgs.evaluation.frames.frame_plan import FramePlan
     from semgs.evaluation.run import Candidate
+    from semgs.evaluation.tables.evaluation_report import EvaluatedMethod
     from semgs.runtime.precision import Precision
+    from semgs.segmenters.class_source import ClassSource
     from semgs.segmenters.labelling import Labelling
 
 
@@ -198,9 +200,7 @@ class Evaluate:
             if labelling is not None:
                 for scene in data.scenes:
                     self._check_table(labelling(scene).source.classes, network.classes)
-                subject = replace(
-                    subject, name=self._name(segmented=True), source=labelling(data.scenes[0]).description
-                )
+                subject = self._segmenter(labelling(data.scenes[0]).source)
         trials = [
             Trial(side, flip) for side in self.sides or (None,) for flip in ((False, True) if self.flip else (False,))
         ]
@@ -288,8 +288,6 @@ class Evaluate:
             raise UsageError(f"--single classifies each image by itself, so it cannot go with {', '.join(given)}")
         if self.sides and self.size is not None:
             raise UsageError("--sides cannot go with --size")
-        if self.flip and self.segmenting.segmenter is not None:
-            raise UsageError("--flip cannot go with --segmenter")
 
     def _plan(self, scenes: tuple[Scene, ...]) -> FramePlan:
         """The targets and their input views."""
@@ -394,6 +392,14 @@ class Evaluate:
         choices += [] if self.exposure == "as-taken" else [f"exposure {self.exposure}"]
         choices += [] if self.nearest is None else [f"nearest {self.nearest}"]
         return self.name or (" + ".join([Path(self.weights).stem, *choices]) if choices else "")
+
+    def _segmenter(self, source: ClassSource) -> EvaluatedMethod:
+        """A segmenter that classifies images by itself."""
+        from semgs.evaluation.tables.evaluation_report import EvaluatedMethod
+
+        made_by = source.made_by
+        name = self.name or Path(self.segmenting.segmenter or "").stem
+        return EvaluatedMethod(name, "segmenter", source.title, None if made_by is None else made_by.digest)
 
     def _check_table(self, theirs: ClassTable, classes: ClassTable | None) -> None:
         """Check that a segmenter answers in the classes of the labels."""
