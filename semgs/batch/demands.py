@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from semgs.run.label_splat import LabelSplat
 from semgs.run.options.depth_options import MEASURED, OWN
 from semgs.run.outcome import Run
-from semgs.run.reconstruct import Reconstruct
+from semgs.run.reconstruct import MOST_VIEWS, Reconstruct
 
 PROCESS = {"poses": 2.0e9, "doctor": 1.0e9, "export": 1.0e9, "label": 1.0e9, "label-splat": 2.0e9}
 """Memory of a process of the other commands, measured at 240x320 and rounded up [bytes]."""
@@ -19,8 +19,8 @@ USUAL = (240, 320)
 HELD_OUT = 4
 """Most views that are rendered besides the input views."""
 
-WALK_FRAMES, WALK_BYTES = 100, 120
-"""Keyframes of a long walk, and what each adds per pixel: its photo, and its Gaussians after merging [bytes]."""
+MANY, VIEW_BYTES = 100, 120
+"""Input views of a long recording, and what each adds per pixel: its photo, and its Gaussians after merging [bytes]."""
 
 NETWORK = 1.0e9
 """Memory of a segmentation or depth network of another program [bytes]."""
@@ -65,13 +65,15 @@ def _reconstructing(given: Reconstruct) -> Demands:
     import torch
 
     from semgs.model.memory.memory_plan import memory_plan
+    from semgs.run.steps.pipeline import MOST_AT_ONCE
 
     uses_gpu = given.device == "cuda" or (given.device == "auto" and torch.cuda.is_available())
     model = given.load_network("cuda" if uses_gpu and torch.cuda.is_available() else "cpu")
     height, width = given.size or USUAL
-    views = max(given.views, len(given.context))
-    plan = memory_plan(model.work(views, (height, width), views + HELD_OUT), math.inf)
-    peak = plan.peak_bytes + (WALK_FRAMES * WALK_BYTES * height * width if given.all else 0.0)
+    views = len(given.context) or given.views or (MANY if given.all else MOST_VIEWS)
+    at_once = min(views, MOST_AT_ONCE)
+    plan = memory_plan(model.work(at_once, (height, width), at_once + HELD_OUT), math.inf)
+    peak = plan.peak_bytes + (views - at_once) * VIEW_BYTES * height * width
     networks = (given.segmenting.segmenter is not None) + (given.placing.depth not in (*MEASURED, OWN))
     peak += NETWORK * networks
     if not uses_gpu:

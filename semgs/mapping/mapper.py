@@ -187,7 +187,7 @@ class Mapper:
         encoding = self._window([self._keyframes[index].number for index in members], views)
         self.windows += 1
         numbers = [self._keyframes[index].number for index in members]
-        parts = merging.parts_of(encoding, views, numbers)
+        parts = merging.parts_of(merging.unshrunk(encoding, views.cameras), views, numbers)
         maps = torch.stack((encoding.depths, encoding.confidences, encoding.depth_spread), 1)
         self._table = encoding.map(lambda tensor: tensor[:0])
         keyframes = list(self._keyframes)

@@ -35,7 +35,7 @@ from semgs.scene.nearest import inside
 from semgs.scene.overlap import PAIR, shrinkage
 
 LAYERS = 4
-"""A surface gets the Gaussians of this many keyframes, those that see it most sharply."""
+"""A surface gets the Gaussians of this many keyframes, those that see it most sharply, unless it will be refined."""
 
 SHRINK = 0.5
 """Each layer makes surfaces thicker, and colours are tuned to two: with n > 2 of them, colour Gaussians get (2 / n)^SHRINK of their size, as in windows of n views."""
@@ -164,6 +164,7 @@ class KeyframePart:
         spread: standard deviation of their log depth.
         level: how sharply their own keyframe sees them: the log of the size of a pixel there, in steps of a factor `SHARPER`.
         votes: of the other keyframes.
+        layers: a surface gets the Gaussians of so many keyframes.
     """
 
     sheet: Sheet
@@ -172,6 +173,7 @@ class KeyframePart:
     spread: Float[Tensor, " g"]
     level: Float[Tensor, " g"]
     votes: Votes
+    layers: int = LAYERS
 
     def __len__(self) -> int:
         return len(self.index)
@@ -180,28 +182,44 @@ class KeyframePart:
         """Some of the Gaussians."""
         if keep.all():
             return self
-        return KeyframePart(
-            self.sheet,
-            self.gaussians.map(lambda tensor: tensor[keep]),
-            self.index[keep],
-            self.spread[keep],
-            self.level[keep],
-            self.votes.map(lambda tensor: tensor[keep]),
+        return replace(
+            self,
+            gaussians=self.gaussians.map(lambda tensor: tensor[keep]),
+            index=self.index[keep],
+            spread=self.spread[keep],
+            level=self.level[keep],
+            votes=self.votes.map(lambda tensor: tensor[keep]),
         )
 
     def judged_by(self, other: Sheet) -> KeyframePart:
         """The same Gaussians, with the votes of one more keyframe; without those that are not needed any more."""
         voted = replace(self, votes=self.votes + votes_of(self, other))
-        return voted[voted.votes.before < LAYERS]
+        return voted[voted.votes.before < self.layers]
 
 
-def parts_of(encoding: Encoding, seen: Views, numbers: Sequence[int]) -> list[KeyframePart]:
-    """The Gaussians of each view of a window, without votes of others and without those of hidden pixels.
+def unshrunk(encoding: Encoding, cameras: Cameras) -> Encoding:
+    """The Gaussians of a window at the sizes of two views: with more, the network makes them smaller.
 
     Args:
         encoding: of the window.
-        seen: its views [v].
+        cameras: of its views [v].
+    """
+    if len(encoding.depths) <= PAIR:
+        return encoding
+    colour = encoding.gaussians.colour
+    times = inside(encoding.gaussians.means, cameras).sum(-1).to(colour.scales)
+    grown = replace(colour, scales=colour.scales / shrinkage(times, SHRINK)[:, None])
+    return replace(encoding, gaussians=replace(encoding.gaussians, colour=grown))
+
+
+def parts_of(encoding: Encoding, seen: Views, numbers: Sequence[int], layers: int = LAYERS) -> list[KeyframePart]:
+    """The Gaussians of each view, without votes of others and without those of hidden pixels.
+
+    Args:
+        encoding: of the views, with Gaussians at the sizes of two views.
+        seen: the views [v].
         numbers: of the keyframes.
+        layers: a surface gets the Gaussians of so many keyframes.
     """
     views, cameras = len(numbers), seen.cameras
     count = len(encoding.gaussians) // views
@@ -210,10 +228,6 @@ def parts_of(encoding: Encoding, seen: Views, numbers: Sequence[int]) -> list[Ke
     every = encoding.gaussians.map(lambda tensor: tensor.unflatten(0, (views, count)))
     spreads = per_gaussian(encoding.depth_spread[:, None], stride).reshape(views, rows, columns)
     depths = per_gaussian(encoding.placed_depths(cameras)[:, None], stride).reshape(views, rows, columns)
-    if views > PAIR:  # the network made them smaller because of the other views of the window
-        times = inside(encoding.gaussians.means, cameras).sum(-1).unflatten(0, (views, count))
-        grown = every.colour.scales / shrinkage(times.to(every.means), SHRINK)[..., None]
-        every = replace(every, colour=replace(every.colour, scales=grown))
     colours = torch.nn.functional.avg_pool2d(seen.images.to(depths), stride, ceil_mode=True)
     brightest, darkest = (sign * torch.nn.functional.max_pool2d(sign * colours, 3, 1, 1) for sign in (1, -1))
     photos = torch.stack((colours, darkest, brightest)).permute(1, 0, 3, 4, 2)
@@ -246,7 +260,7 @@ def parts_of(encoding: Encoding, seen: Views, numbers: Sequence[int]) -> list[Ke
         none = None if logs is None else torch.zeros(count, logs.shape[-1])
         votes = Votes(zeros, zeros, zeros, zeros, zeros, none, tried, tried)
         level = sharpness(depths[view].flatten(), sheet.focal_px)
-        part = KeyframePart(sheet, gaussians, torch.arange(count), spreads[view].flatten(), level, votes)
+        part = KeyframePart(sheet, gaussians, torch.arange(count), spreads[view].flatten(), level, votes, layers)
         found.append(part if sheet.shown is None else part[sheet.shown.flatten()])
     return found
 
@@ -365,7 +379,7 @@ def settle(part: KeyframePart) -> KeyframePart:
 
     Those that more of the other keyframes look through than agree with are floaters and go, and so do those that more photos contradict than show.
     """
-    part = part[part.votes.before < LAYERS]
+    part = part[part.votes.before < part.layers]
     shift, allowed = choose_shifts(part)
     keep = allowed & (part.votes.through <= part.votes.agree)
     part, ratio = part[keep], shift[keep].exp()[:, None]
@@ -377,7 +391,7 @@ def settle(part: KeyframePart) -> KeyframePart:
         semantic = Appearance(
             semantic.quaternions, semantic.scales * ratio, (logs / (1 + votes.agree[:, None])).softmax(-1)
         )
-    thinner = shrinkage((1 + votes.agree).clamp(max=LAYERS), SHRINK)[:, None]
+    thinner = shrinkage((1 + votes.agree).clamp(max=part.layers), SHRINK)[:, None]
     colour = replace(gaussians.colour, scales=gaussians.colour.scales * ratio * thinner)
     means = centre + (gaussians.means - centre) * ratio
     footprints = None if gaussians.footprints is None else gaussians.footprints * ratio[:, 0].square()

@@ -40,18 +40,18 @@ from semgs.viewer.server import check_viewer_library
 if TYPE_CHECKING:
     from semgs.data.choosing.choice import Choice
     from semgs.data.scene import Scene
+    from semgs.depth_maps.depth_source import DepthMaps
+    from semgs.depth_maps.sensor_depth import DepthSource
     from semgs.model.semgs import SemGS
     from semgs.run.output.report import Provenance
     from semgs.run.photo_scene import PhotoScene
-    from semgs.run.steps.recording import Walk
     from semgs.run.steps.result import Reconstruction
 
 
-MOST_VIEWS = 4
-"""The models were trained with at most this many input views."""
+MOST_VIEWS = 12
+"""At most so many input views are used by default."""
 
 RANDOM_WEIGHTS = Kind("The weights are random: the network is untrained, so its output is noise.")
-MANY_VIEWS = Kind("The model was trained with 2 to {most} views; more may blur what several views see.")
 
 CHOOSING = Kind("Choosing among {count} frames", "Choosing among {count} photos")
 
@@ -100,12 +100,12 @@ class Reconstruct(Run):
     """The scene: a folder, or a single file."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
-    views: Views = 2
-    """Number of input views, 2 or more. They are chosen by overlap and baseline; other frames that they cover are held out for
-    comparison. Fewer are used if no other frame shares 30 % of what it sees. Trained with 2 to 4; more is allowed but may blur."""
+    views: Annotated[Views | None, optional()] = None
+    """Use only so many input views, 2 or more, which are chosen by overlap and baseline. By default, up to 12 are used: every frame that adds
+    something. Of four or more frames, every eighth is held out for comparison. More than 4 input views are encoded in windows of three, and
+    merged; see docs/recordings.md."""
     all: bool = False
-    """Use the whole recording: keyframes are chosen along the walk, encoded in windows of --views frames, and merged into one scene;
-    see docs/recordings.md."""
+    """Use every frame that adds something, also if there are more than 12."""
     context: Annotated[tuple[int | str, ...], optional("FRAME [FRAME ...]")] = ()
     """Use these frames as input views, by position or name, instead of choosing them automatically."""
     size: AutoSize = None
@@ -127,7 +127,7 @@ class Reconstruct(Run):
     """First correct slightly wrong cameras of the input and held-out frames, by up to a few degrees, so that they fit matches between the
     images. Cameras that fit already stay as they are; the report says what moved. See docs/poses.md."""
     refine: Annotated[Passes, optional()] = -1
-    """Refine the Gaussians on the input photos, which makes images sharp: PASSES steps for each photo, by default 15, with --all 7. The first
+    """Refine the Gaussians on the input photos, which makes images sharp: PASSES steps for each photo, by default 15, or 7 for more than 12. The first
     held-out frame decides when to stop, and is held out no longer. 0 is the paper's single forward pass. See docs/refine.md."""
     min_confidence: Probability = 0.0
     """Pixels whose likeliest class is less likely than this are unknown in class maps: light grey, 254 in label files. Unseen pixels are
@@ -175,7 +175,6 @@ class Reconstruct(Run):
         from semgs.data.scenes import open_with_details
         from semgs.run.output.files import summary, write_results
         from semgs.run.steps.pipeline import reconstruct
-        from semgs.run.steps.recording import Walk
 
         asked = self.reading.as_peers, self.reading.asked
         if photos is None:
@@ -186,19 +185,16 @@ class Reconstruct(Run):
         if self.depth_range is not None:
             scene = replace(scene, stated_range=DepthRange(*self.depth_range, scene.unit, "you say so"))
         stages = Stages(progress)
-        frames: Choice | Walk = Walk(self.views)
-        notes: list[str] = []
-        if not self.all:
-            scene, frames, notes = self._choose_frames(scene, stages)
+        depth = self.placing.source(scene, stages)
+        scene, choice, notes = self._choose_frames(scene, depth, stages)
         with stages("load", "Loading the network"):
             network, origin = self._load_network(device)
         with own_folder(self.out, "reconstruct", self.overwrite) as folder:
             labelling = self.segmenting.load(scene, folder, self.out, stages)
-            depth = self.placing.source(scene, stages)
             with what_fits(), what_the_user_gave():
                 result = reconstruct(
                     scene,
-                    frames,
+                    choice,
                     network,
                     self.size,
                     depth=depth,
@@ -206,7 +202,7 @@ class Reconstruct(Run):
                     labelling=labelling,
                     featuring=self.featuring.featuring(scene),
                     min_confidence=self.min_confidence,
-                    passes=self._passes(),
+                    passes=self._passes(choice),
                     stages=stages,
                     notes=[*notes, *self._notes()],
                 )
@@ -221,12 +217,12 @@ class Reconstruct(Run):
             lines.append(f"The photos with their estimated cameras are a scene in {photos.scene_path}.")
         return Outcome(tuple(lines), result.notes)
 
-    def _passes(self) -> int:
+    def _passes(self, choice: Choice) -> int:
         """How often to pass over the photos; 0 leaves the Gaussians as the network placed them."""
         from semgs.scene.photo_refinement import PASSES, WALK_PASSES
 
         if self.refine < 0:
-            return WALK_PASSES if self.all else PASSES
+            return PASSES if len(choice.context) <= MOST_VIEWS else WALK_PASSES
         return self.refine
 
     def _write_rerun_file(self, path: Path, result: Reconstruction, stages: Stages) -> list[str]:
@@ -236,10 +232,12 @@ class Reconstruct(Run):
         with stages("rerun", f"Writing {path}"):
             return save_rerun(path, result)
 
-    def _choose_frames(self, scene: Scene, stages: Stages) -> tuple[Scene, Choice, list[str]]:
+    def _choose_frames(
+        self, scene: Scene, depth: DepthSource | DepthMaps, stages: Stages
+    ) -> tuple[Scene, Choice, list[str]]:
         """The scene with its cameras refined if requested, the chosen frames, and notes about their cameras."""
         with stages("choose", CHOOSING(count=len(scene))):
-            choice = self._choose(scene)
+            choice = self._choose(scene, depth)
         chosen = (*choice.context, *choice.targets)
         notes: list[str] = []
         if self.refine_poses:
@@ -282,11 +280,13 @@ class Reconstruct(Run):
             check_viewer_library()
         if self.rerun is not None:
             self._check_rerun_file(self.rerun)
-        if self.all:
-            self._check_recording()
+        if self.all and self.context:
+            raise UsageError("--context names the frames to use and --all uses all that add something; leave one out")
+        if self.all and self.views is not None:
+            raise UsageError(f"--all uses every frame that adds something and --views {self.views}; leave one out")
         if len(self.context) == 1:
             raise UsageError("--context has one frame; expected two or more that overlap")
-        if self.context and self.views not in (Reconstruct.views, len(self.context)):
+        if self.context and self.views not in (None, len(self.context)):
             raise UsageError(f"--views is {self.views} and --context names {len(self.context)} frames; leave one out")
 
     def _check_rerun_file(self, path: Path) -> None:
@@ -299,35 +299,25 @@ class Reconstruct(Run):
         if path.absolute().parent != self.out.absolute():
             check_new_file(path, self.overwrite)
 
-    def _check_recording(self) -> None:
-        """Check the options that cannot be used together with --all."""
-        if self.context:
-            raise UsageError("--context names the frames to use and --all uses all of them; leave one out")
-        if self.featuring.features is not None:
-            raise UsageError("--features is for a reconstruction of 2 to 4 views, not for --all")
-        if self.refine_poses:
-            raise UsageError("--refine-poses is for a reconstruction of 2 to 4 views, not for --all")
-        if self.views > MOST_VIEWS:
-            raise UsageError(
-                f"--views is {self.views}; expected 2 to {MOST_VIEWS} with --all, the views of each window"
-            )
-
     def _notes(self) -> list[Note]:
         """Notes for the report that follow from the options."""
         notes = []
         if self.weights == "random":
             notes.append(RANDOM_WEIGHTS())
-        if max(self.views, len(self.context)) > MOST_VIEWS:
-            notes.append(MANY_VIEWS(most=MOST_VIEWS))
         return notes
 
-    def _choose(self, scene: Scene) -> Choice:
+    def _choose(self, scene: Scene, depth: DepthSource | DepthMaps) -> Choice:
         """Input frames and held-out frames."""
         from semgs.data.choosing.choice import choose, choose_named
+        from semgs.data.choosing.coverage import choose_covering
+        from semgs.run.steps.view_encoder import why_not
 
         if self.context:
             with what_the_user_gave():
                 return choose_named(scene, self.context)
+        if self.views is None:
+            most = None if self.all else MOST_VIEWS
+            return choose_covering(scene, most, lambda position: why_not(scene, position, self.size, depth))
         if self.views > len(scene):
             raise UsageError(f"--views is {self.views}; expected 2 to {len(scene)}, the usable frames of {scene.path}")
         return choose(scene, self.views)

@@ -48,6 +48,9 @@ THIN = 16
 UNEXPLAINED = 2 / 3
 """Photos differ in exposure if no more than this share of their mean squared difference remains at the common one."""
 
+MEANS_DIFFER = 0.02
+"""Of three or more photos, a larger difference of the mean colours of what two of them share decides instead (0..1, root mean square)."""
+
 
 @dataclass(frozen=True)
 class Exposures:
@@ -56,16 +59,23 @@ class Exposures:
     Attributes:
         gains, offsets: of each photo and channel.
         before, after: mean squared difference of the photos where they see the same surface, as taken and at the common exposure; 0 if they share nothing.
+        means_before, means_after: the same of the mean colours of what each two photos share. Unlike pixels, these hardly depend on depth.
     """
 
     gains: Float[Tensor, "v 3"]
     offsets: Float[Tensor, "v 3"]
     before: float
     after: float
+    means_before: float = 0.0
+    means_after: float = 0.0
 
     @property
     def differ(self) -> bool:
         """Whether the common exposure explains enough of the difference of the photos to be worth it."""
+        if (
+            len(self.gains) > 2 and self.means_before > MEANS_DIFFER**2
+        ):  # two photos: offsets always make the means equal
+            return self.means_after < UNEXPLAINED * self.means_before
         return self.after < UNEXPLAINED * self.before
 
     def applied(self, views: Views) -> Views:
@@ -143,7 +153,9 @@ def fit_exposures(views: Views, depths: Float[Tensor, "v h w"], spread: Float[Te
     offsets = _solve(members, seen[:, 1] - seen[:, 0], pixels.expand_as(ratios), len(views))
     after = sum(pair.difference(gains[list(both)], offsets[list(both)]) for both, pair in found.items())
     total = float(pixels.sum())
-    return Exposures(gains.float(), offsets.float(), before / total, after / total)
+    at_common = gains[members] * means + offsets[members]
+    apart = [float((pixels * (one[:, 0] - one[:, 1]).square()).mean(1).sum()) for one in (means, at_common)]
+    return Exposures(gains.float(), offsets.float(), *(one / total for one in (before, after, *apart)))
 
 
 def common_exposure(views: Views, encoding: Encoding, choice: ExposureChoice) -> Exposures | None:

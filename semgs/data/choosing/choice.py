@@ -103,31 +103,21 @@ def choose(scene: Scene, count: int) -> Choice:
     features: dict[int, FrameFeatures] = {}
     typical = scene.depth_range(features=features).typical
     grids = DepthGrids(scene)
-    few = spread(range(len(scene)), max(_most(grids), count))
+    few = spread(range(len(scene)), max(most_candidates(grids), count))
     together = Covisibility.of(scene, few, grids.of(few, typical))
     overlaps, baselines = together.overlaps(), together.baselines
-    depths = np.sqrt(together.medians[:, None] * together.medians)
-    nearer = np.minimum(together.medians[:, None], together.medians)
-    extent = np.minimum(nearer / (CLOSE_UP * np.median(together.medians)), 1)
-    scores = np.where(overlaps >= LEAST_SHARED, overlaps * preference(baselines / depths) * extent**2, -1)
-    np.fill_diagonal(scores, -1)
+    scores = pair_scores(together)
     each_once = np.where(np.tri(len(few), dtype=bool), -1, scores)
 
     def leaves_target(chosen: Sequence[int]) -> bool:
         """Whether the chosen frames cover another frame well."""
-        covered = together.covered(chosen)
-        covered[list(chosen)] = 0
-        return bool(covered.max() >= WELL_SEEN)
+        shares = together.covered(chosen)
+        shares[list(chosen)] = 0
+        return bool(shares.max() >= WELL_SEEN)
 
     pair = _best(each_once.ravel(), lambda index: leaves_target(divmod(index, len(few))))
     if pair is None:
-        np.fill_diagonal(overlaps, 0)
-        raise InputError(
-            scene.path,
-            f"two frames that share {LEAST_SHARED:.0%} of what they see",
-            f"{overlaps.max():.0%} at most{_by_depth_maps(scene, few, together.medians)}",
-            advice="to use some anyway, name them (--context)",
-        )
+        raise nothing_shared(scene, few, together)
     chosen = [int(index) for index in divmod(pair, len(few))]
     while len(chosen) < count:
         apart = np.where(overlaps[:, chosen] >= LEAST_SHARED, baselines[:, chosen], np.inf)
@@ -142,6 +132,29 @@ def choose(scene: Scene, count: int) -> Choice:
     if len(context) < count:
         notes.append(FEWER_VIEWS(chosen=len(context), wanted=count, share=LEAST_SHARED))
     return _with_targets(scene, grids, context, scene.depth_range(context, features), "chosen: ", notes)
+
+
+def pair_scores(together: Covisibility) -> np.ndarray:
+    """How well each pair of frames goes together, 0..1; -1 for those that share too little, and for a frame with itself [n n]."""
+    overlaps, medians = together.overlaps(), together.medians
+    depths = np.sqrt(medians[:, None] * medians)
+    extent = np.minimum(np.minimum(medians[:, None], medians) / (CLOSE_UP * np.median(medians)), 1)
+    suits = preference(together.baselines / depths) * extent**2
+    scores = np.where(overlaps >= LEAST_SHARED, overlaps * suits, -1)
+    np.fill_diagonal(scores, -1)
+    return scores
+
+
+def nothing_shared(scene: Scene, frames: Sequence[int], together: Covisibility) -> InputError:
+    """The error for frames of which no two share enough."""
+    overlaps = together.overlaps()
+    np.fill_diagonal(overlaps, 0)
+    return InputError(
+        scene.path,
+        f"two frames that share {LEAST_SHARED:.0%} of what they see",
+        f"{overlaps.max():.0%} at most{_by_depth_maps(scene, frames, together.medians)}",
+        advice="to use some anyway, name them (--context)",
+    )
 
 
 def choose_named(scene: Scene, context: Sequence[int | str]) -> Choice:
@@ -288,7 +301,7 @@ def _best(fit: np.ndarray, leaves_target: Callable[[int], bool]) -> int | None:
     return next((index for index in good if leaves_target(index)), good[0] if good else None)
 
 
-def _most(grids: DepthGrids) -> int:
+def most_candidates(grids: DepthGrids) -> int:
     """How many frames are considered."""
     return CANDIDATES_TO_READ if grids.measured else CANDIDATES
 
@@ -313,7 +326,7 @@ def _with_targets(
     centres = np.stack([frame.world_from_camera[:3, 3] for frame in scene.frames])
     distance = np.linalg.norm(centres[:, None] - centres[list(context)], axis=-1).min(axis=1)
     nearest = sorted(others, key=lambda index: (distance[index], index))[: 4 * TARGETS]
-    seen = _covered(scene, grids, context, [*spread(between, _most(grids)), *nearest], bounds.typical)
+    seen = covered(scene, grids, context, [*spread(between, most_candidates(grids)), *nearest], bounds.typical)
     well = sorted((index for index in seen if seen[index] >= WELL_SEEN), key=lambda index: (distance[index], index))
     reach = _reach(centres[list(context)])
     near = [index for index in well if distance[index] <= reach]
@@ -326,7 +339,7 @@ def _with_targets(
         targets += sorted(set(mostly) - set(targets), key=lambda index: (distance[index], index))[:1]
     if targets and max(seen[index] for index in targets) < WELL_SEEN:
         notes = [*notes, LITTLE_SEEN(share=WELL_SEEN)]
-    reason = prefix + _reason(scene, grids, context, bounds)
+    reason = prefix + reason_of(scene, grids, context, bounds)
     return Choice(context, tuple(sorted(targets)), reason, bounds, tuple(notes))
 
 
@@ -337,7 +350,7 @@ def _reach(centres: np.ndarray) -> float:
     return 1.001 * float(apart.min(axis=1).max())
 
 
-def _covered(
+def covered(
     scene: Scene, grids: DepthGrids, context: Sequence[int], frames: Sequence[int], depth: float
 ) -> dict[int, float]:
     """For some frames, the share of what they see that the input views also see."""
@@ -347,7 +360,7 @@ def _covered(
     return dict(zip(every[len(context) :], parts[len(context) :], strict=True))
 
 
-def _reason(scene: Scene, grids: DepthGrids, context: Sequence[int], bounds: DepthRange) -> str:
+def reason_of(scene: Scene, grids: DepthGrids, context: Sequence[int], bounds: DepthRange) -> str:
     """One sentence with the figures of the input views."""
     found = grids.of(context, bounds.typical)
     together = Covisibility.of(scene, context, found)

@@ -175,9 +175,9 @@ class Covisibility:
         seen = self._seen.sum(axis=-1).T / self._known[:, None]
         return np.minimum(seen, seen.T)
 
-    def covered(self, by: Sequence[int]) -> np.ndarray:
-        """The share of what each frame sees that at least one of the frames `by` also sees [n]."""
-        return self._seen[list(by)].any(axis=0).sum(axis=-1) / self._known
+    def covered(self, by: Sequence[int], times: int = 1) -> np.ndarray:
+        """The share of what each frame sees that at least `times` of the frames `by` also see [n]."""
+        return (self._seen[list(by)].sum(axis=0) >= times).sum(axis=-1) / self._known
 
     def _seen_by(self, index: int) -> np.ndarray:
         """Which cells of each frame one frame also sees: inside its image, from a similar direction, and not hidden [n cell]."""

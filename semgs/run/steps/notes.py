@@ -10,9 +10,7 @@ from semgs.data.frames import Frame
 from semgs.data.resampling import kept_size
 from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
-from semgs.files.text import counted
 from semgs.geometry.cameras import Cameras, back_project, project
-from semgs.mapping.mapper import Mapper
 from semgs.run.steps.draft import Draft
 from semgs.run.steps.result import PhotoRefinement
 from semgs.runtime.notes import Kind, Note
@@ -25,9 +23,6 @@ GRID = 24
 
 NO_PARALLAX = 0.01
 """Context cameras that are closer together than this share of the near bound have no parallax."""
-
-NAMED = 3
-"""Notes on a walk name at most this many frames."""
 
 
 FAR_FROM_ORIGIN = Kind(
@@ -72,9 +67,6 @@ NOT_REFINED = Kind("Refining made {check} worse, so the Gaussians are as the net
 REFINED = Kind("Refining stopped after pass {kept} of {passes}, where {check} looks best. {role}")
 CHECK_IS_SPENT = "This frame is not held out any more."
 CHECK_TAUGHT = "This photo was left out of a trial of half the passes, and took part afterwards."
-LEFT_OUT = Kind("Frames that were left out: {frames}.")
-ALONE = Kind("No overlap: {frames} too little with any other and {were} not used ({names}).")
-JOINED = Kind("Gaussians in the same voxel of {size} were joined.")
 CROPPED = Kind(
     "{cropped} of {count} images have another aspect ratio than {size} (height x width) and are centre-cropped with their cameras: {example}, for example, from {old} to "
     "{new} before it is resized."
@@ -172,26 +164,6 @@ def note_on_refinement(refinement: PhotoRefinement) -> Note:
         return REFINED_UNCHECKED(passes=passes)
     role = CHECK_TAUGHT if refinement.check_taught else CHECK_IS_SPENT
     return (REFINED if kept else NOT_REFINED)(check=check, kept=kept, passes=passes, role=role)
-
-
-def notes_on_walk(mapper: Mapper, metric: bool) -> list[Note]:
-    """What became of the frames of a recording; `metric` says whether lengths are metres."""
-    notes = []
-    if mapper.ignored:
-        notes.append(LEFT_OUT(frames=left_out(mapper)))
-    if mapper.alone:
-        names = ", ".join(mapper.alone[:NAMED]) + (", ..." if len(mapper.alone) > NAMED else "")
-        were = counted(len(mapper.alone), "frame shares", "frames share")
-        notes.append(ALONE(frames=were, were="was" if len(mapper.alone) == 1 else "were", names=names))
-    if mapper.voxel is not None:
-        size = f"{1000 * mapper.voxel:.1f} mm" if metric else f"{mapper.voxel:.3g}"
-        notes.append(JOINED(size=size))
-    return notes
-
-
-def left_out(mapper: Mapper) -> str:
-    """How many frames of a recording were left out, by reason; empty if none was."""
-    return "; ".join(f"{count} because {reason}" for reason, count in sorted(mapper.ignored.items()))
 
 
 def note_on_aspect(frames: Sequence[Frame], size: tuple[int, int]) -> list[Note]:

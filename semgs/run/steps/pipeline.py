@@ -8,16 +8,18 @@ from dataclasses import replace
 import torch
 
 from semgs.data.choosing.choice import Choice
+from semgs.data.choosing.coverage import windows_of
 from semgs.data.resampling import default_size
 from semgs.data.scene import Scene
 from semgs.depth_maps.depth_source import DepthMaps
 from semgs.depth_maps.sensor_depth import DepthSource
+from semgs.mapping.merging import LAYERS
+from semgs.mapping.windows import REFINED_LAYERS, VOXEL_SHARE, merge
 from semgs.model.encode import Network
 from semgs.rendering.rendering import check_may_be_unknown
 from semgs.run.steps.draft import Draft
 from semgs.run.steps.finishing import finish, saved_scene
 from semgs.run.steps.notes import notes_on_guesses
-from semgs.run.steps.recording import Walk, map_walk
 from semgs.run.steps.refining import refine
 from semgs.run.steps.result import Reconstruction
 from semgs.run.steps.view_encoder import ViewEncoder
@@ -28,14 +30,17 @@ from semgs.segmenters.features.scene_features import Featuring
 from semgs.segmenters.labelling import Labelling
 
 READING = Kind("Reading {count} frames at {height}x{width} (height x width)", "Reading the photos")
-READING_HELD_OUT = Kind("Reading {count} held-out frames", "Reading the photos")
+MERGING = Kind("Merging {count:,} Gaussians", "Joining what the photos show")
 COMPARING = Kind("Comparing the exposure of {count} photos", "Comparing brightness")
+
+MOST_AT_ONCE = 4
+"""The networks were trained with two to so many views; more blur what several views see."""
 
 
 @torch.no_grad()
 def reconstruct(
     scene: Scene,
-    frames: Choice | Walk,
+    choice: Choice,
     network: Network,
     size: Sequence[int] | None = None,
     *,
@@ -54,7 +59,7 @@ def reconstruct(
 
     Args:
         scene: an open scene.
-        frames: input frames and held-out frames, or all frames of a walk.
+        choice: input frames and held-out frames. More than `MOST_AT_ONCE` input frames are encoded in windows, and merged.
         network: in evaluation mode, on the device to compute on; `render` chooses its own device.
         size: (height, width) of the frames as read [px]; None is `default_size` of the first one. Other aspect ratios are cropped.
         depth: where the depth of the Gaussians comes from: the network, the sensor that measured the frames' depth maps, or both; or the network
@@ -69,10 +74,10 @@ def reconstruct(
         notes: further notes for the user.
 
     Raises:
-        InputError: a frame cannot be read, or the sensor measured too little of an input frame; or no two frames of a walk can be used together.
+        InputError: a frame cannot be read, or the sensor measured too little of an input frame.
         NotEnoughMemoryError: it would not fit in memory.
         ValueError: fewer than two context frames, or a position outside the scene; a least confidence without classes, or with too many;
-            or as `Labelling`, or as `Mapper` for a walk.
+            or as `Labelling`.
     """
     stages = stages or Stages()
     classes = network.classes if labelling is None else labelling.source.classes
@@ -80,7 +85,7 @@ def reconstruct(
         if classes is None:
             raise ValueError("the model predicts colour only; expected one with classes for a least confidence")
         check_may_be_unknown(len(classes))
-    draft = _encode(scene, frames, network, size, depth, labelling, stages)
+    draft = _encode(scene, choice, network, size, depth, labelling, stages, LAYERS if passes == 0 else REFINED_LAYERS)
     draft = _expose(draft, exposure, stages)
     draft = refine(draft, passes, depth == "network", stages)
     if featuring is not None:
@@ -100,32 +105,28 @@ def reconstruct(
 
 def _encode(
     scene: Scene,
-    frames: Choice | Walk,
+    choice: Choice,
     network: Network,
     size: Sequence[int] | None,
     depth: DepthSource | DepthMaps,
     labelling: Labelling | None,
     stages: Stages,
+    layers: int,
 ) -> Draft:
-    """The draft of chosen frames: read, encoded, placed and labelled; or of a recording, whose keyframes are encoded so in windows and merged."""
-    if isinstance(frames, Walk):
-        first = scene.frames[0]
-    else:
-        scene = scene.with_readable_labels((*frames.context, *frames.targets))
-        first = scene.frames[frames.context[0]]
-    height, width = default_size(first.lens.size) if size is None else size
+    """The draft of chosen frames: read, encoded, placed and labelled; many of them in windows, and merged."""
+    scene = scene.with_readable_labels((*choice.context, *choice.targets))
+    height, width = default_size(scene.frames[choice.context[0]].lens.size) if size is None else size
     encoder = ViewEncoder(scene, network, (height, width), depth, labelling, stages)
-    if isinstance(frames, Walk):
-        choice, merged = map_walk(scene, frames, encoder.read, encoder.encode, stages)
-        context, encoding = merged.views, merged.encoding
-        with stages("read", READING_HELD_OUT(count=len(choice.targets))):
-            target = encoder.read_target(choice)
-    else:
-        choice, count = frames, len(frames.context) + len(frames.targets)
-        encoder.try_networks(choice.context)
-        with stages("read", READING(count=count, height=height, width=width)):
-            context, target = encoder.read(choice.context, choice.depth_range), encoder.read_target(choice)
+    encoder.try_networks(choice.context)
+    with stages("read", READING(count=len(choice.context) + len(choice.targets), height=height, width=width)):
+        context, target = encoder.read(choice.context, choice.depth_range), encoder.read_target(choice)
+    typical = choice.depth_range.typical
+    if len(choice.context) <= MOST_AT_ONCE:
         encoding = encoder.encode(choice.context, context, target).without(context.hidden)
+    else:
+        encoding = encoder.encode(choice.context, context, windows=windows_of(scene, choice.context, typical))
+        with stages("merge", MERGING(count=len(encoding.gaussians))):
+            encoding = merge(encoding, context, VOXEL_SHARE * typical, layers)
     placement = encoder.placement(choice.context)
     return Draft(scene, choice, context, target, encoding, network.name, labelling, placement, encoder.plan)
 

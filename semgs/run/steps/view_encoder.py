@@ -9,13 +9,17 @@ from typing import Literal
 from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.choosing.choice import Choice
 from semgs.data.frames import Frame
+from semgs.data.resampling import default_size
 from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.depth_maps.depth_source import DepthMaps
 from semgs.depth_maps.frame_maps import FrameMaps
 from semgs.depth_maps.map_depth import MapPlacement, find_reference, fits, place_at_maps, read_maps
 from semgs.depth_maps.sensor_depth import DepthSource, Placement, place_gaussians, read_measured
+from semgs.files.errors import InputError
 from semgs.files.text import counted
+from semgs.mapping.mapper import unusable
+from semgs.mapping.windows import encode_in_windows
 from semgs.model.encode import Network, encode
 from semgs.model.memory.memory_plan import MemoryPlan
 from semgs.runtime.notes import Kind
@@ -61,14 +65,7 @@ class ViewEncoder:
         Raises:
             InputError: a frame cannot be read, or has no depth map, or the sensor measured too little of it.
         """
-        if self._depth in ("sensor", "both"):
-            return read_measured(self._scene, positions, self._size, depth_range)
-        views = self._scene.read(positions, self._size, depth_range)
-        if isinstance(self._depth, FrameMaps) and (
-            views.depths is None or not (views.depths > 0).flatten(1).any(1).all()
-        ):
-            read_maps(self._depth, self._scene, positions, self._size)  # says which frame has none
-        return views
+        return read_inputs(self._scene, positions, self._size, self._depth, depth_range)
 
     def read_target(self, choice: Choice) -> Views | None:
         """Read the held-out frames; None if there are none.
@@ -92,24 +89,33 @@ class ViewEncoder:
             cost = cost_of(source, frames)
         return "" if cost is None else f": {cost}"
 
-    def encode(self, positions: Sequence[int], views: Views, target: Views | None = None) -> Encoding:
+    def encode(
+        self,
+        positions: Sequence[int],
+        views: Views,
+        target: Views | None = None,
+        windows: Sequence[Sequence[int]] = (),
+    ) -> Encoding:
         """Encode views, place the Gaussians at a sensor's depth, and give them the classes of a segmenter, as requested.
 
         Args:
             positions: of the frames in the scene.
             views: the frames as read.
             target: views that will be rendered later and also need memory.
+            windows: of each view, as for `encode_in_windows`; () encodes all views at once.
 
         Raises:
             NotEnoughMemoryError: it would not fit in memory.
             ValueError: there are fewer than two views; or as `Labelling`.
         """
         adapt_threads()
-        with self._stages("encode", ENCODING(count=len(views), network=self._network.name)):
-            encoded = encode(self._network, views, target)
-        encoding = replace(encoded.encoding, classes=self._network.classes)
-        if self.plan is None or not self.plan.short:
-            self.plan = encoded.plan
+        encoding_views = ENCODING(count=len(views), network=self._network.name)
+        if windows:
+            with self._stages.steps("encode", encoding_views, len(set(map(tuple, windows)))) as done:
+                encoding = encode_in_windows(views, windows, self._encode, done)
+        else:
+            with self._stages("encode", encoding_views):
+                encoding = self._encode(views, target)
         if self._depth != "network":
             encoding, placement = self._place(encoding, positions, views, self._depth)
             for position, fit in zip(positions, placement.fits, strict=True):
@@ -119,8 +125,17 @@ class ViewEncoder:
                 f"Classes of {counted(len(views), 'photo')} from {self._labelling.source.title}{self._segmenter_cost}"
             )
             with self._stages("segment", title):
-                encoding = self._labelling(encoding, self._scene, positions, views)
+                # Merging makes the classes agree.
+                labelling = replace(self._labelling, fusion=False) if windows else self._labelling
+                encoding = labelling(encoding, self._scene, positions, views)
         return encoding
+
+    def _encode(self, views: Views, target: Views | None = None) -> Encoding:
+        """The network's Gaussians of some views."""
+        encoded = encode(self._network, views, target)
+        if self.plan is None or not self.plan.short:
+            self.plan = encoded.plan
+        return replace(encoded.encoding, classes=self._network.classes)
 
     def _place(
         self, encoding: Encoding, positions: Sequence[int], views: Views, depth: Literal["sensor", "both"] | DepthMaps
@@ -146,3 +161,35 @@ class ViewEncoder:
             return None
         fits = tuple(self._placements[position].fits[0] for position in positions)
         return replace(self._placements[positions[0]], fits=fits)  # type: ignore[arg-type]
+
+
+def read_inputs(
+    scene: Scene,
+    positions: Sequence[int],
+    size: tuple[int, int],
+    depth: DepthSource | DepthMaps,
+    depth_range: DepthRange,
+) -> Views:
+    """As `ViewEncoder.read`."""
+    if depth in ("sensor", "both"):
+        return read_measured(scene, positions, size, depth_range)
+    views = scene.read(positions, size, depth_range)
+    if isinstance(depth, FrameMaps) and (views.depths is None or not (views.depths > 0).flatten(1).any(1).all()):
+        read_maps(depth, scene, positions, size)  # says which frame has none
+    return views
+
+
+def why_not(scene: Scene, position: int, size: Sequence[int] | None, depth: DepthSource | DepthMaps) -> str | None:
+    """Why a frame cannot be an input view; None if it can.
+
+    Args:
+        scene: contains the frame.
+        position: of the frame.
+        size, depth: as for `reconstruct`.
+    """
+    height, width = default_size(scene.frames[position].lens.size) if size is None else size
+    try:
+        view = read_inputs(scene, [position], (height, width), depth, scene.depth_range([position]))
+    except InputError as error:
+        return str(error)
+    return unusable(view)
