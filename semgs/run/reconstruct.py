@@ -122,7 +122,7 @@ class Reconstruct(Run):
     base has the paper's sizes, mvsplat has colour and depth only."""
     exposure: Exposure = "auto"
     """Bring the input photos to a common exposure, with a gain and an offset for each, from the surfaces that they share: auto if they
-    clearly differ, fitted always, as-taken never. Held-out photos stay as taken. See docs/questions.md."""
+    clearly differ, fitted always, as-taken never. Held-out photos are compared at the exposure of the room. See docs/questions.md."""
     refine_poses: bool = False
     """First correct slightly wrong cameras of the input and held-out frames, by up to a few degrees, so that they fit matches between the
     images. Cameras that fit already stay as they are; the report says what moved. See docs/poses.md."""

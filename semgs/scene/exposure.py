@@ -45,6 +45,9 @@ PARTNERS = 8
 THIN = 16
 """Every so many pixels of every so many rows tell how much of a photo another one sees."""
 
+SHOWN = 0.5
+"""A pixel that is rendered less opaque shows nothing."""
+
 UNEXPLAINED = 2 / 3
 """Photos differ in exposure if no more than this share of their mean squared difference remains at the common one."""
 
@@ -170,6 +173,31 @@ def common_exposure(views: Views, encoding: Encoding, choice: ExposureChoice) ->
         return None
     exposures = fit_exposures(views, encoding.depths, encoding.depth_spread)
     return exposures if exposures.differ or choice == "fitted" else None
+
+
+def exposure_as_rendered(views: Views, encoding: Encoding) -> Views:
+    """Held-out photos at the exposure of the Gaussians: each channel with the mean and the standard deviation of the rendering, where that shows something.
+
+    Args:
+        views: the photos [v].
+        encoding: of the input photos, at their common exposure.
+    """
+    images = views.images.clone()
+    for view, image in enumerate(images):
+        rendering = replace(encoding, gaussians=replace(encoding.gaussians, semantic=None)).render(
+            views.cameras[view : view + 1]
+        )
+        shown = rendering.alphas[0].to(image.device) > SHOWN
+        shown &= (image < SATURATED).all(0)
+        shown = shown if views.hidden is None else shown & ~views.hidden[view]
+        if int(shown.sum()) < FEWEST:
+            continue
+        (own, own_mean), (drawn, drawn_mean) = (
+            torch.std_mean(one[:, shown], dim=1) for one in (image, rendering.images[0].to(image))
+        )
+        gains = (drawn / own.clamp(min=FLATTEST))[:, None, None]
+        images[view] = (gains * (image - own_mean[:, None, None]) + drawn_mean[:, None, None]).clamp(0, 1)
+    return views.changed(images=images)
 
 
 def _partners(points: Float[Tensor, "v h w 3"], cameras: Cameras) -> list[tuple[int, int]]:

@@ -119,7 +119,6 @@ def refine_until(
     seed: int = 0,
     check: Views | None = None,
     moves: bool = True,
-    exposure: bool = False,
     photos: Views | None = None,
     done: Callable[[int], object] = lambda steps: None,
 ) -> Refined:
@@ -129,7 +128,6 @@ def refine_until(
         encoding, views, passes, seed: as for `refine`.
         check: views that the result must render well; of all passes the best one is kept. None keeps the last one.
         moves: whether Gaussians may move; not those that a sensor has placed.
-        exposure: fit a gain and an offset of each photo and channel in every step, and of the view that decides.
         photos: the views that teach; by default the input views.
         done: called after each step with the number of steps so far.
 
@@ -148,20 +146,20 @@ def refine_until(
     unknowns = Unknowns(with_faded_borders(encoding, views, shared), views, moves, shared)
     curve, best = [], None
     if check is not None:
-        curve, best = [_psnr(encoding, check, exposure)], encoding
+        curve, best = [_psnr(encoding, check)], encoding
     order = torch.Generator().manual_seed(seed)
     photos = views if photos is None else photos
     steps, taken = passes * len(photos), 0
     for _ in range(passes):
         for photo in torch.randperm(len(photos), generator=order).tolist():
-            loss = ERROR_WEIGHT * _error(unknowns.gaussians(), encoding, photos, photo, exposure)
+            loss = ERROR_WEIGHT * _error(unknowns.gaussians(), encoding, photos, photo)
             (loss + PRIOR_WEIGHT * unknowns.prior()).backward()
             unknowns.step(DECAY ** (taken / steps))
             taken += 1
             done(taken)
         if check is not None:
             now = unknowns.encoding()
-            curve.append(_psnr(now, check, exposure))
+            curve.append(_psnr(now, check))
             if curve[-1] > max(curve[:-1]):
                 best = now
     if best is None:
@@ -282,30 +280,19 @@ def seen_by_several(encoding: Encoding, views: Views) -> Bool[Tensor, " g"]:
     return found
 
 
-def _error(gaussians: Gaussians, encoding: Encoding, views: Views, view: int, exposure: bool) -> Tensor:
+def _error(gaussians: Gaussians, encoding: Encoding, views: Views, view: int) -> Tensor:
     """The mean squared error of a photo's rendering, without hidden pixels."""
     photo = views.images[view].to(gaussians.means)
     image = replace(encoding, gaussians=gaussians).render(views.cameras[view : view + 1], clamp=False).images[0]
     if views.hidden is not None:
         shown = ~views.hidden[view].to(photo.device)
         photo, image = photo[:, shown], image[:, shown]
-    if exposure:
-        image = match_exposure(image.flatten(1), photo.flatten(1)).reshape(image.shape)
     return (image - photo).square().mean()
 
 
-def match_exposure(image: Float[Tensor, "3 n"], photo: Float[Tensor, "3 n"]) -> Float[Tensor, "3 n"]:
-    """The pixels of a rendering with the gain and offset of each channel that come closest to the photo."""
-    with torch.no_grad():
-        centred = image - image.mean(1, keepdim=True)
-        gain = (centred * photo).sum(1) / centred.square().sum(1).clamp(min=1e-9)
-        offset = photo.mean(1) - gain * image.mean(1)
-    return gain[:, None] * image + offset[:, None]
-
-
 @torch.no_grad()
-def _psnr(encoding: Encoding, views: Views, exposure: bool) -> float:
+def _psnr(encoding: Encoding, views: Views) -> float:
     """Of the rendering of views, together [dB]."""
     plain = replace(encoding.gaussians, semantic=None)
-    error = sum(float(_error(plain, encoding, views, view, exposure)) for view in range(len(views))) / len(views)
+    error = sum(float(_error(plain, encoding, views, view)) for view in range(len(views))) / len(views)
     return -10 * log10(max(error, 1e-12))

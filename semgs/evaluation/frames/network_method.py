@@ -104,9 +104,7 @@ class NetworkMethod:
         if not self._handling.passes:
             return self._render(encoding, inputs, encoded.seconds)
         one_pass, start = self._render(encoding, inputs, encoded.seconds), now()
-        encoding = refine_until(
-            encoding, contexts, self._handling.passes, moves=self._depth is None, exposure=exposures is not None
-        ).encoding
+        encoding = refine_until(encoding, contexts, self._handling.passes, moves=self._depth is None).encoding
         return replace(self._render(encoding, inputs, encoded.seconds + now() - start), one_pass=one_pass)
 
     def _place(self, encoding: Encoding, inputs: Inputs, maps: DepthMaps) -> Encoding:

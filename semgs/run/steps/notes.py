@@ -74,7 +74,7 @@ CROPPED = Kind(
 HIDDEN = Kind("Hidden: {pixels} are a black border or masked. They have no Gaussians and count in no score.")
 EXPOSURES_DIFFER = Kind(
     "The exposures of the input photos differ, so they were multiplied by {least:.2f} to {most:.2f}: where they see the same surface, they differed by {before:.3f} (root mean "
-    "square of 0 to 1), now by {after:.3f}. The report shows and scores them at this common exposure, held-out photos as taken. --exposure as-taken leaves all of them.",
+    "square of 0 to 1), now by {after:.3f}. The report shows and scores them at this common exposure, and held-out photos at that of their rendering. --exposure as-taken leaves all of them.",
     "The photos differ in brightness, so they were made alike.",
 )
 

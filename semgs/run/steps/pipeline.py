@@ -25,7 +25,7 @@ from semgs.run.steps.result import Reconstruction
 from semgs.run.steps.view_encoder import ViewEncoder
 from semgs.runtime.notes import Kind
 from semgs.runtime.stopwatch import Stages
-from semgs.scene.exposure import ExposureChoice, common_exposure
+from semgs.scene.exposure import ExposureChoice, common_exposure, exposure_as_rendered
 from semgs.segmenters.features.scene_features import Featuring
 from semgs.segmenters.labelling import Labelling
 
@@ -64,7 +64,8 @@ def reconstruct(
         size: (height, width) of the frames as read [px]; None is `default_size` of the first one. Other aspect ratios are cropped.
         depth: where the depth of the Gaussians comes from: the network, the sensor that measured the frames' depth maps, or both; or the network
             and depth maps from elsewhere.
-        exposure: whether the input photos, and with them the Gaussians, come to a common exposure; held-out photos stay as taken.
+        exposure: whether the input photos, and with them the Gaussians, come to a common exposure; held-out photos then come to that of their
+            rendering.
         labelling: gives the Gaussians their classes; None for those of the network.
         featuring: gives the Gaussians features; None for none.
         min_confidence: seen pixels with less are unknown in label maps; scores do not change.
@@ -140,4 +141,5 @@ def _expose(draft: Draft, exposure: ExposureChoice, stages: Stages) -> Draft:
     if exposures is None:
         return draft
     context, encoding = exposures.applied(draft.context), exposures.recoloured(draft.encoding)
-    return replace(draft, context=context, encoding=encoding, exposures=exposures)
+    target = draft.target and exposure_as_rendered(draft.target, encoding)
+    return replace(draft, context=context, target=target, encoding=encoding, exposures=exposures)

@@ -90,7 +90,6 @@ def _refined(draft: Draft, passes: int, decider: Decider | None, moves: bool, st
             length,
             check=check,
             moves=moves,
-            exposure=draft.exposures is not None,
             photos=photos,
             done=lambda steps: done(before + steps),
         )
