@@ -70,7 +70,7 @@ def test_paragraphs_and_items_of_a_list_keep_their_lines_and_nothing_else():
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["reconstruct"], "other frames that they cover are held out for comparison."),
+        (["reconstruct"], "Of four or more frames, every eighth is held out for comparison."),
         (["rooms"], "a larger --scenes adds scenes. Without --assets,"),
         (["train", "small"], "inverse_root_frequency counts how often each class occurs in the data"),  # inherited
     ],

@@ -25,6 +25,7 @@ from semgs.mapping.merging import (
     join_parts,
     parts_of,
     settle,
+    unshrunk,
     votes_of,
 )
 from semgs.scene.encoding import Encoding
@@ -272,10 +273,7 @@ def test_sizes_that_a_window_of_three_has_shrunk_are_undone():
     """The network gave Gaussians that three views see (2 / 3)^0.5 of their size; merging counts layers itself."""
     cameras = cameras_at(0.0, 0.0, 0.0)
     pair, three = (encoded(cameras[:views], flat(*[4.0] * views)) for views in (2, 3))
-    sizes = [
-        parts_of(one, seen_at(cameras[: len(one.depths)]), range(len(one.depths)))[0].gaussians.colour.scales
-        for one in (pair, three)
-    ]
+    sizes = [unshrunk(one, cameras[: len(one.depths)]).gaussians.colour.scales[:1] for one in (pair, three)]
     torch.testing.assert_close(sizes[1], sizes[0] * 1.5**0.5)
 
 

@@ -13,6 +13,7 @@ import torch
 from run.conftest import SIZE, WALL, Oracle, look
 
 from semgs.data.choosing.choice import choose_named
+from semgs.data.choosing.coverage import choose_covering
 from semgs.data.maps import InMemory
 from semgs.data.scene import Scene
 from semgs.data.views import Views
@@ -23,9 +24,8 @@ from semgs.files.errors import InputError
 from semgs.run.output.report import Provenance, report_numbers
 from semgs.run.output.report_page import report_page
 from semgs.run.steps.pipeline import reconstruct
-from semgs.run.steps.recording import Walk
 from semgs.run.steps.result import Reconstruction
-from semgs.run.steps.view_encoder import ViewEncoder
+from semgs.run.steps.view_encoder import ViewEncoder, why_not
 from semgs.runtime.stopwatch import Stages
 from semgs.scene.encoding import Encoding
 
@@ -154,14 +154,17 @@ def test_a_view_whose_map_does_not_fit_keeps_the_models_depth_and_a_note_names_i
 
 
 @pytest.mark.parametrize("gap", ["no map", "an empty map"])
-def test_frames_of_a_walk_without_a_depth_map_of_their_own_are_left_out(wall_scene: Callable[..., Scene], gap: str):
-    """Of frames 0.4 m apart, all would be keyframes; the second has no depth. It used to end the walk."""
-    scene = wall_scene(shifts=(0.0, 0.4, 0.8, 1.2))
+def test_frames_without_a_depth_map_of_their_own_are_left_out(wall_scene: Callable[..., Scene], gap: str):
+    """The second of four frames has no depth, and the third is held out."""
+    scene = wall_scene(shifts=(0.0, 0.2, 0.4, 0.6))
     empty = None if gap == "no map" else InMemory(np.zeros(SIZE, np.float32))
     frames = tuple(replace(frame, depth=empty) if index == 1 else frame for index, frame in enumerate(scene.frames))
-    result = reconstruct(replace(scene, frames=frames), Walk(), Oracle(), SIZE, depth=FrameMaps())  # type: ignore[arg-type]
-    assert result.choice.context == (0, 2, 3)
-    assert any("1 because it cannot be read, or has no or too little depth" in note for note in result.notes)
+    scene = replace(scene, frames=frames)
+    choice = choose_covering(scene, None, lambda position: why_not(scene, position, SIZE, FrameMaps()))
+    assert choice.context == (0, 3)
+    assert choice.targets == (2,)
+    (note,) = [note for note in choice.notes if note.startswith("Left out: images/01.png (")]
+    assert "a depth map of this frame" in note
 
 
 @pytest.mark.parametrize("meaning", ["scaled", "metric"])

@@ -18,7 +18,6 @@ from semgs.scene.encoding import Encoding
 from semgs.scene.photo_refinement import (
     Unknown,
     Unknowns,
-    match_exposure,
     refine,
     refine_until,
     seen_by_several,
@@ -128,14 +127,6 @@ def test_a_scene_that_only_gets_worse_stays_as_it_was(encoding: Encoding, views:
     assert refined.passes == 0
     assert refined.curve[0] == pytest.approx(120)  # of equal images, by the least error that counts
     assert refined.encoding is encoding
-
-
-def test_a_darker_photo_is_fitted_with_gain_and_offset() -> None:
-    """Photo = 0.5 image + 0.1 in red, 2 image - 0.2 in green, the image itself in blue."""
-    image = torch.rand(3, 35, generator=torch.Generator().manual_seed(1))
-    gains, offsets = torch.tensor([0.5, 2.0, 1.0]), torch.tensor([0.1, -0.2, 0.0])
-    photo = gains[:, None] * image + offsets[:, None]
-    torch.testing.assert_close(match_exposure(image, photo), photo)
 
 
 def test_each_step_is_told(encoding: Encoding, views: Views) -> None:

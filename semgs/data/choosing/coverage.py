@@ -75,7 +75,7 @@ def choose_covering(
     Args:
         scene: the scene.
         most: input views at most; None for as many as it takes.
-        why_not: says why the frame at a position cannot be used; None if it can. Only frames that would be used are asked for.
+        why_not: says why the frame at a position cannot be used; None if it can. It reads a frame only if that would be used.
 
     Raises:
         InputError: no two usable frames share enough.

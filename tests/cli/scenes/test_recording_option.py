@@ -103,8 +103,7 @@ def test_upright_files_objects_occupancy_and_the_viewer_take_a_merged_scene(
     ("options", "said"),
     [
         (["--context", "0", "1"], "--context names the frames"),
-        (["--views", "5"], "expected 2 to 4 with --all"),
-        (["--features", "."], "--features is for a reconstruction of 2 to 4 views"),
+        (["--views", "5"], "--all uses every frame that adds something and --views 5"),
     ],
 )
 def test_options_that_do_not_go_with_all_frames_are_refused(options, said, tmp_path: Path, capsys) -> None:
@@ -125,5 +124,5 @@ def test_a_recording_with_nothing_usable_ends_with_one_line(tmp_path: Path, caps
     assert main(["reconstruct", str(scene), "--out", str(out), "--weights", "random", "--all"]) == 2
     lines = [line for line in capsys.readouterr().err.splitlines() if line.strip()]
     assert len(lines) == 1
-    assert "at least two usable frames that overlap" in lines[0]
+    assert "expected two frames that share 30% of what they see, found 0% at most" in lines[0]
     assert not out.exists()
