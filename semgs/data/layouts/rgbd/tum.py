@@ -1,7 +1,7 @@
 """TUM RGB-D: `rgb.txt`, `depth.txt` and `groundtruth.txt`, with a time on each line. Also ETH3D SLAM, Bonn and others.
 
-Poses are camera to world with OpenCV axes, as time, tx ty tz, qx qy qz qw [s, m]: the scalar of the quaternion comes last. Depth is 16-bit
-PNG, 5000 counts per metre, registered to the colour images. Images, depth maps and poses are associated by time, nearest first, less than
+Poses are camera to world with OpenCV axes, as time, tx ty tz, qx qy qz qw [s, m]: the scalar of the quaternion comes last, unless a comment names the
+columns in another order. Depth is 16-bit PNG, 5000 counts per metre, registered to the colour images. Images, depth maps and poses are associated by time, nearest first, less than
 0.02 s apart, like the benchmark's `associate.py`.
 
 Intrinsics have the centre of the first pixel at (0, 0), so half a pixel is added. They come from `calibration.txt` (ETH3D: fx fy cx cy), or
@@ -20,6 +20,7 @@ from semgs.data.cameras.lens import HALF
 from semgs.data.confined import named_file
 from semgs.data.layouts.parts.association import associate, in_seconds
 from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details, read_calibration
+from semgs.data.layouts.parts.named_columns import times_per_second
 from semgs.data.layouts.parts.text_numbers import read_lines
 from semgs.data.layouts.parts.trajectories import read_trajectory
 from semgs.data.layouts.parts.usable_frames import Shot, ShotList, sequence_name
@@ -118,7 +119,7 @@ def _listed(path: Path) -> tuple[np.ndarray, list[str]]:
         names.append(rest[0].strip().strip('"').replace("\\", "/").removeprefix("./"))
     if not names:
         raise InputError(path, "lines of a time and a file", "none")
-    return in_seconds(np.array(times)), names
+    return in_seconds(np.array(times), times_per_second(path)), names
 
 
 def _spans(first: np.ndarray, second: np.ndarray) -> str:

@@ -197,7 +197,7 @@ def test_depth_of_a_kind_that_is_not_read_is_told(tmp_path: Path):
 def test_four_numbers_that_are_no_quaternion_are_refused_with_their_line(tmp_path: Path, manner: str):
     folder = MANNERS[manner](tmp_path, miniature(frames=3))
     file = folder / ("traj.txt" if manner == "seven a line" else "pose/0.txt")
-    file.write_text("# x y z, and angles in degrees\n1 2 3 0 0 90 0\n" + "".join(file.read_text().splitlines(True)[1:]))
+    file.write_text("# angles are in degrees\n1 2 3 0 0 90 0\n" + "".join(file.read_text().splitlines(True)[1:]))
     with pytest.raises(
         InputError, match=r"txt: line 2: expected a unit quaternion .* found \[0.0, 0.0, 90.0, 0.0\] of length 90"
     ):

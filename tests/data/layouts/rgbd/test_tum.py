@@ -138,6 +138,21 @@ def test_times_in_parts_of_a_second_are_those_in_seconds(tmp_path: Path, names: 
     check_read(open_scene(folder), room)
 
 
+def test_poses_named_as_in_euroc_and_tum_vi_are_the_same(tmp_path: Path):
+    """Nanoseconds since the start, so that their size does not show the unit; w comes first."""
+    room = miniature()
+    folder = write_tum(tmp_path / "room", room)
+    for name in ("rgb", "depth", "groundtruth"):
+        lines = [line.split() for line in (folder / f"{name}.txt").read_text().splitlines() if line[0] != "#"]
+        rows = [[str(round((float(time) - START) * 1e9)), *rest] for time, *rest in lines]
+        title = "#timestamp [ns],filename"
+        if name == "groundtruth":
+            rows = [[time, x, y, z, qw, qx, qy, qz] for time, x, y, z, qx, qy, qz, qw in rows]
+            title = "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []"
+        (folder / f"{name}.txt").write_text("".join(f"{','.join(row)}\n" for row in [[title], *rows]))
+    check_read(open_scene(folder), room)
+
+
 def test_only_times_that_no_clock_shows_in_seconds_are_in_smaller_units():
     for times in ([0.0, 0.5], [1.3e9, 1.4e9], [np.nan, 3.0], []):
         np.testing.assert_array_equal(in_seconds(np.array(times)), times)
