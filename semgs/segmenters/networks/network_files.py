@@ -2,7 +2,7 @@
 
     {"size": [512, 512],                       height and width of the input in pixels, or "any" for those of the photo
      "scaling": {"mean": [0.485, 0.456, 0.406], "std": [0.229, 0.224, 0.225]},
-     "layout": "NCHW",                         or "NHWC": the order of axes, of the input and of the output
+     "layout": "NCHW",                         or "NHWC": the order of axes of the input
      "dtype": "float32",                       of the input: float32, float16, uint8 or int8
      "tensor": "decoder/add",                  optional: which output; in .tflite files also an inner tensor
      "licence": "Apache-2.0"}                  optional
