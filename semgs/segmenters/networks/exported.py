@@ -133,7 +133,8 @@ def open_exported(path: Path) -> Exported:
     if not path.is_file():
         raise InputError(path, "an exported network", "nothing")
     description = read_segmenter(described_in(path))
-    network, made_by = open_network_file(path, description.input)
+    classes = None if description.output == "class numbers" else len(description.classes)
+    network, made_by = open_network_file(path, description.input, classes)
     return Exported(path, description, network, made_by)
 
 

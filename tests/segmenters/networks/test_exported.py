@@ -293,3 +293,21 @@ def test_a_missing_library_is_named_with_its_extra(tmp_path, monkeypatch, write,
     monkeypatch.setitem(sys.modules, f"{library}.interpreter", None)
     with pytest.raises(ImportError, match=rf"pip install -e '\.\[{extra}\]'"):
         open_network(path)
+
+
+@pytest.mark.parametrize(("classes", "named"), [(NAMES, True), (NAMES[:3], False)])
+def test_if_no_output_has_a_number_per_class_and_pixel_none_can_be_named(tmp_path, classes, named):
+    """Outputs of four numbers per pixel, and of one, for four classes and for three."""
+    path = described(tmp_path / "net.onnx", classes=classes)
+    onnx_writer.write_pixelwise(
+        path, WEIGHT, BIAS, shape=(1, 3, *SIZE), outputs={"logits": "float32", "numbers": "int64"}
+    )
+    with pytest.raises(InputError) as caught:
+        open_network(path)
+    advice = str(caught.value).partition("net.onnx: ")[2]
+    if named:
+        assert advice == 'expected one output, found logits, numbers; name one in the JSON: "tensor"'
+    else:
+        assert advice.startswith(
+            "expected one output, found logits [1, 4, 4, 6], numbers [1, 4, 6]; none of them has a number for each of the 3 classes"
+        )
