@@ -72,6 +72,19 @@ LOSSY = (".jpg", ".jpeg")
 DEPTH_OF_NGP, SCALE_OF_NGP, ENABLED_OF_NGP = "depth_path", "integer_depth_scale", "enable_depth_loading"
 """instant-ngp's keys of depth, which NeRFCapture and SplaTAM use, too: z-depth in counts of so many units of the poses."""
 
+MAPS = ("depth_file_path", DEPTH_OF_NGP, "label_file_path", "mask_path", "instance_file_path")
+"""Keys of the files with maps of a frame."""
+
+LIKE_MAPS = {
+    "mask": "mask_path",
+    "depth": MAPS[0],
+    "label": MAPS[2],
+    "semantic": MAPS[2],
+    "segment": MAPS[2],
+    "instance": MAPS[4],
+}
+"""Words in keys of other programs, and the key that we read for what they mean."""
+
 
 Beside = Callable[[str], Stored | None]
 """Gives the file at a path relative to the transforms file, None if there is none."""
@@ -180,6 +193,7 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside, depth_u
         absent=tuple(absent),
         notes=(
             *notes.sentences(absent, len(listed)),
+            *_note_unread_keys(listed, names),
             *note_lacking(lost, len(listed) + len(lost), "frames have no finite pose and are left out"),
             *_note_other_splits(file),
             *about_points,
@@ -243,6 +257,27 @@ def _note_other_splits(file: Stored) -> list[str]:
     return [
         f"Only the frames of {file.name} are read, not those of {', '.join(others)}; give a file's own path to read it."
     ]
+
+
+def _note_unread_keys(listed: Sequence[Fields], names: Sequence[str]) -> list[str]:
+    """Notes about keys of frames that name a file with a mask, depth or labels, but are not among `MAPS`."""
+    found: dict[str, list[str]] = {}
+    for fields, name in zip(listed, names, strict=True):
+        for key, value in fields.values.items():
+            if key not in MAPS and isinstance(value, str) and "." in value and _read_as(key):
+                found.setdefault(key, []).append(name)
+    return [
+        sentence
+        for key, of_frames in found.items()
+        for sentence in note_lacking(
+            of_frames, len(listed), f"frames list {key}, which is not read (the key is {_read_as(key)})"
+        )
+    ]
+
+
+def _read_as(key: str) -> str | None:
+    """The key that we read for what a key of another program seems to name, None if it names no map."""
+    return next((known for word, known in LIKE_MAPS.items() if word in key.lower()), None)
 
 
 def _names(listed: Sequence[Fields]) -> list[str]:

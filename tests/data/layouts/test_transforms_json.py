@@ -649,3 +649,13 @@ def test_frames_without_a_finite_pose_are_left_out_and_counted(tmp_path: Path, p
     (folder / "transforms.json").write_text(json.dumps(content))
     with pytest.raises(InputError, match=r"frames\[0\].transform_matrix: .* not finite"):
         open_scene(folder)
+
+
+def test_maps_by_a_key_that_is_not_read_are_noted_with_the_key_that_is(tmp_path):
+    frames: list[dict[str, Any]] = [{"mask_filename": f"masks/{n}.png", "depth_unit": "metres"} for n in range(3)]
+    frames[2] |= {"semantics_path": "s/2.png", "depth_filename": "d.npy", "mask_path": None, "colour_path": "a.png"}
+    assert open_scene(write(tmp_path, {**PINHOLE, "mask_file": "all.png"}, frames)).notes == (
+        "3 of 3 frames list mask_filename, which is not read (the key is mask_path), the first is images/000.png.",
+        "1 of 3 frames list semantics_path, which is not read (the key is label_file_path), the first is images/002.png.",
+        "1 of 3 frames list depth_filename, which is not read (the key is depth_file_path), the first is images/002.png.",
+    )
