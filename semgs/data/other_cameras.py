@@ -21,6 +21,7 @@ OTHER_CAMERAS = (
     ("*.traj", b"", "ARKitScenes"),
     ("*_cam.txt", b"extrinsic", "MVSNet"),
     ("*/*_cam.txt", b"extrinsic", "MVSNet"),
+    ("*_poses.txt", b"#timestamp", "RTAB-Map (of the robot; rtabmap-export --poses_camera writes those of the camera)"),
     ("calib.txt", b"P0", "KITTI"),
     ("cameras*.npz", b"world_mat", "NeuS (IDR)"),
     ("cameras.json", b'"rotation"', "3DGS"),

@@ -65,7 +65,7 @@ class Trajectory:
     poses: np.ndarray
     places: tuple[str, ...]
     times: np.ndarray | None = None
-    ids: tuple[str, ...] | None = None
+    ids: tuple[int, ...] | None = None
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -93,7 +93,7 @@ def read_trajectory(path: Path) -> Trajectory:
         table = np.array([values for _, values in held])
         poses = poses_of_rows(path, table[:, columns.pose], places)
         times = None if columns.time is None else in_seconds(table[:, columns.time], times_per_second(path))
-        ids = None if columns.id is None else tuple(f"{one:g}" for one in table[:, columns.id])
+        ids = None if columns.id is None else tuple(map(int, np.nan_to_num(table[:, columns.id], nan=-1)))
         return Trajectory(path, poses, tuple(places), times, ids)
     if set(lengths) in ({16}, {12}):
         return Trajectory(path, np.stack([_as_motion(values) for _, values in held]), tuple(places))

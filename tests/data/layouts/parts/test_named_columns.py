@@ -54,7 +54,7 @@ def test_lines_without_time_and_files_of_one_pose_are_read_by_names_too(tmp_path
 
 def test_ids_of_frames_are_read(tmp_path: Path):
     found = trajectory(tmp_path, "#timestamp x y z qx qy qz qw id\n7.5 1 2 3 0.6 0 0 0.8 12\n8.5 1 2 3 0.6 0 0 0.8 4\n")
-    assert found.ids == ("12", "4")
+    assert found.ids == (12, 4)
     np.testing.assert_allclose(found.poses[1], TURNED, atol=1e-12)
 
 
