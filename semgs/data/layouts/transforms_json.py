@@ -30,7 +30,7 @@ from semgs.data.tables.class_files import read_class_file
 from semgs.data.tables.classes import IGNORE, ClassTable, class_table
 from semgs.files.archives import Archive, Member, members
 from semgs.files.errors import InputError, input_error
-from semgs.files.images.pictures import is_turned, read_header
+from semgs.files.images.pictures import TIFFS, is_float_tiff, is_turned, read_header
 from semgs.files.stored import Stored
 from semgs.runtime.notes import Kind, Note
 
@@ -49,7 +49,7 @@ OTHER_LENSES = ("is_fisheye", "ftheta_p0", "ftheta_p1", "ftheta_p2", "ftheta_p3"
 """instant-ngp's keys of lenses that are not pinholes."""
 
 DEPTH_UNIT = 0.001
-"""Default of nerfstudio's `depth_unit_scale_factor`: millimetres."""
+"""Default of nerfstudio's `depth_unit_scale_factor`: millimetres. Floating-point TIFF is in the unit of the poses, as we write it, unless the file has that key."""
 
 JUDGED, DENSE, ROOM_DEPTH = 3, 0.2, (0.4, 15.0)
 """If the file does not say its unit, so many depth maps are judged: lengths are metres if this share of their pixels is known, with a median between these [m]."""
@@ -67,7 +67,7 @@ NOT_METRES = Kind(
     'Lengths are not taken for metres, as the file does not say so and {doubt}; if they are, write "metric": true.',
 )
 
-DEPTHS = (".png", ".npy", ".pgm")
+DEPTHS = (".png", ".npy", ".pgm", *TIFFS)
 LOSSY = (".jpg", ".jpeg")
 DEPTH_OF_NGP, SCALE_OF_NGP, ENABLED_OF_NGP = "depth_path", "integer_depth_scale", "enable_depth_loading"
 """instant-ngp's keys of depth, which NeRFCapture and SplaTAM use, too: z-depth in counts of so many units of the poses."""
@@ -328,10 +328,10 @@ def _map(fields: Fields, key: str, kinds: Sequence[str], notes: _Notes, beside: 
 
 def _depth(fields: Fields, notes: _Notes, beside: Beside, given: float | None) -> DepthMap | None:
     """The depth of a frame, by nerfstudio's keys or by instant-ngp's; the given unit overrides theirs."""
-    unit = given or fields.positive("depth_unit_scale_factor") or DEPTH_UNIT
+    unit = given or fields.positive("depth_unit_scale_factor")
     stored = _map(fields, "depth_file_path", DEPTHS, notes, beside)
     if stored is not None:
-        return DepthMap(stored, unit)
+        return DepthMap(stored, unit or (1.0 if is_float_tiff(stored) else DEPTH_UNIT))
     stored = _map(fields, DEPTH_OF_NGP, DEPTHS, notes, beside)
     if stored is None:
         return None

@@ -659,3 +659,24 @@ def test_maps_by_a_key_that_is_not_read_are_noted_with_the_key_that_is(tmp_path)
         "1 of 3 frames list semantics_path, which is not read (the key is label_file_path), the first is images/002.png.",
         "1 of 3 frames list depth_filename, which is not read (the key is depth_file_path), the first is images/002.png.",
     )
+
+
+@pytest.mark.parametrize(
+    ("dtype", "count", "shared", "metres"),
+    [
+        (np.float32, 1.5, {}, 1.5),
+        (np.float32, 1.5, {"depth_unit_scale_factor": 0.5}, 0.75),
+        (np.uint16, 1500, {}, 1.5),
+        (np.uint16, 1500, {"depth_unit_scale_factor": 0.01}, 15),
+    ],
+)
+@pytest.mark.parametrize("ending", ["tif", "TIFF"])
+def test_depth_in_tiff_is_in_the_unit_of_the_poses_or_in_counts(tmp_path, dtype, count, shared, metres, ending):
+    depths = np.full(SIZE, count, dtype)
+    depths[0, 0] = np.nan if dtype is np.float32 else 0
+    Image.fromarray(depths).save(tmp_path / f"0.{ending}", "TIFF")
+    scene = open_scene(write(tmp_path, {**PINHOLE, **shared}, [{"depth_file_path": f"0.{ending}"}] * 3))
+    assert not any("unsupported" in note for note in scene.notes)
+    found = scene.read([1], "native").depths[0]
+    assert found[0, 0] == 0
+    assert found[0, 1:].unique().tolist() == [pytest.approx(metres)]

@@ -1,7 +1,7 @@
 """RGB-D frames in folders with poses in text files: layouts without a name of their own, in which folders are named for their content.
 
     images     color/ or rgb/ or image/ or images/; frame*.jpg of results/ (NICE-SLAM's); or 000.jpg beside 000.txt (EmbodiedScan's)
-    depth      depth/; depth*.png of results/; or 000.png beside 000.txt; or .npy or .pgm of these names. May be missing
+    depth      depth/; depth*.png of results/; or 000.png beside 000.txt; or .npy, .pgm or .tiff of these names. May be missing
     poses      pose/ or poses/ with a file per frame (a matrix, or tx ty tz qx qy qz qw); or a trajectory: traj.txt, trajectory.txt,
                poses.txt, trajectory.log (Redwood), extrinsics/ (SUN3D). All are camera to world with OpenCV axes
     intrinsics intrinsics.txt, camera-intrinsics.txt, cam_params.json and the like, here or in the folder above; or calib/ with a YAML file per
@@ -34,6 +34,7 @@ from semgs.data.maps import MILLIMETRE, DepthMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
+from semgs.files.images.pictures import TIFFS, is_float_tiff
 from semgs.files.paths import not_hidden
 from semgs.files.stored import Stored
 from semgs.files.text import natural_order
@@ -63,7 +64,7 @@ TRAJECTORIES = (
 RESULTS = "results"
 OF_FRAMES, OF_THE_CAMERA = "calib", "_camera_poses.txt"
 """RTAB-Map's folder of calibrations, and the end of the name of its poses of the camera; others are those of the robot."""
-MAPS = (".png", ".npy", ".pgm")
+MAPS = (".png", ".npy", ".pgm", *TIFFS)
 
 CALIBRATIONS = (
     "intrinsics.txt", "intrinsic.txt", "camera-intrinsics.txt", "camera_intrinsics.txt", "K.txt", "calibration.txt", "info.txt",
@@ -121,7 +122,8 @@ def open_rgbd(path: Path, details: SceneDetails) -> Scene:
     lens = given.lens if given else _lens(path, files, calibration_file)
     depths = _paired(path, files.pictures, files.depths, "depth maps") if files.depths else {}
     stated = _depth_unit(calibration_file, given is None) if calibration_file and depths else None
-    unit = details.depth_unit or stated or (MILLIMETRE if files.source else None)
+    counted = bool(files.source) and not any(map(is_float_tiff, files.depths[:1]))
+    unit = details.depth_unit or stated or (MILLIMETRE if counted else None)
     notes: list[str] = [] if files.depths else [*_unread(path)]
     if depths and unit is None:
         depths = {one: file for one, file in depths.items() if file.suffix.lower() == ".png" and fault_of_depth(file)}

@@ -21,6 +21,7 @@ from miniatures import (
 
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
+from semgs.files.images.pictures import write_tiff
 
 K = np.array([[57.5, 0, 31.5], [0, 56.25, 24.5], [0, 0, 1]])
 
@@ -215,7 +216,21 @@ def test_depth_of_a_kind_that_is_not_read_is_told(tmp_path: Path):
         file.rename(file.with_suffix(".exr"))
     scene = open_scene(folder)
     assert scene.unit == "unknown"
-    assert scene.notes == ("depth/ has files of other kinds than .png, .npy, .pgm (.exr): depth is left out.",)
+    assert scene.notes == (
+        "depth/ has files of other kinds than .png, .npy, .pgm, .tif, .tiff (.exr): depth is left out.",
+    )
+
+
+@pytest.mark.parametrize("manner", ["pose files", "Redwood"])
+def test_floating_point_tiff_has_the_unit_that_is_given(tmp_path: Path, manner: str):
+    """It is never taken for the millimetres of a data set."""
+    room = miniature(frames=3)
+    folder = MANNERS[manner](tmp_path, room)
+    for file, depths in zip(sorted((folder / "depth").iterdir()), room.depths, strict=True):
+        write_tiff(file.with_suffix(".tiff"), depths / 1000)
+        file.unlink()
+    assert "3 depth maps are left out because their unit is unknown" in open_scene(folder).notes[0]
+    check_read(open_scene(folder, depth_unit=1.0), room)
 
 
 @pytest.mark.parametrize("manner", ["quaternions and PGM", "seven a line"])
