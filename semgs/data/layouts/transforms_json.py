@@ -223,7 +223,7 @@ class _Notes:
         return [
             *note_lacking(absent, listed, "listed images are missing"),
             *note_lacking(self.reformed, listed, f"listed images have names with {OTHER_FORM}"),
-            *note_transparent(self.transparent),
+            *note_transparent(self.transparent, "mask_path of its frame"),
             *note_lacking(self.missing_maps, self.maps, "listed depth, label and mask files are missing"),
             *note_lacking(self.unread_maps, self.maps, "listed depth, label and mask files have an unsupported format"),
             *note_lacking(

@@ -174,7 +174,10 @@ def test_the_synthetic_nerf_dialect_is_read(tmp_path):
     (tmp_path / "transforms.json").rename(tmp_path / "transforms_train.json")
     scene = open_scene(tmp_path)
     assert scene.read([0], "native").images[0, :, 0, 0].tolist() == [1, 1, 1]
-    assert any("3 images have an alpha channel" in note for note in scene.notes)
+    assert (
+        "3 images have an alpha channel; transparent areas become white. To hide them, write a mask of each image (black = hidden): mask_path of its frame."
+        in scene.notes
+    )
 
 
 def test_a_transforms_file_may_be_named_itself(tmp_path):
@@ -203,6 +206,28 @@ def test_paths_of_another_computer_are_said_to_have_to_be_relative(tmp_path, fol
     with pytest.raises(InputError, match=r"found 0 .* the first missing one is") as caught:
         open_scene(tmp_path)
     assert ("make them relative to the file that lists them" in str(caught.value)) == (folder != "gone/")
+
+
+@pytest.mark.parametrize(
+    ("listed", "advice"),
+    [
+        (
+            "images/frame_0361.png{}.png",
+            "the first missing one is images/frame_0361.png0.png. Its folder has 3 other images, from 000.png to 002.png: correct the names in the file",
+        ),
+        ("gone/{}.png", "the first missing one is gone/0.png"),
+        ("empty/{}.png", "the first missing one is empty/0.png"),
+    ],
+)
+def test_of_missing_images_the_ones_that_are_there_are_named(tmp_path, listed, advice):
+    """As Blender's file output may add a number behind a name that ends in .png."""
+    (tmp_path / "empty").mkdir()
+    folder = write(tmp_path, PINHOLE, [{"file_path": listed.format(index)} for index in range(3)])
+    with pytest.raises(InputError) as caught:
+        open_scene(folder)
+    said = str(caught.value).partition("without their image); ")[2]
+    assert said.startswith(advice)
+    assert ("correct the names" in said) == ("images/" in listed)
 
 
 def test_one_picture_is_not_a_scene(tmp_path):

@@ -544,7 +544,9 @@ def test_a_bag_without_the_topics_lists_what_there_is(tmp_path: Path):
     bag.transform(times(FEW)[0], "lidar", "imu", FEW.poses[0], "/tf_static")
     assert f"found TF of other frames, none of {OPTICAL}; a bag needs" in refused(bag, tmp_path / "other")
     bag.transform(times(FEW)[0], "mount", OPTICAL, FEW.poses[0], "/tf_static")
-    assert f"found TF from the camera up: {OPTICAL} < mount, which never moves; a bag" in refused(bag, tmp_path / "still")
+    assert f"found TF from the camera up: {OPTICAL} < mount, which never moves; a bag" in refused(
+        bag, tmp_path / "still"
+    )
     bag = robot(FEW)
     bag.messages = [one for one in bag.messages if one[1] != INFO]
     line = refused(bag, tmp_path / "c")
