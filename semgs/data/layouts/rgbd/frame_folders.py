@@ -122,8 +122,8 @@ def open_rgbd(path: Path, details: SceneDetails) -> Scene:
     lens = given.lens if given else _lens(path, files, calibration_file)
     depths = _paired(path, files.pictures, files.depths, "depth maps") if files.depths else {}
     stated = _depth_unit(calibration_file, given is None) if calibration_file and depths else None
-    counted = bool(files.source) and not any(map(is_float_tiff, files.depths[:1]))
-    unit = details.depth_unit or stated or (MILLIMETRE if counted else None)
+    counts = None if any(map(is_float_tiff, files.depths[:1])) else stated or (MILLIMETRE if files.source else None)
+    unit = details.depth_unit or counts
     notes: list[str] = [] if files.depths else [*_unread(path)]
     if depths and unit is None:
         depths = {one: file for one, file in depths.items() if file.suffix.lower() == ".png" and fault_of_depth(file)}

@@ -28,6 +28,7 @@ from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
+from semgs.files.images.pictures import is_float_tiff
 
 LAYOUT = "TUM RGB-D"
 DETAILS = ("intrinsics", "depth_unit")
@@ -72,9 +73,8 @@ def open_tum(path: Path, details: SceneDetails) -> Scene:
     if (path / DEPTH).is_file():
         depth_times, depths = _listed(path / DEPTH)
         mapped = associate(times, depth_times)
-    unit = details.depth_unit or 1 / COUNTS_PER_METRE
     maps = {
-        index: DepthMap(file, unit)
+        index: DepthMap(file, details.depth_unit or (1.0 if is_float_tiff(file) else 1 / COUNTS_PER_METRE))
         for index, other in mapped.items()
         if (file := named_file(path / DEPTH, path, depths[other])).is_file()
     }

@@ -221,11 +221,15 @@ def test_depth_of_a_kind_that_is_not_read_is_told(tmp_path: Path):
     )
 
 
-@pytest.mark.parametrize("manner", ["pose files", "Redwood"])
+@pytest.mark.parametrize("manner", ["pose files", "Redwood", "stated"])
 def test_floating_point_tiff_has_the_unit_that_is_given(tmp_path: Path, manner: str):
-    """It is never taken for the millimetres of a data set."""
+    """It is never taken for the counts of a data set, or of a file of intrinsics."""
     room = miniature(frames=3)
-    folder = MANNERS[manner](tmp_path, room)
+    folder = MANNERS["pose files" if manner == "stated" else manner](tmp_path, room)
+    if manner == "stated":
+        (folder / "intrinsics.txt").unlink()
+        camera = {"w": 64, "h": 48, "fx": 57.5, "fy": 56.25, "cx": 31.5, "cy": 24.5, "scale": 1000.0}
+        (folder / "cam_params.json").write_text(json.dumps({"camera": camera}))
     for file, depths in zip(sorted((folder / "depth").iterdir()), room.depths, strict=True):
         write_tiff(file.with_suffix(".tiff"), depths / 1000)
         file.unlink()

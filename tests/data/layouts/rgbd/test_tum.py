@@ -11,6 +11,7 @@ from miniatures import Miniature, back_projected, check_projection, check_read, 
 from semgs.data.layouts.parts.association import associate, in_seconds
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
+from semgs.files.images.pictures import write_tiff
 
 START = 1311868164.363181
 
@@ -57,6 +58,16 @@ def test_a_point_is_where_the_benchmarks_formula_puts_it(tmp_path: Path):
     check_projection(
         scene, 2, back_projected(room.poses[2], (32.5, 31.0), (30.5, 24.5), (30, 50), depth), (30, 50), depth
     )
+
+
+def test_depth_in_floating_point_tiff_is_in_metres(tmp_path: Path):
+    room = miniature()
+    folder = write_tum(tmp_path, room)
+    for file, depths in zip(sorted((folder / "depth").iterdir()), room.depths, strict=True):
+        write_tiff(file.with_suffix(".tiff"), depths / 1000)
+        file.unlink()
+    (folder / "depth.txt").write_text((folder / "depth.txt").read_text().replace(".png", ".tiff"))
+    check_read(open_scene(folder), room)
 
 
 def test_without_a_calibration_the_drivers_defaults_are_taken_and_told(tmp_path: Path):
