@@ -78,6 +78,16 @@ def times_per_second(path: Path) -> float | None:
     return next((_PER_SECOND[unit[1].lower()] for unit in units if unit), None)
 
 
+def notes_on_names(path: Path) -> tuple[str, ...]:
+    """A note if columns are named as EuRoC and TUM VI name the poses of their IMU."""
+    if not any("p_rs_" in line.lower() for _, line in read_comments(path)):
+        return ()
+    return (
+        f"Poses in {path.name} are taken for the camera's. Its columns are named as those of EuRoC and TUM VI, whose poses are the IMU's: if so, multiply them by T_BS of "
+        "the camera.",
+    )
+
+
 def _meaning(word: str) -> str:
     """What a name of a column means: "time", "id", a part of `POSE`, or "" for anything else."""
     word = word.lower()

@@ -26,6 +26,7 @@ import numpy as np
 from semgs.data.cameras.lens import HALF, Lens
 from semgs.data.layouts.parts.association import associate
 from semgs.data.layouts.parts.calibrations import YAML, Calibration, calibration_from_details, read_calibration
+from semgs.data.layouts.parts.named_columns import notes_on_names
 from semgs.data.layouts.parts.readable_depths import fault_of_depth
 from semgs.data.layouts.parts.sentences import note_lacking
 from semgs.data.layouts.parts.trajectories import FoundPose, Trajectory, read_pose, read_trajectory
@@ -136,6 +137,8 @@ def open_rgbd(path: Path, details: SceneDetails) -> Scene:
         used = {pose.path for pose in poses.values() if pose is not None}
         lone = [str(one.relative_to(path)) for one in files.poses if one not in used]
         notes += note_lacking(lone, len(files.poses), "poses have no image")
+    else:
+        notes += notes_on_names(files.poses)
     return ShotList(
         path=path,
         layout=LAYOUT,

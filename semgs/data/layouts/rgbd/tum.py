@@ -20,7 +20,7 @@ from semgs.data.cameras.lens import HALF
 from semgs.data.confined import named_file
 from semgs.data.layouts.parts.association import associate, in_seconds
 from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details, read_calibration
-from semgs.data.layouts.parts.named_columns import times_per_second
+from semgs.data.layouts.parts.named_columns import notes_on_names, times_per_second
 from semgs.data.layouts.parts.text_numbers import read_lines
 from semgs.data.layouts.parts.trajectories import read_trajectory
 from semgs.data.layouts.parts.usable_frames import Shot, ShotList, sequence_name
@@ -89,7 +89,7 @@ def open_tum(path: Path, details: SceneDetails) -> Scene:
         lens=calibration.lens,
         name=sequence_name(path),
         unit="metric",
-        notes=why,
+        notes=[*why, *notes_on_names(path / POSES)],
     ).scene()
 
 

@@ -340,6 +340,17 @@ def test_frames_of_rtabmap_are_paired_by_id_and_have_their_own_intrinsics(tmp_pa
     assert open_scene(folder, intrinsics=(50.0, 50.0, 32.0, 24.0)).frames[0].lens.focal == (50, 50)
 
 
+def test_a_trajectory_named_as_eurocs_is_read_with_a_note(tmp_path: Path):
+    room = miniature()
+    folder = seven_a_line(tmp_path, room)
+    (folder / "traj.txt").write_text(
+        "# p_RS_R_x p_RS_R_y p_RS_R_z q_RS_x q_RS_y q_RS_z q_RS_w\n" + (folder / "traj.txt").read_text()
+    )
+    scene = open_scene(folder, depth_unit=0.001)
+    check_read(scene, room)
+    assert "Poses in traj.txt are taken for the camera's." in scene.notes[0]
+
+
 def test_poses_of_rtabmaps_robot_are_no_cameras(tmp_path: Path):
     with pytest.raises(
         InputError, match=r"rtabmap_poses\.txt has cameras of RTAB-Map \(of the robot; .*--poses_camera"

@@ -161,7 +161,10 @@ def test_poses_named_as_in_euroc_and_tum_vi_are_the_same(tmp_path: Path):
             rows = [[time, x, y, z, qw, qx, qy, qz] for time, x, y, z, qx, qy, qz, qw in rows]
             title = "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []"
         (folder / f"{name}.txt").write_text("".join(f"{','.join(row)}\n" for row in [[title], *rows]))
-    check_read(open_scene(folder), room)
+    scene = open_scene(folder)
+    check_read(scene, room)
+    assert [note.split(".")[0] for note in scene.notes] == ["Poses in groundtruth"]
+    assert scene.notes[0].endswith("whose poses are the IMU's: if so, multiply them by T_BS of the camera.")
 
 
 def test_only_times_that_no_clock_shows_in_seconds_are_in_smaller_units():
