@@ -20,7 +20,7 @@ from semgs.data.resampling import kept_window, nearest
 from semgs.data.tables.classes import IGNORE, ClassTable
 from semgs.files.arrays import read_map
 from semgs.files.errors import InputError
-from semgs.files.images.pictures import read_numbers, read_uint8, read_uint16, read_visible
+from semgs.files.images.pictures import TIFFS, read_numbers, read_tiff, read_uint8, read_uint16, read_visible
 from semgs.files.stored import Stored
 from semgs.geometry.cameras import Cameras, writable
 
@@ -104,7 +104,7 @@ class MapSource(Protocol):
 @final
 @dataclass(frozen=True)
 class DepthMap:
-    """Z-depths in a file: 16-bit PNG or PGM, or `.npy`.
+    """Z-depths in a file: 16-bit PNG or PGM, `.npy`, or TIFF of 16 bits or floating-point numbers.
 
     Attributes:
         path: the file.
@@ -150,7 +150,10 @@ class DepthMap:
 
     def _counts(self) -> Num[np.ndarray, "rows columns"]:
         """The stored counts."""
-        if self.path.suffix.lower() != ".npy":
+        ending = self.path.suffix.lower()
+        if ending in TIFFS:
+            return read_tiff(self.path)
+        if ending != ".npy":
             counts = read_uint16(self.path)
             return (counts >> 3) | (counts << 13) if self.rotated else counts
         counts = read_map(self.path)

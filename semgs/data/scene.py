@@ -6,13 +6,14 @@ import operator
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path, PureWindowsPath
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Literal
 
 import numpy as np
 
 from semgs.data.bounds.depth_range import DepthRange, depth_range
 from semgs.data.bounds.parallax import FrameFeatures
+from semgs.data.confined import may_read
 from semgs.data.frames import Frame
 from semgs.data.maps import Pixels
 from semgs.data.origin.labeller import Labeller
@@ -22,6 +23,8 @@ from semgs.data.tables.classes import ClassTable
 from semgs.data.views import FAR_OUT, INDOOR_DEPTH_RANGE, Views, joined
 from semgs.files.errors import InputError, input_error
 from semgs.files.images.notebook import MOST, Strip, html, subsample
+from semgs.files.paths import not_hidden
+from semgs.files.text import counted, natural_order
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.summaries import describe
 
@@ -79,7 +82,7 @@ class Scene:
                 self.path,
                 "at least two usable frames",
                 f"{len(self.frames)} ({listed} listed, {len(self.absent)} without their image)",
-                advice=f"the first missing one is {self.absent[0]}{_of_elsewhere(self.absent[0])}"
+                advice=f"the first missing one is {self.absent[0]}{_of_elsewhere(self.absent[0]) or _beside(self.path, self.absent[0])}"
                 if self.absent
                 else None,
             )
@@ -262,6 +265,25 @@ def _of_elsewhere(name: str) -> str:
         if absolute
         else ""
     )
+
+
+def _beside(path: Path, name: str) -> str:
+    """What to do about a missing file in whose folder are others of its kind; "" if there are none.
+
+    Args:
+        path: the file or folder that describes the scene.
+        name: of the missing file, as listed.
+    """
+    folder = (path if path.is_dir() else path.parent) / PurePosixPath(name).parent
+    if path.suffix.lower() == ".zip" or not may_read(folder) or not folder.is_dir():
+        return ""
+    kinds = {PurePosixPath(name).suffix.lower() or ".png", ".png", ".jpg"}
+    others = sorted(
+        (one.name for one in not_hidden(folder.iterdir()) if one.suffix.lower() in kinds), key=natural_order
+    )
+    if not others:
+        return ""
+    return f". Its folder has {counted(len(others), 'other image')}, from {others[0]} to {others[-1]}: correct the names in the file that lists them"
 
 
 def _wanted(frames: Sequence[Frame], size: Sequence[int] | Literal["native"] | None) -> Sequence[int] | None:

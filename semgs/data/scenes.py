@@ -19,7 +19,14 @@ from semgs.data.layouts.rgbd import frame_folders as rgbd
 from semgs.data.layouts.ros import bag_scene as ros
 from semgs.data.layouts.scannet import scannet_scan as scannet
 from semgs.data.layouts.scannetpp import scannetpp_scan as scannetpp
-from semgs.data.other_cameras import MAP_FOLDERS, cameras_beside, stray_scanner_clip
+from semgs.data.other_cameras import (
+    AS_LOG,
+    MAP_FOLDERS,
+    OPEN3D,
+    arrays_inside,
+    cameras_beside,
+    stray_scanner_clip,
+)
 from semgs.data.paper_variants import check_applicable, check_readings
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails, Unit
@@ -325,10 +332,9 @@ def _hint(path: Path) -> str:
     others = cameras_beside([path, *([path.parent] if _kinds(path).intersection(PICTURES) else [])]) if pictures else []
     if others:
         file, program = others[0]
-        return (
-            f"{file} has cameras of {program}, which are not read: write them as transforms.json (docs/conventions.md), or as a reader of your own in ten "
-            "lines (docs/data.md); semgs poses estimates cameras anew"
-        )
+        remedy = "write them as transforms.json (docs/conventions.md), or as a reader of your own in ten lines (docs/data.md)"
+        remedy = AS_LOG if program == OPEN3D else remedy
+        return f"{file} has cameras of {program}, which are not read: {remedy}; semgs poses estimates cameras anew"
     if _kinds(path).intersection(PICTURES) or len(below) == 1:
         return "images alone have no poses; semgs poses FOLDER OUT estimates them, and OUT is a scene"
     if below:
@@ -337,7 +343,9 @@ def _hint(path: Path) -> str:
         _kinds(place).intersection(VIDEOS) for place in files if place.is_dir()
     ):
         return _NO_VIDEOS
-    return "docs/data.md lists the known ones" if files else "the folder is empty"
+    if not files:
+        return "the folder is empty"
+    return arrays_inside(path) or "docs/data.md lists the known ones"
 
 
 def _packed_recording(path: Path) -> Path | None:

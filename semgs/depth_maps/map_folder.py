@@ -5,6 +5,7 @@
     DIR/color/0.npz             one array, or
     DIR/color/0.exr             a channel named Z, Y or R, or the only one, or
     DIR/color/0.png             16 bits, 0 and 65535 unknown
+    DIR/color/0.tiff            the same, or floating-point numbers
     DIR/0.npy, ...              the same, if no other frame of the scene has that file name without its ending
 
 A map covers the whole photo as it is stored, distortion included, and may have another size with the same aspect. NaN, infinity and, in depths,
@@ -31,14 +32,15 @@ from semgs.depth_maps.depth_source import Meaning
 from semgs.files.arrays import without_channel
 from semgs.files.errors import InputError
 from semgs.files.extras import needs_extra
-from semgs.files.images.pictures import MOST_PIXELS, read_uint16
+from semgs.files.images.pictures import MOST_PIXELS, TIFFS, read_tiff, read_uint16
 from semgs.files.records import make_record
 from semgs.files.stored import stored
 from semgs.files.strict_json import read_json
 from semgs.segmenters.class_map_files import MadeBy, file_of, only_array, stems_of
 
 RECORD = "depth.json"
-ENDINGS = (".npy", ".npz", ".exr", ".png")
+COUNTED = (".png", *TIFFS)
+ENDINGS = (".npy", ".npz", ".exr", *COUNTED)
 CHANNELS = ("Z", "Y", "R")
 DEPTH_OF_LAYERS = (".Z", ".Depth.V")
 """How the channel of depth is called in files of several layers, as Blender writes them."""
@@ -53,7 +55,7 @@ class MapRecord:
 
     Attributes:
         meaning: of the numbers.
-        unit: metres per number, if they are metric; None for metres, and millimetres in PNG files.
+        unit: metres per number, if they are metric; None for metres, and millimetres in PNG and TIFF files of 16 bits.
         licence: of the maps, or of the network that predicted them.
     """
 
@@ -117,8 +119,8 @@ class MapFolder:
 
     def _values(self, path: Path) -> Float32[np.ndarray, "rows columns"]:
         """The numbers in a file, in metres if they are metric; NaN where unknown."""
-        if path.suffix == ".png":
-            values = read_uint16(path)
+        if path.suffix in COUNTED:
+            values = read_uint16(path) if path.suffix == ".png" else read_tiff(path)
         else:
             expected = "one array of numbers [height width]"
             values = _read_exr(path) if path.suffix == ".exr" else only_array(path, expected)
@@ -127,7 +129,7 @@ class MapFolder:
                 raise InputError(path, expected, f"{values.shape}")
         unit = self.record.unit
         if unit is None:
-            unit = MILLIMETRE if path.suffix == ".png" else 1.0
+            unit = MILLIMETRE if path.suffix in COUNTED and values.dtype == np.uint16 else 1.0
         factor = unit if self.meaning == "metric" else 1.0
         numbers = values.astype(np.float32) * np.float32(factor)
         is_depth = self.meaning != "inverse" or values.dtype == np.uint16

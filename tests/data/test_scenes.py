@@ -152,6 +152,16 @@ def test_frames_that_are_not_there_are_refused(folder, frames, message):
             "this is a result of semgs reconstruct; semgs view, render, query and export open it",
         ),
         (["notes.txt"], "docs/data.md lists the known ones"),
+        (
+            ["depth.npy", "poses.npz"],
+            "depth.npy, poses.npz are arrays, which are not read; load them and give them to semgs.Views.from_arrays (docs/examples/arrays_in.md)",
+        ),
+        (
+            ["disps.npy", "images.npy", "intrinsics.npy", "poses.npy", "tstamps.npy"],
+            "disps.npy, images.npy, intrinsics.npy, poses.npy, tstamps.npy are arrays of DROID-SLAM, which are not read; load them and give them to "
+            "semgs.Views.from_arrays (docs/examples/arrays_in.md): its poses are world to camera (t, then x, y, z, w), its intrinsics for images of 1/8 of the size, "
+            "and its images BGR",
+        ),
     ],
 )
 def test_an_unknown_layout_gets_the_likeliest_remedy_on_one_line(tmp_path, files, remedy):
@@ -162,6 +172,18 @@ def test_an_unknown_layout_gets_the_likeliest_remedy_on_one_line(tmp_path, files
         open_scene(tmp_path)
     assert str(caught.value) == f"{tmp_path}: expected a scene, found no known layout; {remedy}"
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
+
+
+@pytest.mark.parametrize(("kind", "named"), [("PinholeCameraTrajectory", True), ("PinholeCameraIntrinsic", False)])
+def test_cameras_of_open3d_are_named_with_the_form_that_is_read(tmp_path, kind, named):
+    for name in ("color/0.jpg", "depth/0.png"):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).touch()
+    (tmp_path / "camera_trajectory.json").write_text(json.dumps({"class_name": kind, "parameters": []}))
+    with pytest.raises(InputError) as caught:
+        open_scene(tmp_path)
+    said = "camera_trajectory.json has cameras of Open3D, which are not read: write them as trajectory.log "
+    assert (said in str(caught.value)) == named
 
 
 def test_a_file_without_a_known_layout_is_refused(tmp_path):

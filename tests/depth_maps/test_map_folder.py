@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 from known_scenes import write_scene
+from PIL import Image
 
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
@@ -39,13 +40,15 @@ def write(path: Path, values: np.ndarray) -> None:
         np.savez_compressed(path, depth=values)
     elif path.suffix == ".png":
         write_png(path, values)
+    elif path.suffix == ".tiff":
+        Image.fromarray(values).save(path)
     else:
         OpenEXR = pytest.importorskip("OpenEXR")
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
         OpenEXR.File(header, {"Z": values}).write(str(path))
 
 
-@pytest.mark.parametrize("ending", [".npy", ".npz", ".exr"])
+@pytest.mark.parametrize("ending", [".npy", ".npz", ".exr", ".tiff"])
 def test_numbers_come_as_they_are_and_what_is_no_depth_is_unknown(scene: Scene, folder: Path, ending: str):
     values = RAMP.copy()
     values[0, :3] = np.nan, -1, 0
@@ -70,10 +73,11 @@ def test_an_openexr_image_of_too_many_numbers_is_not_read(scene: Scene, folder: 
         open_map_folder(folder, scene, "metric").of(scene.frames[0], SIZE)
 
 
-def test_counts_are_millimetres_or_in_the_stated_unit(scene: Scene, folder: Path):
+@pytest.mark.parametrize("ending", [".png", ".tiff"])
+def test_counts_are_millimetres_or_in_the_stated_unit(scene: Scene, folder: Path, ending: str):
     counts = np.full(SIZE, 1500, np.uint16)
     counts[0, :2] = 0, 65535
-    write(folder / "000.png", counts)
+    write(folder / f"000{ending}", counts)
     (folder / "depth.json").write_text(json.dumps({"meaning": "metric"}))
     found = open_map_folder(folder, scene, None).of(scene.frames[0], SIZE)
     assert found[0, :2].isnan().all()

@@ -21,15 +21,18 @@ from semgs.files.images.pictures import (
     _check_scans,
     decode_png,
     decode_rgb,
+    is_float_tiff,
     png_bytes,
     read_grey,
     read_header,
     read_optics,
     read_rgb,
+    read_tiff,
     read_uint8,
     read_uint16,
     read_upright,
     write_png,
+    write_tiff,
 )
 
 HEIGHT, WIDTH = 24, 37
@@ -558,3 +561,49 @@ def test_transparent_colours_beyond_a_palette_are_damage(tmp_path: Path):
     (tmp_path / "a.png").write_bytes(data)
     with pytest.raises(InputError, match=r"a\.png: expected a palette and transparent colours that fit it"):
         read_rgb(tmp_path / "a.png")
+
+
+def test_depth_in_tiff_is_read_as_it_was_written(tmp_path):
+    """What we write, counts of either order of bytes, and compressed ones."""
+    values = np.linspace(0.5, 4.5, 20, dtype=np.float32).reshape(4, 5)
+    write_tiff(tmp_path / "own.tiff", values)
+    np.testing.assert_array_equal(read_tiff(tmp_path / "own.tiff"), values)
+    Image.fromarray(values).save(tmp_path / "packed.tiff", compression="tiff_adobe_deflate")
+    np.testing.assert_array_equal(read_tiff(tmp_path / "packed.tiff"), values)
+    counts = np.arange(20, dtype=np.uint16).reshape(4, 5) * 3000
+    Image.fromarray(counts).save(tmp_path / "counts.tif")
+    Image.frombytes("I;16B", (5, 4), counts.astype(">u2").tobytes()).save(tmp_path / "big.tif")
+    for name in ("counts.tif", "big.tif"):
+        found = read_tiff(tmp_path / name)
+        assert found.dtype == np.uint16
+        np.testing.assert_array_equal(found, counts)
+    names = ("own.tiff", "counts.tif", "none.tiff", "own.npy")
+    assert [is_float_tiff(tmp_path / name) for name in names] == [True, False, False, False]
+
+
+def test_other_tiffs_are_no_depth(tmp_path):
+    path = tmp_path / "a.tiff"
+    expected = "expected a TIFF of one channel, of 16 bits or of floating-point numbers, found one of mode"
+    for values, mode in ((np.zeros((4, 5, 3), np.uint8), "RGB"), (np.zeros((4, 5), np.uint8), "L")):
+        Image.fromarray(values).save(path)
+        with pytest.raises(InputError, match=f"{expected} {mode}"):
+            read_tiff(path)
+    path.write_bytes(b"no TIFF")
+    with pytest.raises(InputError, match="expected a TIFF image, found something else or a damaged header"):
+        read_tiff(path)
+
+
+def test_a_damaged_tiff_is_refused_or_read_without_warnings(tmp_path):
+    """Every byte of the header and its tags is changed, and the file is cut everywhere."""
+    path = tmp_path / "a.tiff"
+    Image.fromarray(np.ones((3, 4), np.float32)).save(path)
+    whole, refused = path.read_bytes(), 0
+    variants = [whole[:place] + bytes([255 - whole[place]]) + whole[place + 1 :] for place in range(len(whole))]
+    for data in (*variants, *(whole[:length] for length in range(len(whole)))):
+        path.write_bytes(data)
+        try:
+            read_tiff(path)
+        except InputError:
+            refused += 1
+        is_float_tiff(path)
+    assert refused > len(whole)

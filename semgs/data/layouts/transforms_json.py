@@ -30,7 +30,7 @@ from semgs.data.tables.class_files import read_class_file
 from semgs.data.tables.classes import IGNORE, ClassTable, class_table
 from semgs.files.archives import Archive, Member, members
 from semgs.files.errors import InputError, input_error
-from semgs.files.images.pictures import is_turned, read_header
+from semgs.files.images.pictures import TIFFS, is_float_tiff, is_turned, read_header
 from semgs.files.stored import Stored
 from semgs.runtime.notes import Kind, Note
 
@@ -49,7 +49,7 @@ OTHER_LENSES = ("is_fisheye", "ftheta_p0", "ftheta_p1", "ftheta_p2", "ftheta_p3"
 """instant-ngp's keys of lenses that are not pinholes."""
 
 DEPTH_UNIT = 0.001
-"""Default of nerfstudio's `depth_unit_scale_factor`: millimetres."""
+"""Default of nerfstudio's `depth_unit_scale_factor`: millimetres. Floating-point TIFF is in the unit of the poses, as we write it, unless the file has that key."""
 
 JUDGED, DENSE, ROOM_DEPTH = 3, 0.2, (0.4, 15.0)
 """If the file does not say its unit, so many depth maps are judged: lengths are metres if this share of their pixels is known, with a median between these [m]."""
@@ -67,10 +67,23 @@ NOT_METRES = Kind(
     'Lengths are not taken for metres, as the file does not say so and {doubt}; if they are, write "metric": true.',
 )
 
-DEPTHS = (".png", ".npy", ".pgm")
+DEPTHS = (".png", ".npy", ".pgm", *TIFFS)
 LOSSY = (".jpg", ".jpeg")
 DEPTH_OF_NGP, SCALE_OF_NGP, ENABLED_OF_NGP = "depth_path", "integer_depth_scale", "enable_depth_loading"
 """instant-ngp's keys of depth, which NeRFCapture and SplaTAM use, too: z-depth in counts of so many units of the poses."""
+
+MAPS = ("depth_file_path", DEPTH_OF_NGP, "label_file_path", "mask_path", "instance_file_path")
+"""Keys of the files with maps of a frame."""
+
+LIKE_MAPS = {
+    "mask": "mask_path",
+    "depth": MAPS[0],
+    "label": MAPS[2],
+    "semantic": MAPS[2],
+    "segment": MAPS[2],
+    "instance": MAPS[4],
+}
+"""Words in keys of other programs, and the key that we read for what they mean."""
 
 
 Beside = Callable[[str], Stored | None]
@@ -180,6 +193,7 @@ def _scene(path: Path, file: Stored, name_of_scene: str, beside: Beside, depth_u
         absent=tuple(absent),
         notes=(
             *notes.sentences(absent, len(listed)),
+            *_note_unread_keys(listed, names),
             *note_lacking(lost, len(listed) + len(lost), "frames have no finite pose and are left out"),
             *_note_other_splits(file),
             *about_points,
@@ -209,7 +223,7 @@ class _Notes:
         return [
             *note_lacking(absent, listed, "listed images are missing"),
             *note_lacking(self.reformed, listed, f"listed images have names with {OTHER_FORM}"),
-            *note_transparent(self.transparent),
+            *note_transparent(self.transparent, "mask_path of its frame"),
             *note_lacking(self.missing_maps, self.maps, "listed depth, label and mask files are missing"),
             *note_lacking(self.unread_maps, self.maps, "listed depth, label and mask files have an unsupported format"),
             *note_lacking(
@@ -243,6 +257,27 @@ def _note_other_splits(file: Stored) -> list[str]:
     return [
         f"Only the frames of {file.name} are read, not those of {', '.join(others)}; give a file's own path to read it."
     ]
+
+
+def _note_unread_keys(listed: Sequence[Fields], names: Sequence[str]) -> list[str]:
+    """Notes about keys of frames that name a file with a mask, depth or labels, but are not among `MAPS`."""
+    found: dict[str, list[str]] = {}
+    for fields, name in zip(listed, names, strict=True):
+        for key, value in fields.values.items():
+            if key not in MAPS and isinstance(value, str) and "." in value and _read_as(key):
+                found.setdefault(key, []).append(name)
+    return [
+        sentence
+        for key, of_frames in found.items()
+        for sentence in note_lacking(
+            of_frames, len(listed), f"frames list {key}, which is not read (the key is {_read_as(key)})"
+        )
+    ]
+
+
+def _read_as(key: str) -> str | None:
+    """The key that we read for what a key of another program seems to name, None if it names no map."""
+    return next((known for word, known in LIKE_MAPS.items() if word in key.lower()), None)
 
 
 def _names(listed: Sequence[Fields]) -> list[str]:
@@ -293,10 +328,10 @@ def _map(fields: Fields, key: str, kinds: Sequence[str], notes: _Notes, beside: 
 
 def _depth(fields: Fields, notes: _Notes, beside: Beside, given: float | None) -> DepthMap | None:
     """The depth of a frame, by nerfstudio's keys or by instant-ngp's; the given unit overrides theirs."""
-    unit = given or fields.positive("depth_unit_scale_factor") or DEPTH_UNIT
+    unit = given or fields.positive("depth_unit_scale_factor")
     stored = _map(fields, "depth_file_path", DEPTHS, notes, beside)
     if stored is not None:
-        return DepthMap(stored, unit)
+        return DepthMap(stored, unit or (1.0 if is_float_tiff(stored) else DEPTH_UNIT))
     stored = _map(fields, DEPTH_OF_NGP, DEPTHS, notes, beside)
     if stored is None:
         return None

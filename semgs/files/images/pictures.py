@@ -1,4 +1,4 @@
-"""Images: JPEG, PNG and HEIC (and PGM for depth) to arrays, and arrays to PNG and JPEG.
+"""Images: JPEG, PNG and HEIC (and PGM and TIFF for depth) to arrays, and arrays to PNG and JPEG.
 
 All images become 8-bit RGB: 16 bits are rounded to 8, grey is repeated, palettes are looked up, and transparent areas become white (as
 NeRF's synthetic scenes expect). Ambiguous files are refused: CMYK, truncated images, and an EXIF rotation that the camera's size neither
@@ -14,6 +14,7 @@ import struct
 import warnings
 import zlib
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,8 @@ from semgs.files.images.heic import is_heic, open_heic
 from semgs.files.stored import Stored, stored
 
 FORMATS = ("JPEG", "PNG")
+TIFFS = (".tif", ".tiff")
+"""Endings of TIFF files, in lower case."""
 
 MOST_PIXELS = 1 << 26
 """Larger images are not decoded: 67 megapixels, 0.8 GB as float32."""
@@ -71,6 +74,8 @@ _DAMAGE = (
     IndexError,
     OverflowError,
     RuntimeError,
+    TypeError,
+    KeyError,
     struct.error,
     zlib.error,
     Image.DecompressionBombError,
@@ -293,6 +298,38 @@ def read_uint16(path: str | Stored) -> np.ndarray:
     return _typed(read_numbers(path), path, np.uint16, "a 16-bit PNG of one channel")
 
 
+def read_tiff(path: str | Stored) -> np.ndarray:
+    """A depth map: a TIFF of one channel and one page, uint16 or float32 [h w].
+
+    Raises:
+        InputError: it is missing, truncated, or something else.
+    """
+    with _opened_tiff(path) as image:
+        _decode(path, image)
+        if image.mode not in (*_SIXTEEN_BITS, "F"):
+            expected = "a TIFF of one channel, of 16 bits or of floating-point numbers"
+            raise InputError(path, expected, f"one of mode {image.mode}")
+        return np.asarray(image).astype(np.float32 if image.mode == "F" else np.uint16)
+
+
+def is_float_tiff(path: Stored) -> bool:
+    """Whether a file is a TIFF of floating-point numbers; a damaged one is not."""
+    if path.suffix.lower() not in TIFFS:
+        return False
+    with suppress(InputError), _opened_tiff(path) as image:
+        return image.mode == "F"
+    return False
+
+
+@contextmanager
+def _opened_tiff(path: str | Stored) -> Iterator[Image.Image]:
+    """A TIFF with only its header read."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about the header
+        with _opened(path, read_bytes(path, "an image"), ("TIFF",), "a TIFF image") as image:
+            yield image
+
+
 def _pgm_counts(path: str | Stored, data: bytes) -> np.ndarray:
     """The counts of a PGM, uint16 [h w]. https://netpbm.sourceforge.net/doc/pgm.html"""
     header = _PGM.match(data)
@@ -460,7 +497,12 @@ def jpeg_bytes(array: np.ndarray, quality: int) -> bytes:
     return buffer.getvalue()
 
 
-def _opened(path: str | Stored, data: bytes | None = None) -> Image.Image:
+def _opened(
+    path: str | Stored,
+    data: bytes | None = None,
+    formats: tuple[str, ...] = FORMATS,
+    expected: str = "a JPEG or PNG image",
+) -> Image.Image:
     """The image with only its header read."""
     file = stored(path)
     if data is None and not file.is_file():
@@ -470,14 +512,14 @@ def _opened(path: str | Stored, data: bytes | None = None) -> Image.Image:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # our own limit below is lower
-            image = Image.open(str(file) if data is None else io.BytesIO(data), formats=FORMATS)
+            image = Image.open(str(file) if data is None else io.BytesIO(data), formats=formats)
     except UnidentifiedImageError as error:
-        data = read_bytes(file, "a JPEG or PNG image") if data is None else data
-        if not is_heic(data):
-            raise InputError(path, "a JPEG or PNG image", "something else or a damaged header") from error
+        data = read_bytes(file, expected) if data is None else data
+        if formats is not FORMATS or not is_heic(data):
+            raise InputError(path, expected, "something else or a damaged header") from error
         image = open_heic(path, data)
     except _DAMAGE as error:
-        raise InputError(path, "a JPEG or PNG image", str(error)) from error
+        raise InputError(path, expected, str(error)) from error
     if image.width * image.height > MOST_PIXELS:
         image.close()
         raise InputError(path, f"an image of at most {MOST_PIXELS:,} pixels", f"{image.width}x{image.height}")

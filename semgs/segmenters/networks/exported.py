@@ -53,22 +53,21 @@ class Description:
         """
         count = len(self.classes)
         if self.output == "class numbers":
-            alone = (
-                found.shape[:-2] if self.input.layout == "NCHW" or found.ndim < 4 else (found.shape[0], found.shape[3])
-            )
-            if found.ndim < 2 or found.dtype.kind not in "iu" or any(side != 1 for side in alone):
+            maps = found if found.ndim == 4 else found.reshape(1, -1, *found.shape[-2:]) if found.ndim > 1 else None
+            maps = None if maps is None else self._channels_first(maps, 1)
+            if maps is None or found.dtype.kind not in "iu":
                 raise ValueError(f"{found.dtype} of shape {found.shape} instead of whole numbers [height width]")
-            numbers = found.reshape(found.shape[-2:] if alone == found.shape[:-2] else found.shape[1:3])
+            numbers = maps[0]
             if numbers.min() < 0 or numbers.max() >= count:
                 wrong = numbers.min() if numbers.min() < 0 else numbers.max()
                 raise ValueError(f"class number {wrong}, outside 0 to {count - 1}")
             return one_hot(torch.from_numpy(numbers.astype(np.uint8)), count).numpy()
-        axis = 1 if self.input.layout == "NCHW" else 3
-        if found.ndim != 4 or found.shape[0] != 1 or found.shape[axis] != count:
+        maps = self._channels_first(found, count)
+        if maps is None:
             raise ValueError(
-                f"shape {found.shape} instead of one image with {count} classes along axis {axis} ({self.input.layout})"
+                f"shape {found.shape} instead of one image with {count} classes along axis 1 (NCHW) or 3 (NHWC)"
             )
-        values = torch.from_numpy(np.moveaxis(found[0], axis - 1, 0).astype(np.float32))
+        values = torch.from_numpy(maps.astype(np.float32))
         if not values.isfinite().all():
             raise ValueError("NaN or infinity")
         if self.output == "logits":
@@ -78,6 +77,14 @@ class Description:
                 "negative numbers" if values.min() < 0 else f"sums over the classes that are off 1 by up to {off:.2g}"
             )
         return normalised(values).numpy()
+
+    def _channels_first(self, found: np.ndarray, count: int) -> np.ndarray | None:
+        """An output as [count rows columns], from the layout of the input or else from the other; None if it fits neither."""
+        axes = (1, 3) if self.input.layout == "NCHW" else (3, 1)
+        if found.ndim != 4 or found.shape[0] != 1:
+            return None
+        axis = next((axis for axis in axes if found.shape[axis] == count), None)
+        return None if axis is None else np.moveaxis(found[0], axis - 1, 0)
 
 
 @final
@@ -126,7 +133,8 @@ def open_exported(path: Path) -> Exported:
     if not path.is_file():
         raise InputError(path, "an exported network", "nothing")
     description = read_segmenter(described_in(path))
-    network, made_by = open_network_file(path, description.input)
+    classes = None if description.output == "class numbers" else len(description.classes)
+    network, made_by = open_network_file(path, description.input, classes)
     return Exported(path, description, network, made_by)
 
 

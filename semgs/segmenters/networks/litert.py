@@ -14,6 +14,7 @@ import numpy as np
 from semgs.files.errors import InputError
 from semgs.files.extras import needs_extra
 from semgs.files.text import listed
+from semgs.segmenters.networks.outputs import several_outputs
 
 
 @final
@@ -26,6 +27,7 @@ class LiteRTNetwork:
         path: the file.
         tensor: name of an output or of an inner tensor; None for the only output.
         threads: number of threads.
+        classes: as for `several_outputs`.
 
     Attributes:
         shape: of the input; None along an axis that may have any length.
@@ -36,7 +38,7 @@ class LiteRTNetwork:
         ImportError: ai-edge-litert is not installed; the message names the extra.
     """
 
-    def __init__(self, path: Path, tensor: str | None, threads: int) -> None:
+    def __init__(self, path: Path, tensor: str | None, threads: int, classes: int | None = None) -> None:
         with needs_extra("litert", f"{path} is a LiteRT file; running it needs ai-edge-litert", "ai_edge_litert"):
             from ai_edge_litert.interpreter import Interpreter
         try:
@@ -51,16 +53,16 @@ class LiteRTNetwork:
         given, outputs = self._network.get_input_details(), self._network.get_output_details()
         if len(given) != 1:
             raise InputError(path, "one input", listed([one["name"] for one in given]) or "none")
-        names = [one["name"] for one in outputs]
+        shapes = {one["name"]: _sides(one["shape_signature"]) for one in outputs}
         if tensor is not None:
             outputs = [one for one in self._network.get_tensor_details() if one["name"] == tensor]
         if len(outputs) != 1:
             if tensor is None:
-                raise InputError(path, "one output", listed(names), advice='name one in the JSON: "tensor"')
+                raise several_outputs(path, shapes, classes)
             raise InputError(path, f'one tensor named {tensor}, the "tensor" of its JSON', f"{len(outputs)}")
         self._input, self._output = given[0]["index"], outputs[0]["index"]
         self._scale, self._zero = outputs[0]["quantization"]
-        self.shape = tuple(int(side) if side > 0 else None for side in given[0]["shape_signature"])
+        self.shape = _sides(given[0]["shape_signature"])
         self.dtype = np.dtype(given[0]["dtype"]).name
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
@@ -79,6 +81,11 @@ class LiteRTNetwork:
         except RuntimeError as error:
             raise ValueError(str(error)) from error
         return found if self._scale == 0 else (found.astype(np.float32) - self._zero) * np.float32(self._scale)
+
+
+def _sides(signature: np.ndarray) -> tuple[int | None, ...]:
+    """A shape as LiteRT says it; None along an axis that may have any length."""
+    return tuple(int(side) if side > 0 else None for side in signature)
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
     {"size": [512, 512],                       height and width of the input in pixels, or "any" for those of the photo
      "scaling": {"mean": [0.485, 0.456, 0.406], "std": [0.229, 0.224, 0.225]},
-     "layout": "NCHW",                         or "NHWC": the order of axes, of the input and of the output
+     "layout": "NCHW",                         or "NHWC": the order of axes of the input
      "dtype": "float32",                       of the input: float32, float16, uint8 or int8
      "tensor": "decoder/add",                  optional: which output; in .tflite files also an inner tensor
      "licence": "Apache-2.0"}                  optional
@@ -143,8 +143,15 @@ def read_description(
     )
 
 
-def open_network_file(path: Path, description: InputDescription) -> tuple[ArrayNetwork, MadeBy]:
+def open_network_file(
+    path: Path, description: InputDescription, classes: int | None = None
+) -> tuple[ArrayNetwork, MadeBy]:
     """What runs a file, and which network it is.
+
+    Args:
+        path: the file.
+        description: what it expects.
+        classes: as for `several_outputs`.
 
     Raises:
         InputError: the file is damaged, or contradicts its description.
@@ -152,7 +159,7 @@ def open_network_file(path: Path, description: InputDescription) -> tuple[ArrayN
     """
     beside = described_in(path)
     run = OnnxNetwork if path.suffix.lower() == ".onnx" else LiteRTNetwork
-    network = run(path, description.tensor, torch.get_num_threads())
+    network = run(path, description.tensor, torch.get_num_threads(), classes)
     if network.dtype != description.dtype:
         raise InputError(beside, f"{network.dtype}, as in {path.name}", description.dtype, key="dtype")
     if not fits(description.shape, network.shape):

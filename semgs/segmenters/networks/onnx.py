@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, final
@@ -11,6 +12,7 @@ import numpy as np
 from semgs.files.errors import InputError
 from semgs.files.extras import needs_extra
 from semgs.files.text import listed
+from semgs.segmenters.networks.outputs import several_outputs
 
 DTYPES = {
     "tensor(float)": "float32",
@@ -29,6 +31,7 @@ class OnnxNetwork:
         path: the file.
         tensor: name of the output; None for the only one.
         threads: number of threads.
+        classes: as for `several_outputs`.
 
     Attributes:
         shape: of the input; None along an axis that may have any length.
@@ -39,7 +42,7 @@ class OnnxNetwork:
         ImportError: onnxruntime is not installed; the message names the extra.
     """
 
-    def __init__(self, path: Path, tensor: str | None, threads: int) -> None:
+    def __init__(self, path: Path, tensor: str | None, threads: int, classes: int | None = None) -> None:
         with needs_extra("onnx", f"{path} is an ONNX file; running it needs onnxruntime", "onnxruntime"):
             import onnxruntime
         options = onnxruntime.SessionOptions()
@@ -52,13 +55,14 @@ class OnnxNetwork:
         given = self._session.get_inputs()
         if len(given) != 1:
             raise InputError(path, "one input", listed([one.name for one in given]) or "none")
-        names = [one.name for one in self._session.get_outputs()]
+        outputs = {one.name: _sides(one.shape) for one in self._session.get_outputs()}
+        names = list(outputs)
         if tensor is None and len(names) != 1:
-            raise InputError(path, "one output", listed(names), advice='name one in the JSON: "tensor"')
+            raise several_outputs(path, outputs, classes)
         if tensor is not None and tensor not in names:
             raise InputError(path, f'the "tensor" of its JSON, {tensor}, among its outputs', listed(names))
         self._input, self._output = given[0].name, tensor or names[0]
-        self.shape = tuple(side if isinstance(side, int) and side > 0 else None for side in given[0].shape)
+        self.shape = _sides(given[0].shape)
         self.dtype = DTYPES.get(given[0].type, given[0].type)
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
@@ -71,6 +75,11 @@ class OnnxNetwork:
             return np.asarray(self._session.run([self._output], {self._input: values})[0])
         except Exception as error:  # as above
             raise ValueError(str(error)) from error
+
+
+def _sides(shape: Sequence[int | str | None]) -> tuple[int | None, ...]:
+    """A shape as onnxruntime says it; None along an axis that may have any length."""
+    return tuple(side if isinstance(side, int) and side > 0 else None for side in shape)
 
 
 def simplified(graph: bytes) -> bytes:

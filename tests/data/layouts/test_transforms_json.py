@@ -174,7 +174,10 @@ def test_the_synthetic_nerf_dialect_is_read(tmp_path):
     (tmp_path / "transforms.json").rename(tmp_path / "transforms_train.json")
     scene = open_scene(tmp_path)
     assert scene.read([0], "native").images[0, :, 0, 0].tolist() == [1, 1, 1]
-    assert any("3 images have an alpha channel" in note for note in scene.notes)
+    assert (
+        "3 images have an alpha channel; transparent areas become white. To hide them, write a mask of each image (black = hidden): mask_path of its frame."
+        in scene.notes
+    )
 
 
 def test_a_transforms_file_may_be_named_itself(tmp_path):
@@ -203,6 +206,28 @@ def test_paths_of_another_computer_are_said_to_have_to_be_relative(tmp_path, fol
     with pytest.raises(InputError, match=r"found 0 .* the first missing one is") as caught:
         open_scene(tmp_path)
     assert ("make them relative to the file that lists them" in str(caught.value)) == (folder != "gone/")
+
+
+@pytest.mark.parametrize(
+    ("listed", "advice"),
+    [
+        (
+            "images/frame_0361.png{}.png",
+            "the first missing one is images/frame_0361.png0.png. Its folder has 3 other images, from 000.png to 002.png: correct the names in the file",
+        ),
+        ("gone/{}.png", "the first missing one is gone/0.png"),
+        ("empty/{}.png", "the first missing one is empty/0.png"),
+    ],
+)
+def test_of_missing_images_the_ones_that_are_there_are_named(tmp_path, listed, advice):
+    """As Blender's file output may add a number behind a name that ends in .png."""
+    (tmp_path / "empty").mkdir()
+    folder = write(tmp_path, PINHOLE, [{"file_path": listed.format(index)} for index in range(3)])
+    with pytest.raises(InputError) as caught:
+        open_scene(folder)
+    said = str(caught.value).partition("without their image); ")[2]
+    assert said.startswith(advice)
+    assert ("correct the names" in said) == ("images/" in listed)
 
 
 def test_one_picture_is_not_a_scene(tmp_path):
@@ -649,3 +674,34 @@ def test_frames_without_a_finite_pose_are_left_out_and_counted(tmp_path: Path, p
     (folder / "transforms.json").write_text(json.dumps(content))
     with pytest.raises(InputError, match=r"frames\[0\].transform_matrix: .* not finite"):
         open_scene(folder)
+
+
+def test_maps_by_a_key_that_is_not_read_are_noted_with_the_key_that_is(tmp_path):
+    frames: list[dict[str, Any]] = [{"mask_filename": f"masks/{n}.png", "depth_unit": "metres"} for n in range(3)]
+    frames[2] |= {"semantics_path": "s/2.png", "depth_filename": "d.npy", "mask_path": None, "colour_path": "a.png"}
+    assert open_scene(write(tmp_path, {**PINHOLE, "mask_file": "all.png"}, frames)).notes == (
+        "3 of 3 frames list mask_filename, which is not read (the key is mask_path), the first is images/000.png.",
+        "1 of 3 frames list semantics_path, which is not read (the key is label_file_path), the first is images/002.png.",
+        "1 of 3 frames list depth_filename, which is not read (the key is depth_file_path), the first is images/002.png.",
+    )
+
+
+@pytest.mark.parametrize(
+    ("dtype", "count", "shared", "metres"),
+    [
+        (np.float32, 1.5, {}, 1.5),
+        (np.float32, 1.5, {"depth_unit_scale_factor": 0.5}, 0.75),
+        (np.uint16, 1500, {}, 1.5),
+        (np.uint16, 1500, {"depth_unit_scale_factor": 0.01}, 15),
+    ],
+)
+@pytest.mark.parametrize("ending", ["tif", "TIFF"])
+def test_depth_in_tiff_is_in_the_unit_of_the_poses_or_in_counts(tmp_path, dtype, count, shared, metres, ending):
+    depths = np.full(SIZE, count, dtype)
+    depths[0, 0] = np.nan if dtype is np.float32 else 0
+    Image.fromarray(depths).save(tmp_path / f"0.{ending}", "TIFF")
+    scene = open_scene(write(tmp_path, {**PINHOLE, **shared}, [{"depth_file_path": f"0.{ending}"}] * 3))
+    assert not any("unsupported" in note for note in scene.notes)
+    found = scene.read([1], "native").depths[0]
+    assert found[0, 0] == 0
+    assert found[0, 1:].unique().tolist() == [pytest.approx(metres)]

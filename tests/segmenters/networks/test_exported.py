@@ -121,6 +121,32 @@ def test_class_numbers_become_certain_answers(tmp_path):
         np.testing.assert_array_equal(found.argmax(0), by_hand(photo()).argmax(0))
 
 
+@pytest.mark.parametrize("layout", ["NCHW", "NHWC"])
+@pytest.mark.parametrize("output", ["logits", "probabilities", "class numbers"])
+def test_an_output_in_the_other_layout_than_the_input_is_recognised(tmp_path, layout, output):
+    """Of four classes and 5 x 6 pixels."""
+    described(tmp_path / "net.onnx", layout=layout, output=output)
+    description = read_segmenter(tmp_path / "net.json")
+    expected = by_hand(photo(5, 6))
+    values = np.log(expected) if output == "logits" else expected
+    if output == "class numbers":
+        values = expected.argmax(0)[None]
+        expected = np.equal(values, np.arange(4)[:, None, None])
+    for stored in (values[None], values.transpose(1, 2, 0)[None]):
+        np.testing.assert_allclose(description.distribution_of(stored), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("layout", ["NCHW", "NHWC"])
+def test_an_output_that_fits_both_layouts_has_that_of_the_input(tmp_path, layout):
+    """4 classes and 4 columns or rows: only along the axis of the layout do the numbers add up to 1."""
+    described(tmp_path / "net.onnx", layout=layout, output="probabilities")
+    certain = np.zeros((4, 5, 4), np.float32)
+    certain[2] = 1
+    stored = certain if layout == "NCHW" else certain.transpose(2, 1, 0)
+    found = read_segmenter(tmp_path / "net.json").distribution_of(stored[None])
+    np.testing.assert_array_equal(found, certain if layout == "NCHW" else certain.transpose(0, 2, 1))
+
+
 def test_probabilities_are_taken_as_they_are(tmp_path):
     path = described(onnx(tmp_path, output="probabilities"), output="probabilities")
     np.testing.assert_allclose(open_exported(path)(photo()), by_hand(photo()), atol=2e-6)
@@ -267,3 +293,21 @@ def test_a_missing_library_is_named_with_its_extra(tmp_path, monkeypatch, write,
     monkeypatch.setitem(sys.modules, f"{library}.interpreter", None)
     with pytest.raises(ImportError, match=rf"pip install -e '\.\[{extra}\]'"):
         open_network(path)
+
+
+@pytest.mark.parametrize(("classes", "named"), [(NAMES, True), (NAMES[:3], False)])
+def test_if_no_output_has_a_number_per_class_and_pixel_none_can_be_named(tmp_path, classes, named):
+    """Outputs of four numbers per pixel, and of one, for four classes and for three."""
+    path = described(tmp_path / "net.onnx", classes=classes)
+    onnx_writer.write_pixelwise(
+        path, WEIGHT, BIAS, shape=(1, 3, *SIZE), outputs={"logits": "float32", "numbers": "int64"}
+    )
+    with pytest.raises(InputError) as caught:
+        open_network(path)
+    advice = str(caught.value).partition("net.onnx: ")[2]
+    if named:
+        assert advice == 'expected one output, found logits, numbers; name one in the JSON: "tensor"'
+    else:
+        assert advice.startswith(
+            "expected one output, found logits [1, 4, 4, 6], numbers [1, 4, 6]; none of them has a number for each of the 3 classes"
+        )

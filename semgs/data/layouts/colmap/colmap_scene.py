@@ -218,7 +218,7 @@ def _notes(model: Path, pictures: Path, absent: Sequence[str], count: int, trans
     notes = [
         "COLMAP's unit of length is arbitrary, so depths are not in metres.",
         *note_lacking(absent, count, f"images of the model are missing in {pictures}"),
-        *note_transparent(transparent),
+        *note_transparent(transparent, f"{MASKS}/a.png.png beside {pictures.name}/ for {pictures.name}/a.png"),
     ]
     others = [one for one in sorted(model.parent.iterdir()) if one.name.isdigit() and one != model]
     if others and model.name == "0":

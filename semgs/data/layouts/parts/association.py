@@ -15,8 +15,15 @@ MILLISECONDS, MICROSECONDS, NANOSECONDS = 1e11, 1e14, 1e17
 """Times of the clock that are larger than these are in that unit: in seconds, the first is in the year 5138."""
 
 
-def in_seconds(times: np.ndarray) -> np.ndarray:
-    """Times [n] of the clock in seconds, whether they are in seconds, milliseconds, microseconds or nanoseconds since 1970."""
+def in_seconds(times: np.ndarray, per_second: float | None = None) -> np.ndarray:
+    """Times [n] in seconds.
+
+    Args:
+        times: in any unit.
+        per_second: how many units are a second; None if unknown: then they are of the clock, in seconds, milliseconds, microseconds or nanoseconds since 1970.
+    """
+    if per_second is not None:
+        return times / per_second
     known = np.abs(times[np.isfinite(times)])
     largest = float(known.max()) if len(known) else 0.0
     units = ((NANOSECONDS, 1e9), (MICROSECONDS, 1e6), (MILLISECONDS, 1e3))

@@ -7,11 +7,13 @@ to cx and cy here.
     fx fy cx cy            ETH3D's calibration.txt
     KEY = numbers          info.txt of BundleFusion, 12-Scenes, 3RScan
     JSON                   fx, fy, cx, cy, or a matrix, or Open3D's `intrinsic_matrix`; perhaps in an object "camera"
+    YAML                   `camera_matrix` as OpenCV, ROS and RTAB-Map write it
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,10 +24,12 @@ from semgs.data.cameras.lens import HALF, Lens
 from semgs.data.layouts.parts.fields import Fields, read_fields
 from semgs.data.layouts.parts.text_numbers import read_pairs, read_rows
 from semgs.data.scene_details import SceneDetails
+from semgs.files.contents import read_text
 from semgs.files.errors import InputError, input_error
 from semgs.files.stored import Stored
 
 MATRICES = ("intrinsic_matrix", "camera_matrix", "K", "cam_K", "intrinsic", "intrinsics", "matrix")
+YAML = (".yaml", ".yml")
 INSIDE = ("camera", "color", "colour", "rgb", "intrinsics", "intrinsic")
 """Keys of matrices in JSON files, and of objects that may contain the intrinsics."""
 
@@ -93,6 +97,8 @@ def read_calibration(path: Path) -> Calibration:
     """
     if path.suffix.lower() == ".json":
         return _from_json(path)
+    if path.suffix.lower() in YAML:
+        return _from_yaml(path)
     if path.name in ("info.txt", "_info.txt"):
         return _from_info(path)
     return calibration_of(path, [value for _, values in read_rows(path) for value in values])
@@ -143,6 +149,33 @@ def _from_json(path: Path) -> Calibration:
         if matrix is not None and matrix.size in (9, 16):
             return replace(calibration_of(path, matrix.ravel().tolist(), key), size=size, depth_unit=unit)
     raise InputError(path, "intrinsics as fx, fy, cx, cy or as a matrix", "keys " + ", ".join(sorted(outer.values)))
+
+
+def _from_yaml(path: Path) -> Calibration:
+    """The calibration in a YAML file with OpenCV's matrices. Its images must have no distortion."""
+    text = read_text(path)
+
+    def numbers(key: str, form: str) -> list[float]:
+        found = re.search(rf"^[ \t]*{key}[ \t]*:{form}", text, re.MULTILINE | re.DOTALL)
+        try:
+            return [float(word) for word in re.split(r"[\s,]+", found[1].strip())] if found else []
+        except ValueError:
+            raise InputError(path, "numbers", f"{found[1]!r:.60}" if found else "none", key) from None
+
+    of_matrix, of_side = r"(?:(?!^\S).)*?\bdata[ \t]*:\s*\[([^\]]+)\]", r"[ \t]*(\S+)"
+    if any(numbers("distortion_coefficients", of_matrix)):
+        raise InputError(
+            path, "images without distortion", "coefficients that are not 0", "distortion_coefficients",
+            "undistort the images first, or give intrinsics if they are undistorted (--intrinsics fx fy cx cy)",
+        )  # fmt: skip
+    matrix, sides = (
+        numbers("camera_matrix", of_matrix),
+        numbers("image_height", of_side) + numbers("image_width", of_side),
+    )
+    if len(matrix) != 9:
+        raise InputError(path, "a camera_matrix with the 9 numbers of its data", f"{len(matrix)} numbers")
+    size = (round(sides[0]), round(sides[1])) if len(sides) == 2 and np.isfinite(sides).all() else None
+    return replace(calibration_of(path, matrix, "camera_matrix"), size=size)
 
 
 def _depth_unit(fields: Fields) -> float | None:

@@ -19,13 +19,19 @@ def note_lacking(names: Sequence[str], count: int, what: str) -> list[str]:
     return [f"{len(names)} of {count} {what}, the first is {names[0]}."] if names else []
 
 
-def note_transparent(count: int) -> list[str]:
-    """A note about images with transparent areas, if there are any."""
-    return (
-        [f"{counted(count, 'image has', 'images have')} an alpha channel; transparent areas become white."]
-        if count
-        else []
-    )
+def note_transparent(count: int, masks: str) -> list[str]:
+    """A note about images with transparent areas, if there are any.
+
+    Args:
+        count: how many.
+        masks: where the layout has masks ("mask_path of its frame").
+    """
+    if not count:
+        return []
+    images = counted(count, "image has", "images have")
+    return [
+        f"{images} an alpha channel; transparent areas become white. To hide them, write a mask of each image (black = hidden): {masks}."
+    ]
 
 
 def note_damaged_points(error: InputError | None) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import takewhile
 from pathlib import Path
 
 from semgs.files.contents import read_text
@@ -18,11 +19,26 @@ def read_lines(path: Path) -> list[tuple[int, str]]:
     Raises:
         InputError: it cannot be read, or is not text.
     """
+    return [(number, line) for number, line in _lines(path) if not line.startswith("#")]
+
+
+def read_comments(path: Path) -> list[tuple[int, str]]:
+    """The comments (#) before the first other line of a text file, each with the number of its line, without the sign.
+
+    Raises:
+        InputError: it cannot be read, or is not text.
+    """
+    comments = takewhile(lambda numbered: numbered[1].startswith("#"), _lines(path))
+    return [(number, line.lstrip("# \t")) for number, line in comments]
+
+
+def _lines(path: Path) -> list[tuple[int, str]]:
+    """The lines of a text file that are not empty, each with its number."""
     text = read_text(path)
     if "\0" in text:
         raise InputError(path, "text", "zero bytes")
     stripped = ((number, line.strip()) for number, line in enumerate(text.splitlines(), start=1))
-    return [(number, line) for number, line in stripped if line and not line.startswith("#")]
+    return [(number, line) for number, line in stripped if line]
 
 
 def read_pairs(path: Path) -> dict[str, str]:

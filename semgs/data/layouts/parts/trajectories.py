@@ -5,6 +5,8 @@
 16 or 12 per line     a row-major 4x4 or 3x4 matrix: Replica's, KITTI's, ICL's
 3, then 4 lines of 4  Redwood's .log: three integers and a 4x4 matrix
 lines of 4            4x4 or 3x4 matrices below each other: SUN3D's
+
+If a comment names the columns of positions and quaternions, they are read by their names, in any order.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.layouts.parts.association import in_seconds
+from semgs.data.layouts.parts.named_columns import pose_columns, times_per_second
 from semgs.data.layouts.parts.text_numbers import read_rows
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored
@@ -55,12 +58,14 @@ class Trajectory:
         poses: world from camera [n 4 4], not checked; NaN if tracking was lost.
         places: of each in the file ("line 3").
         times: of each [s]; None if the file has none.
+        ids: of the frame of each; None if the file has none.
     """
 
     path: Path
     poses: np.ndarray
     places: tuple[str, ...]
     times: np.ndarray | None = None
+    ids: tuple[int, ...] | None = None
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -83,10 +88,13 @@ def read_trajectory(path: Path) -> Trajectory:
         raise InputError(path, FORMS, "no line with numbers")
     lengths = [len(values) for _, values in held]
     places = [f"line {number}" for number, _ in held]
-    if set(lengths) in ({7}, {8}):
+    columns = pose_columns(path, lengths[0]) if len(set(lengths)) == 1 else None
+    if columns is not None:
         table = np.array([values for _, values in held])
-        poses = poses_of_rows(path, table[:, -7:], places)
-        return Trajectory(path, poses, tuple(places), in_seconds(table[:, 0]) if table.shape[1] == 8 else None)
+        poses = poses_of_rows(path, table[:, columns.pose], places)
+        times = None if columns.time is None else in_seconds(table[:, columns.time], times_per_second(path))
+        ids = None if columns.id is None else tuple(map(int, np.nan_to_num(table[:, columns.id], nan=-1)))
+        return Trajectory(path, poses, tuple(places), times, ids)
     if set(lengths) in ({16}, {12}):
         return Trajectory(path, np.stack([_as_motion(values) for _, values in held]), tuple(places))
     step = 5 if lengths[:5] == [3, 4, 4, 4, 4] else _rows_of_a_matrix([values for _, values in held], lengths)
@@ -111,8 +119,9 @@ def read_pose(path: Path) -> FoundPose:
     """
     held = read_rows(path)
     flat = [value for _, values in held for value in values]
-    if len(held) == 1 and len(flat) == 7:
-        return FoundPose(poses_of_rows(path, np.array([flat]), [f"line {held[0][0]}"])[0], path)
+    columns = pose_columns(path, len(flat)) if len(held) == 1 else None
+    if columns is not None:
+        return FoundPose(poses_of_rows(path, np.array([flat])[:, columns.pose], [f"line {held[0][0]}"])[0], path)
     if len(flat) not in (12, 16) or (len(held) > 1 and any(len(values) != 4 for _, values in held)):
         found = f"{len(held)} lines of {sorted({len(values) for _, values in held})} numbers" if held else "nothing"
         raise InputError(path, "a camera-to-world matrix of 4x4 or 3x4 numbers, or tx ty tz, qx qy qz qw", found)

@@ -1,14 +1,16 @@
 """RGB-D frames in folders with poses in text files: layouts without a name of their own, in which folders are named for their content.
 
     images     color/ or rgb/ or image/ or images/; frame*.jpg of results/ (NICE-SLAM's); or 000.jpg beside 000.txt (EmbodiedScan's)
-    depth      depth/; depth*.png of results/; or 000.png beside 000.txt; or .npy or .pgm of these names. May be missing
+    depth      depth/; depth*.png of results/; or 000.png beside 000.txt; or .npy, .pgm or .tiff of these names. May be missing
     poses      pose/ or poses/ with a file per frame (a matrix, or tx ty tz qx qy qz qw); or a trajectory: traj.txt, trajectory.txt,
                poses.txt, trajectory.log (Redwood), extrinsics/ (SUN3D). All are camera to world with OpenCV axes
-    intrinsics intrinsics.txt, camera-intrinsics.txt, cam_params.json and the like, here or in the folder above. The centre of the first
-               pixel is at (0, 0), so half a pixel is added
+    intrinsics intrinsics.txt, camera-intrinsics.txt, cam_params.json and the like, here or in the folder above; or calib/ with a YAML file per
+               frame (RTAB-Map). The centre of the first pixel is at (0, 0), so half a pixel is added
+
+RTAB-Map puts the name of its database before all of these (rtabmap_rgb/, rtabmap_camera_poses.txt).
 
 The files of a frame are paired by name, by the numbers in their names, or, if there are equally many, by order. The depth unit comes from the
-file of intrinsics, from the data set (millimetres in Redwood and SUN3D), or from the user; otherwise depth is left out.
+file of intrinsics, from the data set (millimetres in Redwood, SUN3D and RTAB-Map), or from the user; otherwise depth is left out.
 """
 
 from __future__ import annotations
@@ -21,9 +23,10 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.cameras.lens import HALF
+from semgs.data.cameras.lens import HALF, Lens
 from semgs.data.layouts.parts.association import associate
-from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details, read_calibration
+from semgs.data.layouts.parts.calibrations import YAML, Calibration, calibration_from_details, read_calibration
+from semgs.data.layouts.parts.named_columns import notes_on_names
 from semgs.data.layouts.parts.readable_depths import fault_of_depth
 from semgs.data.layouts.parts.sentences import note_lacking
 from semgs.data.layouts.parts.trajectories import FoundPose, Trajectory, read_pose, read_trajectory
@@ -32,7 +35,9 @@ from semgs.data.maps import MILLIMETRE, DepthMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
+from semgs.files.images.pictures import TIFFS, is_float_tiff
 from semgs.files.paths import not_hidden
+from semgs.files.stored import Stored
 from semgs.files.text import natural_order
 from semgs.runtime.notes import Kind
 
@@ -58,7 +63,9 @@ TRAJECTORIES = (
     "groundtruth.txt",
 )
 RESULTS = "results"
-MAPS = (".png", ".npy", ".pgm")
+OF_FRAMES, OF_THE_CAMERA = "calib", "_camera_poses.txt"
+"""RTAB-Map's folder of calibrations, and the end of the name of its poses of the camera; others are those of the robot."""
+MAPS = (".png", ".npy", ".pgm", *TIFFS)
 
 CALIBRATIONS = (
     "intrinsics.txt", "intrinsic.txt", "camera-intrinsics.txt", "camera_intrinsics.txt", "K.txt", "calibration.txt", "info.txt",
@@ -82,13 +89,15 @@ class Files:
         pictures: in the order of the numbers in their names.
         depths: likewise; empty if there are none.
         poses: one file per frame, or one file with all.
-        source: "SUN3D", "Redwood", or "" if unknown.
+        source: "SUN3D", "Redwood", "RTAB-Map", or "" if unknown.
+        calibrations: one file per frame, named as its image; empty if there are none.
     """
 
     pictures: tuple[Path, ...]
     depths: tuple[Path, ...]
     poses: tuple[Path, ...] | Path
     source: str = ""
+    calibrations: tuple[Path, ...] = ()
 
 
 def recognises(path: Path) -> bool:
@@ -109,12 +118,13 @@ def open_rgbd(path: Path, details: SceneDetails) -> Scene:
     files = _files(path)
     if files is None:
         raise InputError(path, LOOKED_FOR, "nothing like that")
-    calibration_file = first_file((path, path.absolute().parent), CALIBRATIONS)
+    calibration_file = first_file((path, *([] if files.calibrations else [path.absolute().parent])), CALIBRATIONS)
     given = calibration_from_details(details)
-    calibration = given or _calibration(path, files, calibration_file)
+    lens = given.lens if given else _lens(path, files, calibration_file)
     depths = _paired(path, files.pictures, files.depths, "depth maps") if files.depths else {}
     stated = _depth_unit(calibration_file, given is None) if calibration_file and depths else None
-    unit = details.depth_unit or stated or (MILLIMETRE if files.source else None)
+    counts = None if any(map(is_float_tiff, files.depths[:1])) else stated or (MILLIMETRE if files.source else None)
+    unit = details.depth_unit or counts
     notes: list[str] = [] if files.depths else [*_unread(path)]
     if depths and unit is None:
         depths = {one: file for one, file in depths.items() if file.suffix.lower() == ".png" and fault_of_depth(file)}
@@ -127,11 +137,13 @@ def open_rgbd(path: Path, details: SceneDetails) -> Scene:
         used = {pose.path for pose in poses.values() if pose is not None}
         lone = [str(one.relative_to(path)) for one in files.poses if one not in used]
         notes += note_lacking(lone, len(files.poses), "poses have no image")
+    else:
+        notes += notes_on_names(files.poses)
     return ShotList(
         path=path,
         layout=LAYOUT,
         shots=[Shot(one.relative_to(path).as_posix(), one, poses.get(one), maps.get(one)) for one in files.pictures],
-        lens=calibration.lens,
+        lens=lens,
         name=sequence_name(path),
         unit="metric" if depths and unit else "unknown",
         notes=notes,
@@ -140,8 +152,9 @@ def open_rgbd(path: Path, details: SceneDetails) -> Scene:
 
 def _files(path: Path) -> Files | None:
     """The files of a scene, None if the folder has another layout."""
-    pictures = next((found for name in COLOURS if (found := _listed(path / name, PICTURES))), ())
-    depths = next((found for name in DEPTHS if (found := _listed(path / name, MAPS))), ())
+    start = _start_of_names(path)
+    pictures = next((found for name in COLOURS if (found := _listed(path / f"{start}{name}", PICTURES))), ())
+    depths = next((found for name in DEPTHS if (found := _listed(path / f"{start}{name}", MAPS))), ())
     if not pictures and (path / RESULTS).is_dir():
         pictures = _listed(path / RESULTS, PICTURES, "frame")
         depths = _listed(path / RESULTS, MAPS, "depth")
@@ -153,10 +166,18 @@ def _files(path: Path) -> Files | None:
             return Files(pictures, depths, poses)
         if poses:
             return Files(pictures, depths, poses[0], "SUN3D" if name == "extrinsics" else "")
-    trajectory = first_file((path,), TRAJECTORIES)
+    trajectory = first_file((path,), [f"{start[:-1]}{OF_THE_CAMERA}"] if start else TRAJECTORIES)
     if trajectory is None:
         return None
-    return Files(pictures, depths, trajectory, "Redwood" if trajectory.suffix == ".log" else "")
+    calibrations = _listed(path / f"{start}{OF_FRAMES}", YAML)
+    source = "Redwood" if trajectory.suffix == ".log" else "RTAB-Map" if calibrations or start else ""
+    return Files(pictures, depths, trajectory, source, calibrations)
+
+
+def _start_of_names(path: Path) -> str:
+    """What an export of RTAB-Map begins all names with ("rtabmap_"); empty in other folders."""
+    starts = [one.name.removesuffix(OF_THE_CAMERA) + "_" for one in sorted(path.glob(f"*{OF_THE_CAMERA}"))]
+    return next((start for start in starts if len(start) > 1 and (path / f"{start}{COLOURS[2]}").is_dir()), "")
 
 
 def _side_by_side(path: Path) -> Files | None:
@@ -183,7 +204,7 @@ def _unread(path: Path) -> list[str]:
 def _poses(path: Path, files: Files) -> dict[Path, FoundPose | None]:
     """The pose of each image that has one, from a file per frame or one file for all.
 
-    In one file, poses are matched by time if images are named by time, else by order.
+    In one file, poses are matched by id if it has ids and images are named by them, by time if images are named by time, else by order.
     """
     if isinstance(files.poses, tuple):
         texts = _paired(path, files.pictures, files.poses, "poses")
@@ -193,14 +214,18 @@ def _poses(path: Path, files: Files) -> dict[Path, FoundPose | None]:
     if places is None and len(trajectory) != len(files.pictures):
         raise InputError(
             files.poses, f"as many poses as images: {len(files.pictures)} in {files.pictures[0].parent}", f"{len(trajectory)} poses",
-            advice="there is no other way to match them",
+            advice="there is no other way to match them, unless images are named by times or by ids that the file has, too",
         )  # fmt: skip
     along = range(len(trajectory)) if places is None else map(places.get, range(len(files.pictures)))
     return {picture: trajectory.at(index) for picture, index in zip(files.pictures, along, strict=True)}
 
 
 def _places(pictures: Sequence[Path], trajectory: Trajectory) -> dict[int, int] | None:
-    """For each image the pose at its time, if images are named by time; else None."""
+    """For each image the pose of its id or at its time, if images are named so; else None."""
+    by_id = {one: index for index, one in enumerate(trajectory.ids or ())}
+    found = {index: by_id[number] for index, one in enumerate(pictures) if (number := _number(-1, one)) in by_id}
+    if 2 * len(found) > len(pictures) and len(set(found.values())) == len(found):
+        return found
     if trajectory.times is None or not all(re.fullmatch(r"\d+\.\d+", one.stem) for one in pictures):
         return None
     return associate(np.array([float(one.stem) for one in pictures]), trajectory.times)
@@ -223,12 +248,23 @@ def _paired(path: Path, pictures: Sequence[Path], others: Sequence[Path], what: 
     )  # fmt: skip
 
 
-def _calibration(path: Path, files: Files, calibration_file: Path | None) -> Calibration:
-    """The intrinsics from a file, or those of the data set."""
+def _lens(path: Path, files: Files, calibration_file: Path | None) -> Callable[[Stored, tuple[int, int]], Lens]:
+    """The lens of each image, from a file, from one file for each, or that of the data set."""
     if calibration_file is not None:
-        return read_calibration(calibration_file)
+        return read_calibration(calibration_file).lens
     if files.source == "Redwood":
-        return PRIMESENSE
+        return PRIMESENSE.lens
+    if files.calibrations:
+        own = _paired(path, files.pictures, files.calibrations, "calibrations")
+
+        def lens_of(picture: Stored, size: tuple[int, int]) -> Lens:
+            if picture not in own:
+                raise InputError(
+                    path, f"a calibration of {picture.name} in {files.calibrations[0].parent.name}", "none"
+                )
+            return read_calibration(own[picture]).lens(picture, size)
+
+        return lens_of
     raise InputError(
         path, "a file of intrinsics: " + ", ".join(CALIBRATIONS[:5]) + ", cam_params.json or the like", "none",
         advice="or give them: --intrinsics fx fy cx cy",

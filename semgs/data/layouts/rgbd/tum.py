@@ -1,7 +1,7 @@
 """TUM RGB-D: `rgb.txt`, `depth.txt` and `groundtruth.txt`, with a time on each line. Also ETH3D SLAM, Bonn and others.
 
-Poses are camera to world with OpenCV axes, as time, tx ty tz, qx qy qz qw [s, m]: the scalar of the quaternion comes last. Depth is 16-bit
-PNG, 5000 counts per metre, registered to the colour images. Images, depth maps and poses are associated by time, nearest first, less than
+Poses are camera to world with OpenCV axes, as time, tx ty tz, qx qy qz qw [s, m]: the scalar of the quaternion comes last, unless a comment names the
+columns in another order. Depth is 16-bit PNG, 5000 counts per metre, registered to the colour images. Images, depth maps and poses are associated by time, nearest first, less than
 0.02 s apart, like the benchmark's `associate.py`.
 
 Intrinsics have the centre of the first pixel at (0, 0), so half a pixel is added. They come from `calibration.txt` (ETH3D: fx fy cx cy), or
@@ -20,6 +20,7 @@ from semgs.data.cameras.lens import HALF
 from semgs.data.confined import named_file
 from semgs.data.layouts.parts.association import associate, in_seconds
 from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details, read_calibration
+from semgs.data.layouts.parts.named_columns import notes_on_names, times_per_second
 from semgs.data.layouts.parts.text_numbers import read_lines
 from semgs.data.layouts.parts.trajectories import read_trajectory
 from semgs.data.layouts.parts.usable_frames import Shot, ShotList, sequence_name
@@ -27,6 +28,7 @@ from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
 from semgs.files.errors import InputError
+from semgs.files.images.pictures import is_float_tiff
 
 LAYOUT = "TUM RGB-D"
 DETAILS = ("intrinsics", "depth_unit")
@@ -71,9 +73,8 @@ def open_tum(path: Path, details: SceneDetails) -> Scene:
     if (path / DEPTH).is_file():
         depth_times, depths = _listed(path / DEPTH)
         mapped = associate(times, depth_times)
-    unit = details.depth_unit or 1 / COUNTS_PER_METRE
     maps = {
-        index: DepthMap(file, unit)
+        index: DepthMap(file, details.depth_unit or (1.0 if is_float_tiff(file) else 1 / COUNTS_PER_METRE))
         for index, other in mapped.items()
         if (file := named_file(path / DEPTH, path, depths[other])).is_file()
     }
@@ -88,7 +89,7 @@ def open_tum(path: Path, details: SceneDetails) -> Scene:
         lens=calibration.lens,
         name=sequence_name(path),
         unit="metric",
-        notes=why,
+        notes=[*why, *notes_on_names(path / POSES)],
     ).scene()
 
 
@@ -118,7 +119,7 @@ def _listed(path: Path) -> tuple[np.ndarray, list[str]]:
         names.append(rest[0].strip().strip('"').replace("\\", "/").removeprefix("./"))
     if not names:
         raise InputError(path, "lines of a time and a file", "none")
-    return in_seconds(np.array(times)), names
+    return in_seconds(np.array(times), times_per_second(path)), names
 
 
 def _spans(first: np.ndarray, second: np.ndarray) -> str:

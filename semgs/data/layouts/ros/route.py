@@ -174,8 +174,9 @@ def _ways(tree: Mapping[str, Motion], moving: Iterable[Motion], frame_id: str) -
     chain = " < ".join([frame_id, *(step.parent for step in route)])
     still = "" if any(not step.fixed for step in route) else ", which never moves"
     elsewhere = [step for step in tree.values() if not step.fixed and step not in route][:MOST_BODIES]
+    none = f"TF of other frames, none of {frame_id}" if tree else "no TF"
     ways = [
-        f"TF from the camera up: {chain}{still}",
+        f"TF from the camera up: {chain}{still}" if route else none,
         *(f"{one.source}: {one.parent} > {one.child}" for one in (*elsewhere, *moving)),
     ]
     return "; ".join(ways)

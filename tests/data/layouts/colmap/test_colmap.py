@@ -154,6 +154,16 @@ def test_masks_as_colmap_takes_them_hide_pixels(tmp_path):
     assert bool(views.hidden[0, :, :45].all())
 
 
+def test_images_with_transparent_areas_are_noted_with_the_place_of_masks(tmp_path):
+    write_pictures(tmp_path / "images", "PINHOLE")
+    write_text(tmp_path / "sparse/0", "PINHOLE")
+    Image.open(tmp_path / "images/b.png").convert("RGBA").save(tmp_path / "images/b.png")
+    assert (
+        "1 image has an alpha channel; transparent areas become white. To hide them, write a mask of each image (black = hidden): "
+        "masks/a.png.png beside images/ for images/a.png." in open_scene(tmp_path).notes
+    )
+
+
 @pytest.mark.parametrize("form", WRITERS)
 @pytest.mark.parametrize("model", MODELS)
 def test_a_point_is_seen_on_its_feature(tmp_path, form, model):

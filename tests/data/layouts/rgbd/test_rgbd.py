@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from miniatures import (
 
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
+from semgs.files.images.pictures import write_tiff
 
 K = np.array([[57.5, 0, 31.5], [0, 56.25, 24.5], [0, 0, 1]])
 
@@ -127,6 +129,29 @@ def seven_a_line(folder: Path, room: Miniature) -> Path:
     return folder
 
 
+IDS = (1, 4, 9, 17, 28, 41, 60, 102)
+"""Of RTAB-Map's frames, which are those that it kept."""
+
+
+def rtabmap(folder: Path, room: Miniature, start: str = "rtabmap_", poses: str = "camera_poses") -> Path:
+    """RTAB-Map's export: files named by id, lines of time, pose and id that are not in order, and a calibration for each image."""
+    lines = []
+    (folder / f"{start}calib").mkdir(parents=True)
+    for frame, image, depths, pose in zip(IDS, room.images, room.depths, room.poses, strict=False):
+        write_picture(folder / f"{start}rgb/{frame}.png", image)
+        write_picture(folder / f"{start}depth/{frame}.png", depths)
+        numbers = text(np.array([1.6e9 + frame, *pose[:3, 3], *quaternion(pose[:3, :3])])).strip()
+        lines.append(f"{numbers} {frame}\n")
+        (folder / f"{start}calib/{frame}.yaml").write_text(
+            f'%YAML:1.0\n---\ncamera_name: "{frame}"\nimage_width: 64\nimage_height: 48\ncamera_matrix:\n   rows: 3\n   cols: 3\n'
+            "   data: [ 57.5, 0., 31.5, 0., 56.25,\n       24.5, 0., 0., 1. ]\n"
+            "distortion_coefficients:\n   rows: 1\n   cols: 5\n   data: [ 0., 0., 0., 0., 0. ]\n"
+            "local_transform:\n   rows: 3\n   cols: 4\n   data: [ 0., 0., 1., 0., -1., 0., 0., 0., 0., -1., 0., 0. ]\n"
+        )
+    (folder / f"{start}{poses}.txt").write_text("#timestamp x y z qx qy qz qw id\n" + "".join(lines[::-1]))
+    return folder
+
+
 MANNERS = {
     "pose files": pose_files,
     "NICE-SLAM": nice_slam,
@@ -137,6 +162,7 @@ MANNERS = {
     "by time": by_time,
     "quaternions and PGM": quaternions_and_pgm,
     "seven a line": seven_a_line,
+    "RTAB-Map": rtabmap,
 }
 STATES_NO_UNIT = ("pose files", "side by side", "by time", "quaternions and PGM", "seven a line")
 
@@ -190,14 +216,32 @@ def test_depth_of_a_kind_that_is_not_read_is_told(tmp_path: Path):
         file.rename(file.with_suffix(".exr"))
     scene = open_scene(folder)
     assert scene.unit == "unknown"
-    assert scene.notes == ("depth/ has files of other kinds than .png, .npy, .pgm (.exr): depth is left out.",)
+    assert scene.notes == (
+        "depth/ has files of other kinds than .png, .npy, .pgm, .tif, .tiff (.exr): depth is left out.",
+    )
+
+
+@pytest.mark.parametrize("manner", ["pose files", "Redwood", "stated"])
+def test_floating_point_tiff_has_the_unit_that_is_given(tmp_path: Path, manner: str):
+    """It is never taken for the counts of a data set, or of a file of intrinsics."""
+    room = miniature(frames=3)
+    folder = MANNERS["pose files" if manner == "stated" else manner](tmp_path, room)
+    if manner == "stated":
+        (folder / "intrinsics.txt").unlink()
+        camera = {"w": 64, "h": 48, "fx": 57.5, "fy": 56.25, "cx": 31.5, "cy": 24.5, "scale": 1000.0}
+        (folder / "cam_params.json").write_text(json.dumps({"camera": camera}))
+    for file, depths in zip(sorted((folder / "depth").iterdir()), room.depths, strict=True):
+        write_tiff(file.with_suffix(".tiff"), depths / 1000)
+        file.unlink()
+    assert "3 depth maps are left out because their unit is unknown" in open_scene(folder).notes[0]
+    check_read(open_scene(folder, depth_unit=1.0), room)
 
 
 @pytest.mark.parametrize("manner", ["quaternions and PGM", "seven a line"])
 def test_four_numbers_that_are_no_quaternion_are_refused_with_their_line(tmp_path: Path, manner: str):
     folder = MANNERS[manner](tmp_path, miniature(frames=3))
     file = folder / ("traj.txt" if manner == "seven a line" else "pose/0.txt")
-    file.write_text("# x y z, and angles in degrees\n1 2 3 0 0 90 0\n" + "".join(file.read_text().splitlines(True)[1:]))
+    file.write_text("# angles are in degrees\n1 2 3 0 0 90 0\n" + "".join(file.read_text().splitlines(True)[1:]))
     with pytest.raises(
         InputError, match=r"txt: line 2: expected a unit quaternion .* found \[0.0, 0.0, 90.0, 0.0\] of length 90"
     ):
@@ -274,6 +318,61 @@ def test_given_intrinsics_replace_a_file_that_cannot_be_read(tmp_path: Path):
     with pytest.raises(InputError, match="intrinsics as a 3x3 or 4x4 matrix or as fx fy cx cy, found 8 numbers"):
         open_scene(folder)
     check_read(open_scene(folder, intrinsics=(57.5, 56.25, 32.0, 25.0), depth_unit=0.001), room)
+
+
+def test_frames_of_rtabmap_are_paired_by_id_and_have_their_own_intrinsics(tmp_path: Path):
+    """The first pose is missing; the second image has its own focal length."""
+    room = miniature(frames=4)
+    folder = rtabmap(tmp_path / "room", room, "", "poses")
+    lines = (folder / "poses.txt").read_text().splitlines(keepends=True)
+    (folder / "poses.txt").write_text("".join(lines[:-1]))
+    own = folder / "calib/4.yaml"
+    own.write_text(own.read_text().replace("57.5", "60.0"))
+    scene = open_scene(folder)
+    assert [frame.name for frame in scene.frames] == ["rgb/4.png", "rgb/9.png", "rgb/17.png"]
+    assert [frame.lens.focal for frame in scene.frames] == [(60, 56.25), (57.5, 56.25), (57.5, 56.25)]
+    for frame, pose in zip(scene.frames, room.poses[1:], strict=True):
+        np.testing.assert_allclose(frame.world_from_camera, pose, atol=1e-6)
+    assert scene.notes == ("1 of 4 frames have no pose and are left out, the first is rgb/1.png.",)
+    own.unlink()
+    with pytest.raises(InputError, match=r"expected a calibration of 4\.png in calib, found none"):
+        open_scene(folder)
+    assert open_scene(folder, intrinsics=(50.0, 50.0, 32.0, 24.0)).frames[0].lens.focal == (50, 50)
+
+
+def test_a_trajectory_named_as_eurocs_is_read_with_a_note(tmp_path: Path):
+    room = miniature()
+    folder = seven_a_line(tmp_path, room)
+    (folder / "traj.txt").write_text(
+        "# p_RS_R_x p_RS_R_y p_RS_R_z q_RS_x q_RS_y q_RS_z q_RS_w\n" + (folder / "traj.txt").read_text()
+    )
+    scene = open_scene(folder, depth_unit=0.001)
+    check_read(scene, room)
+    assert "Poses in traj.txt are taken for the camera's." in scene.notes[0]
+
+
+def test_poses_of_rtabmaps_robot_are_no_cameras(tmp_path: Path):
+    with pytest.raises(
+        InputError, match=r"rtabmap_poses\.txt has cameras of RTAB-Map \(of the robot; .*--poses_camera"
+    ):
+        open_scene(rtabmap(tmp_path, miniature(frames=3), poses="poses"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("data: [ 0., 0., 0.,", "data: [ 0.1, 0., 0.,", "distortion_coefficients: expected images without distortion"),
+        ("camera_matrix", "cam", "expected a camera_matrix with the 9 numbers of its data, found 0 numbers"),
+        ("57.5,", "57.5, x,", "camera_matrix: expected numbers, found"),
+        ("image_width: 64", "image_width: 80", "expected intrinsics for 64x48 pixels"),
+    ],
+)
+def test_a_calibration_in_yaml_that_is_not_used_is_refused(tmp_path: Path, old: str, new: str, message: str):
+    folder = rtabmap(tmp_path, miniature(frames=3))
+    file = folder / "rtabmap_calib/1.yaml"
+    file.write_text(file.read_text().replace(old, new))
+    with pytest.raises(InputError, match=rf"1\.yaml: {re.escape(message)}"):
+        open_scene(folder)
 
 
 def test_redwood_without_a_file_has_the_primesense(tmp_path: Path):

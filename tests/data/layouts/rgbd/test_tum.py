@@ -11,6 +11,7 @@ from miniatures import Miniature, back_projected, check_projection, check_read, 
 from semgs.data.layouts.parts.association import associate, in_seconds
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
+from semgs.files.images.pictures import write_tiff
 
 START = 1311868164.363181
 
@@ -57,6 +58,16 @@ def test_a_point_is_where_the_benchmarks_formula_puts_it(tmp_path: Path):
     check_projection(
         scene, 2, back_projected(room.poses[2], (32.5, 31.0), (30.5, 24.5), (30, 50), depth), (30, 50), depth
     )
+
+
+def test_depth_in_floating_point_tiff_is_in_metres(tmp_path: Path):
+    room = miniature()
+    folder = write_tum(tmp_path, room)
+    for file, depths in zip(sorted((folder / "depth").iterdir()), room.depths, strict=True):
+        write_tiff(file.with_suffix(".tiff"), depths / 1000)
+        file.unlink()
+    (folder / "depth.txt").write_text((folder / "depth.txt").read_text().replace(".png", ".tiff"))
+    check_read(open_scene(folder), room)
 
 
 def test_without_a_calibration_the_drivers_defaults_are_taken_and_told(tmp_path: Path):
@@ -136,6 +147,24 @@ def test_times_in_parts_of_a_second_are_those_in_seconds(tmp_path: Path, names: 
         text = "".join(f"{round(float(time) * factor)} {rest}\n" for time, rest in lines)
         (folder / f"{name}.txt").write_text(text)
     check_read(open_scene(folder), room)
+
+
+def test_poses_named_as_in_euroc_and_tum_vi_are_the_same(tmp_path: Path):
+    """Nanoseconds since the start, so that their size does not show the unit; w comes first."""
+    room = miniature()
+    folder = write_tum(tmp_path / "room", room)
+    for name in ("rgb", "depth", "groundtruth"):
+        lines = [line.split() for line in (folder / f"{name}.txt").read_text().splitlines() if line[0] != "#"]
+        rows = [[str(round((float(time) - START) * 1e9)), *rest] for time, *rest in lines]
+        title = "#timestamp [ns],filename"
+        if name == "groundtruth":
+            rows = [[time, x, y, z, qw, qx, qy, qz] for time, x, y, z, qx, qy, qz, qw in rows]
+            title = "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []"
+        (folder / f"{name}.txt").write_text("".join(f"{','.join(row)}\n" for row in [[title], *rows]))
+    scene = open_scene(folder)
+    check_read(scene, room)
+    assert [note.split(".")[0] for note in scene.notes] == ["Poses in groundtruth"]
+    assert scene.notes[0].endswith("whose poses are the IMU's: if so, multiply them by T_BS of the camera.")
 
 
 def test_only_times_that_no_clock_shows_in_seconds_are_in_smaller_units():

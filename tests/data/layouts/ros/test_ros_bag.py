@@ -537,10 +537,16 @@ def test_a_bag_without_the_topics_lists_what_there_is(tmp_path: Path):
     )
     line = refused(pictures_alone(), tmp_path / "b")
     assert (
-        f"world: expected poses of {OPTICAL} by TF, Odometry or PoseStamped, found TF from the camera up: {OPTICAL}, which never moves"
+        f"world: expected poses of {OPTICAL} by TF, Odometry or PoseStamped, found no TF; a bag needs /tf and /tf_static"
         in line
     )
-    assert "a bag needs /tf and /tf_static" in line
+    bag = pictures_alone()
+    bag.transform(times(FEW)[0], "lidar", "imu", FEW.poses[0], "/tf_static")
+    assert f"found TF of other frames, none of {OPTICAL}; a bag needs" in refused(bag, tmp_path / "other")
+    bag.transform(times(FEW)[0], "mount", OPTICAL, FEW.poses[0], "/tf_static")
+    assert f"found TF from the camera up: {OPTICAL} < mount, which never moves; a bag" in refused(
+        bag, tmp_path / "still"
+    )
     bag = robot(FEW)
     bag.messages = [one for one in bag.messages if one[1] != INFO]
     line = refused(bag, tmp_path / "c")
