@@ -431,7 +431,10 @@ def _options(gr: Any, jobs: Jobs) -> list[Any]:
     """The folded options, in the order of `_chosen`."""
     with gr.Row():
         views = gr.Radio(
-            [2, 3, 4], value=2, label="Views", info="Photos that the room is made from; more show more of it."
+            [("all", 0), ("2", 2), ("3", 3), ("4", 4)],
+            value=0,
+            label="Photos to use",
+            info="All that add something, at most 12; or fewer, which is faster and shows less of the room.",
         )
         refine = gr.Checkbox(
             True, label="Refine", info="Fits the room to your photos: sharper images, for some seconds more."

@@ -18,7 +18,7 @@ class RoomOptions:
     """Options of a room.
 
     Attributes:
-        views: input views, 2 to 4.
+        views: input views, 2 to 4; 0 for all photos that add something, at most 12.
         refine: sharpen the Gaussians on the photos.
         segmenter: where the classes come from: `OWN`, or one that the server offers.
         words: classes to look for, separated by commas; for a segmenter that takes words.
@@ -27,7 +27,7 @@ class RoomOptions:
         metres: distance between the cameras of these [m]; 0 is unknown.
     """
 
-    views: int = 2
+    views: int = 0
     refine: bool = True
     segmenter: str = OWN
     words: str = ""
@@ -45,8 +45,8 @@ class RoomOptions:
         Raises:
             UnusableUploadError: a value is impossible.
         """
-        if not 2 <= self.views <= 4:
-            raise UnusableUploadError("Choose 2 to 4 views.")
+        if self.views not in (0, 2, 3, 4):
+            raise UnusableUploadError("Choose all photos, or 2 to 4 of them.")
         if self.segmenter not in (OWN, *segmenters) or self.depth not in (*DEPTHS, *depths):
             raise UnusableUploadError("This segmenter or source of depth is not offered here.")
         if len(self.words) > 400:

@@ -192,7 +192,7 @@ def room_run(options: RoomOptions, prepared: Prepared, out: Path) -> Reconstruct
     return Reconstruct(
         scene=prepared.scene,
         out=out,
-        views=options.views,
+        views=options.views or None,
         refine=-1 if options.refine else 0,
         drop_photos=True,  # a room has copies of the views that it shows, and no other photo
         segmenting=SegmenterOptions(segmenter=None if own else options.segmenter, answers=AnswerOptions(words=words)),

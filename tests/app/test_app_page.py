@@ -55,7 +55,9 @@ def test_a_running_stage_says_for_how_long_it_has_run_so_that_the_browser_can_co
 
 def test_a_room_with_wrong_options_for_another_one_says_so() -> None:
     job = Job("x", Path(), Request("example", [], "", {}), "a zip", state="done")
-    assert "Choose 2 to 4 views." in status_text(job, SIX_HOURS, sentence="Choose 2 to 4 views.")
+    assert "Choose all photos, or 2 to 4 of them." in status_text(
+        job, SIX_HOURS, sentence="Choose all photos, or 2 to 4 of them."
+    )
 
 
 def test_on_a_server_only_the_page_that_made_a_room_makes_it_again() -> None:

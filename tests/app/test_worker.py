@@ -134,7 +134,7 @@ def test_the_options_of_the_page_become_those_of_the_reconstruction() -> None:
         posing=PosingOptions(scale_from=("IMG_7.jpg", "IMG_10.jpg", "1.25")),
     )
     plain = worker.room_run(RoomOptions(), prepared, Path("out"))
-    assert plain == Reconstruct(scene=Path("photos"), out=Path("out"), views=2, drop_photos=True)
+    assert plain == Reconstruct(scene=Path("photos"), out=Path("out"), drop_photos=True)
 
 
 def zip_of_a_scene(folder: Path, name: str, inside: str = "made") -> tuple[Request, Path]:

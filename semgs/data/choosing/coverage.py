@@ -124,7 +124,7 @@ def choose_covering(
     bounds = scene.depth_range(context, features)
     others = [place for place in range(len(rest)) if place not in chosen and rest[place] not in broken]
     apart = [rest[place] for place in others if overlaps[place, chosen].max() < LEAST_SHARED]
-    more = [rest[place] for place in others if added[place] >= LEAST_ADDED]
+    more = [rest[place] for place in others if added[place] >= LEAST_ADDED and rest[place] not in apart]
     same = [rest[place] for place in others if rest[place] not in (*apart, *more)]
     seen = covered(scene, grids, context, held, bounds.typical)
     names = [scene.frames[position].name for position in range(len(scene))]

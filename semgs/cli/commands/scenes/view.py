@@ -89,8 +89,8 @@ class View:
     is not encrypted."""
     allow_host: AllowedHosts = ()
     """Another name under which browsers open the viewer, such as that of a notebook's or a company's proxy. Repeatable."""
-    views: Views = 2
-    """Posed photos: number of input views."""
+    views: Annotated[Views | None, optional()] = None
+    """Posed photos: number of input views; by default all that add something, at most 12."""
     weights: Annotated[WeightsOrRandom, tyro.conf.arg(help_behavior_hint="(default: small)")] = None
     """Posed photos: the weights, as for semgs reconstruct."""
     overwrite: bool = False
@@ -112,8 +112,8 @@ class View:
             raise lacks_classes(self.scene, "--objects")
         if self.port > LAST_PORT:
             raise UsageError(f"--port is {self.port}; expected 1 to {LAST_PORT}")
-        if self._saved and (self.views != View.views or self.weights is not None):
-            stray = "--views" if self.views != View.views else "--weights"
+        if self._saved and (self.views is not None or self.weights is not None):
+            stray = "--views" if self.views is not None else "--weights"
             raise UsageError(f"{stray} is for posed photos; {self.scene} is reconstructed already")
         if self.html is not None:
             self._check_page(self.html)
