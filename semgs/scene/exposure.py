@@ -175,29 +175,23 @@ def common_exposure(views: Views, encoding: Encoding, choice: ExposureChoice) ->
     return exposures if exposures.differ or choice == "fitted" else None
 
 
-def exposure_as_rendered(views: Views, encoding: Encoding) -> Views:
-    """Held-out photos at the exposure of the Gaussians: each channel with the mean and the standard deviation of the rendering, where that shows something.
+def exposure_as_rendered(views: Views, images: Float[Tensor, "v 3 h w"], alphas: Float[Tensor, "v h w"]) -> Views:
+    """Held-out photos at the exposure of their renderings: each channel with the same mean and standard deviation, where something is rendered.
 
     Args:
         views: the photos [v].
-        encoding: of the input photos, at their common exposure.
+        images, alphas: their renderings, and how opaque these are.
     """
-    images = views.images.clone()
-    for view, image in enumerate(images):
-        rendering = replace(encoding, gaussians=replace(encoding.gaussians, semantic=None)).render(
-            views.cameras[view : view + 1]
-        )
-        shown = rendering.alphas[0].to(image.device) > SHOWN
-        shown &= (image < SATURATED).all(0)
+    found = views.images.clone()
+    for view, (photo, image) in enumerate(zip(views.images, images.to(found), strict=True)):
+        shown = (alphas[view].to(photo) > SHOWN) & (photo < SATURATED).all(0)
         shown = shown if views.hidden is None else shown & ~views.hidden[view]
         if int(shown.sum()) < FEWEST:
             continue
-        (own, own_mean), (drawn, drawn_mean) = (
-            torch.std_mean(one[:, shown], dim=1) for one in (image, rendering.images[0].to(image))
-        )
+        (own, own_mean), (drawn, drawn_mean) = (torch.std_mean(one[:, shown], dim=1) for one in (photo, image))
         gains = (drawn / own.clamp(min=FLATTEST))[:, None, None]
-        images[view] = (gains * (image - own_mean[:, None, None]) + drawn_mean[:, None, None]).clamp(0, 1)
-    return views.changed(images=images)
+        found[view] = (gains * (photo - own_mean[:, None, None]) + drawn_mean[:, None, None]).clamp(0, 1)
+    return views.changed(images=found)
 
 
 def _partners(points: Float[Tensor, "v h w 3"], cameras: Cameras) -> list[tuple[int, int]]:

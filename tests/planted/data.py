@@ -5,6 +5,7 @@ from __future__ import annotations
 from planted.mutant import Mutant
 
 CHOICE = "semgs/data/choosing/choice.py"
+COVERAGE = "semgs/data/choosing/coverage.py"
 COVISIBILITY = "semgs/data/choosing/covisibility.py"
 MAPS = "semgs/data/maps.py"
 SCANNET = "semgs/data/layouts/scannet/scannet_scan.py"
@@ -16,6 +17,7 @@ OF_CONFINED = "tests/data/test_confined.py::test_"
 OF_UPLOADS = "tests/app/test_confined_scenes.py::test_"
 OF_COLMAP = ("tests/data/layouts/colmap/test_colmap_files.py",)
 OF_FORMULAS = ("tests/data/cameras/test_formula_lens.py",)
+OF_COVERAGE = ("tests/data/choosing/test_coverage.py",)
 OF_CHOICE = ("tests/data/choosing/test_choice.py",)
 OF_COVISIBILITY = ("tests/data/choosing/test_covisibility.py",)
 
@@ -366,7 +368,18 @@ DATA = (
     ),
     Mutant(
         "baselines are judged at the middle of near and far though depth is known", CHOICE,
-        "preference(baselines / depths)", "preference(baselines / typical)", OF_CHOICE,
+        "preference(together.baselines / depths)", "preference(together.baselines / 5**0.5)", OF_CHOICE,
+    ),
+    Mutant(
+        "one of four frames is held out", COVERAGE, "EVERY = 8", "EVERY = 4", OF_COVERAGE,
+    ),
+    Mutant(
+        "a photo from the place of another is used, too", COVERAGE,
+        "SAME_PLACE, SAME_VIEW = 0.002", "SAME_PLACE, SAME_VIEW = 0.0", OF_COVERAGE,
+    ),
+    Mutant(
+        "parts of a room that share nothing with the first are left out", COVERAGE,
+        "        chosen += pair\n", "        chosen += pair[:0]\n", OF_COVERAGE,
     ),
     Mutant(
         "close-ups count as much as other frames", CHOICE, "CLOSE_UP = 0.95", "CLOSE_UP = 0.1", OF_CHOICE,

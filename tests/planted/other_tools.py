@@ -13,7 +13,7 @@ RANGE = "semgs/data/bounds/depth_range.py"
 TRANSFORMS = "semgs/data/layouts/transforms_json.py"
 COLMAP = "semgs/data/layouts/colmap/colmap_scene.py"
 UNIT = "semgs/doctor/unit.py"
-WALK = "semgs/mapping/walk_order.py"
+WINDOWS = "semgs/mapping/windows.py"
 
 OF_BAGS = "tests/data/layouts/ros/test_ros_bag.py::test_"
 OF_PROGRAMS = "tests/data/layouts/test_cameras_of_programs.py::test_"
@@ -22,7 +22,7 @@ OF_GROUPS = "tests/sfm/test_lens_groups.py::test_"
 OF_RANGE = "tests/data/bounds/test_depth_range.py::test_"
 OF_COLMAP = "tests/data/layouts/colmap/test_colmap.py::test_"
 OF_UNIT = "tests/doctor/test_unit.py::test_"
-OF_WALK = "tests/mapping/test_walk_order.py::test_"
+OF_WINDOWS = "tests/mapping/test_windows.py::test_"
 
 OTHER_TOOLS = (
     Mutant(
@@ -117,12 +117,13 @@ OTHER_TOOLS = (
         "if fixed or time not in held_at:", "if True:", (f"{OF_BAGS}of_two_poses_at_the_same_time_the_first_counts",),
     ),
     Mutant(
-        "a camera that turns does not move", WALK,
-        "moved + self.depth * np", "moved + 0 * np", (f"{OF_WALK}a_camera_that_only_turns_walks_too",),
+        "Gaussians of a window of three stay shrunk", WINDOWS,
+        "unshrunk(encode(members), members.cameras)", "encode(members)",
+        (f"{OF_WINDOWS}each_view_has_the_gaussians_of_its_own_window_and_equal_windows_are_encoded_once",),
     ),
     Mutant(
-        "the names of shuffled frames are sorted as text", WALK,
-        "key=lambda position: natural_order(names[position])", "key=lambda position: names[position]",
-        (f"{OF_WALK}shuffled_frames_are_taken_by_their_names_with_numbers_by_value",),
+        "a scene that is merged at once has four layers, however many are asked for", WINDOWS,
+        "range(len(views)), layers)", "range(len(views)))",
+        (f"{OF_WINDOWS}a_surface_has_the_gaussians_of_so_many_views",),
     ),
 )  # fmt: skip

@@ -47,9 +47,9 @@ SCENE = (
         (f"{OF_REFINEMENT}the_same_seed_gives_the_same_bits",),
     ),
     Mutant(
-        "exposure has no offset", REFINEMENT,
-        "offset = photo.mean(1) - gain * image.mean(1)", "offset = torch.zeros_like(gain)",
-        (f"{OF_REFINEMENT}a_darker_photo_is_fitted_with_gain_and_offset",),
+        "a held-out photo keeps its own mean", "semgs/scene/exposure.py",
+        "+ drawn_mean[:, None, None]", "+ own_mean[:, None, None]",
+        ("tests/scene/test_exposure.py::test_a_held_out_photo_gets_the_mean_and_deviation_of_its_rendering",),
     ),
     Mutant(
         "photos vote with the whole weight of a Gaussian", VOTES,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 from mapping_walls import SIZE, cameras_at, encoded
@@ -10,7 +12,7 @@ from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras, back_project
 from semgs.scene import exposure
 from semgs.scene.encoding import Encoding
-from semgs.scene.exposure import Exposures, fit_exposures
+from semgs.scene.exposure import Exposures, exposure_as_rendered, fit_exposures
 from semgs.scene.nearest import inside
 
 WALL = 4.0
@@ -155,3 +157,32 @@ def test_a_channel_without_contrast_says_nothing_about_gains() -> None:
     fitted = fit_exposures(views.changed(images=images), encoding.depths, encoding.depth_spread)
     torch.testing.assert_close(fitted.gains[:, 0], torch.ones(2))
     torch.testing.assert_close(fitted.offsets[:, 0], torch.tensor([0.1, -0.1]), atol=1e-3, rtol=0)
+
+
+def test_a_held_out_photo_gets_the_mean_and_deviation_of_its_rendering() -> None:
+    """A photo 0.5 c + 0.2 comes to c, where the rendering is c. Hidden pixels, the upper two rows, do not count: they are black, and would change both."""
+    views, _ = photos(*SAME, 0.0, 0.4)
+    c, hidden = views.images, torch.zeros(2, *SIZE, dtype=torch.bool)
+    hidden[:, :2] = True
+    taken = torch.where(hidden[:, None], 0.0, 0.5 * c + 0.2)
+    alphas = torch.stack((torch.ones(SIZE), torch.zeros(SIZE)))
+    even = exposure_as_rendered(views.changed(images=taken, hidden=hidden), c, alphas).images
+    torch.testing.assert_close(even[0][:, 2:], c[0][:, 2:], atol=1e-5, rtol=0)
+    assert torch.equal(even[1], taken[1]), "nothing is rendered there, so the photo stays as it was taken"
+
+
+def test_of_three_photos_the_mean_colours_decide_whether_exposures_differ() -> None:
+    """The second photo is 0.1 brighter: of three pairs, two differ by 0.1, so the mean squared difference of means is 2/3 of 0.01; afterwards it is 0. At a wrong depth
+    pixels do not match, and a common exposure explains less of their differences; the means stay."""
+    offsets = torch.zeros(3, 3)
+    offsets[1] = 0.1
+    views, encoding = photos(torch.ones(3, 3), offsets, 0.0, 0.0, 0.0)
+    fitted = fit_exposures(views, encoding.depths, encoding.depth_spread)
+    assert fitted.means_before == pytest.approx(0.02 / 3, rel=1e-4)
+    assert fitted.means_after == pytest.approx(0, abs=1e-8)
+    noisy = Exposures(fitted.gains, fitted.offsets, 0.03, 0.027, fitted.means_before, fitted.means_after)
+    assert noisy.differ
+    assert not replace(noisy, means_before=0.0003).differ, "less than 0.02 apart"
+    assert not replace(noisy, gains=fitted.gains[:2], offsets=fitted.offsets[:2]).differ, (
+        "of two photos the means are always equal afterwards"
+    )

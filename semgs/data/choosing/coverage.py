@@ -104,7 +104,7 @@ def choose_covering(
     times, repeats = TIMES, _repeats(together, overlaps)
     while True:
         used = [place for place, position in enumerate(rest) if place in chosen or position in broken]
-        added = 1 - together.covered(chosen, times)
+        added = 1 - together.covered(chosen, times if len(chosen) < A_FEW else TIMES)
         added[[*used, *np.flatnonzero(repeats[:, chosen].any(axis=1))]] = 0
         linked = np.where((overlaps[:, chosen] >= LEAST_SHARED).any(axis=1), added, 0)
         best = int(linked.argmax())

@@ -141,5 +141,9 @@ def _expose(draft: Draft, exposure: ExposureChoice, stages: Stages) -> Draft:
     if exposures is None:
         return draft
     context, encoding = exposures.applied(draft.context), exposures.recoloured(draft.encoding)
-    target = draft.target and exposure_as_rendered(draft.target, encoding)
+    target = draft.target
+    if target is not None:
+        colours = replace(encoding, gaussians=replace(encoding.gaussians, semantic=None))
+        drawn = colours.render(target.cameras)
+        target = exposure_as_rendered(target, drawn.images, drawn.alphas)
     return replace(draft, context=context, target=target, encoding=encoding, exposures=exposures)
