@@ -64,6 +64,9 @@ MOSTLY_SEEN = 0.8
 GOOD_ENOUGH = 0.5
 """Input views that leave such a target are preferred to better ones that leave none, if their score is at least this share of the best."""
 
+NAMED = 4
+"""The reason names at most so many input views."""
+
 TRIED = 1000
 """At most this many pairs are tried for such a target."""
 
@@ -367,7 +370,7 @@ def reason_of(scene: Scene, grids: DepthGrids, context: Sequence[int], bounds: D
     overlaps, baselines = together.overlaps(), together.baselines[np.triu_indices(len(context), 1)]
     np.fill_diagonal(overlaps, 0)
     shares = overlaps.max(axis=1)
-    names = ", ".join(f"{index} ({scene.frames[index].name})" for index in context)
+    names = "frames " + ", ".join(f"{index} ({scene.frames[index].name})" for index in context)
     unit = " m" if scene.unit == "metric" else ""
     share = _span(f"{shares.min():.0%}", f"{shares.max():.0%}") + " of what they see"
     if len(context) > 2:
@@ -384,7 +387,7 @@ def reason_of(scene: Scene, grids: DepthGrids, context: Sequence[int], bounds: D
     relative = _span(f"{near / depth:.0%}", f"{far / depth:.0%}")
     apart = f"{_span(f'{near:.2g}', f'{far:.2g}')}{unit} ({relative} of it)"
     parallax = "" if far > 0.005 * depth else "; there is no parallax, so depth is a guess"
-    return f"frames {names} share {share}{where} and are {apart} apart{parallax}"
+    return f"{names if len(context) <= NAMED else 'they'} share {share}{where} and are {apart} apart{parallax}"
 
 
 def _span(least: str, most: str) -> str:

@@ -133,7 +133,7 @@ def choose_covering(
     notes += [SHOW_THE_SAME(frames=_named(same, names))] * bool(same)
     notes += [TOO_MANY(frames=_named(more, names), most=most)] * bool(more)
     targets = tuple(position for position in held if seen[position] >= LEAST_SEEN)
-    reason = f"{len(context)} of {counted(len(scene), 'frame')}, all that add something: " * (len(context) > 2)
+    reason = f"{len(context)} of {counted(len(scene), 'frame')} add something: " * (len(context) > 2)
     return Choice(context, targets, reason + reason_of(scene, grids, context, bounds), bounds, tuple(notes))
 
 
