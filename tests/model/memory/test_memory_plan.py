@@ -253,7 +253,7 @@ def test_the_command_ends_with_one_line_and_code_2_where_nothing_fits(
     out = tmp_path / "out"
     assert main(["reconstruct", str(wall_scene().path), "--out", str(out)]) == 2
     line = capsys.readouterr().err.strip().splitlines()[-1]
-    assert line.startswith("semgs: error: N = 2 at 32x48 needs about ")
+    assert line.startswith("semgs: error: N = 3 at 32x48 needs about ")
     assert not out.exists()
 
 
