@@ -24,6 +24,7 @@ from semgs.objectives.metrics import psnr
 from semgs.rendering.rendering import Rendering, confidence_maps, label_maps
 from semgs.robotics.occupancy import rays_of
 from semgs.run.output.report import Provenance, report_numbers
+from semgs.run.output.report_page import report_page
 from semgs.run.steps.notes import strangers
 from semgs.run.steps.pipeline import reconstruct
 from semgs.run.steps.scores import scores
@@ -458,3 +459,11 @@ def test_photos_of_one_exposure_give_the_same_bits_whether_it_is_fitted_or_not(
     assert torch.equal(auto, taken)
     assert not torch.equal(fitted, taken)
     torch.testing.assert_close(fitted, taken, atol=0.05, rtol=0)
+
+
+def test_the_report_says_how_many_photos_became_the_scene(wall_scene: Callable[..., Scene], oracle: Network) -> None:
+    """Two of four photos, and the other two are held out."""
+    scene = wall_scene()
+    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle)
+    text = report_page(result, Provenance("semgs 9.9", "", 0, "cpu"), {"read": 1.0})
+    assert "Reconstructed from 2 of 4 photos and compared with 2 that were held out." in text

@@ -92,7 +92,8 @@ def _first_row(result: Reconstruction, row: page.Gallery) -> page.Gallery:
 def _what_was_done(result: Reconstruction) -> str:
     """What the photos were used for."""
     if result.splat is None:
-        return f"Reconstructed from {len(result.context.positions)} photos"
+        used, count = len(result.context.positions), len(result.scene)
+        return f"Reconstructed from {used}{f' of {count}' * (count > used)} photos"
     return f"{result.splat.name}, labelled from {counted(result.splat.photos, 'photo')}"
 
 
