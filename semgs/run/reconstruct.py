@@ -317,7 +317,9 @@ class Reconstruct(Run):
                 return choose_named(scene, self.context)
         if self.views is None:
             most = None if self.all else MOST_VIEWS
-            return choose_covering(scene, most, lambda position: why_not(scene, position, self.size, depth))
+            return choose_covering(
+                scene, most, lambda position, bounds: why_not(scene, position, self.size, depth, bounds)
+            )
         if self.views > len(scene):
             raise UsageError(f"--views is {self.views}; expected 2 to {len(scene)}, the usable frames of {scene.path}")
         return choose(scene, self.views)

@@ -160,11 +160,11 @@ def test_frames_without_a_depth_map_of_their_own_are_left_out(wall_scene: Callab
     empty = None if gap == "no map" else InMemory(np.zeros(SIZE, np.float32))
     frames = tuple(replace(frame, depth=empty) if index == 1 else frame for index, frame in enumerate(scene.frames))
     scene = replace(scene, frames=frames)
-    choice = choose_covering(scene, None, lambda position: why_not(scene, position, SIZE, FrameMaps()))
+    choice = choose_covering(scene, None, lambda position, bounds: why_not(scene, position, SIZE, FrameMaps(), bounds))
     assert choice.context == (0, 3)
     assert choice.targets == (2,)
     assert choice.notes == ("Left out: images/01.png. No input view shares 30% of what they see.",)
-    assert "images/01.png" in (why_not(scene, 1, SIZE, FrameMaps()) or "")
+    assert "images/01.png" in (why_not(scene, 1, SIZE, FrameMaps(), scene.depth_range()) or "")
 
 
 @pytest.mark.parametrize("meaning", ["scaled", "metric"])

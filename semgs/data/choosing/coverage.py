@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.bounds.parallax import FrameFeatures
 from semgs.data.choosing.choice import (
     LEAST_SEEN,
@@ -65,7 +66,7 @@ TOO_MANY = Kind(
 
 
 def choose_covering(
-    scene: Scene, most: int | None, why_not: Callable[[int], str | None] = lambda position: None
+    scene: Scene, most: int | None, why_not: Callable[[int, DepthRange], str | None] = lambda position, bounds: None
 ) -> Choice:
     """All frames that add something as input views, and one of `EVERY` held out.
 
@@ -75,27 +76,28 @@ def choose_covering(
     Args:
         scene: the scene.
         most: input views at most; None for as many as it takes.
-        why_not: says why the frame at a position cannot be used; None if it can. It reads a frame only if that would be used.
+        why_not: says why the frame at a position cannot be used, given near and far of the scene; None if it can. It reads a frame only if that would be used.
 
     Raises:
         InputError: no two usable frames share enough.
     """
     features: dict[int, FrameFeatures] = {}
-    typical = scene.depth_range(features=features).typical
+    of_all = scene.depth_range(features=features)
     grids = DepthGrids(scene)
     few = spread(range(len(scene)), most_candidates(grids))
     broken: dict[int, str] = {}
 
     def usable(position: int) -> bool:
         """Whether a frame can be used; why not is kept."""
-        if position not in broken and (reason := why_not(position)) is not None:
+        if position not in broken and (reason := why_not(position, of_all)) is not None:
             broken[position] = reason
         return position not in broken
 
     held = [position for position in _every_eighth(few) if usable(position)]
     rest = [position for position in few if position not in held]
-    together = Covisibility.of(scene, rest, grids.of(rest, typical))
-    overlaps, chosen = together.overlaps(), _best_pair(together, lambda place: usable(rest[place]))
+    together = Covisibility.of(scene, rest, grids.of(rest, of_all.typical))
+    overlaps, pairs = together.overlaps(), _pairs(together)
+    chosen = _first(pairs, lambda place: usable(rest[place]))
     if not chosen:
         if broken and len(rest) - len(broken) < 2:
             found = f"none: {next(iter(broken.values()))}"
@@ -115,7 +117,7 @@ def choose_covering(
             continue
         room = len(rest) if most is None else most - len(chosen)
         new = set(np.flatnonzero(added >= LEAST_ADDED).tolist()) if room > 1 else set()
-        pair = _best_pair(together, lambda place, new=new: place in new and usable(rest[place]))  # type: ignore[misc]
+        pair = _first(pairs, lambda place, new=new: place in new and usable(rest[place]))  # type: ignore[misc]
         if not pair and (len(chosen) >= A_FEW or times > len(chosen)):
             break
         chosen += pair
@@ -164,17 +166,17 @@ def _repeats(together: Covisibility, overlaps: np.ndarray) -> np.ndarray:
     return near & (overlaps >= SAME_VIEW)
 
 
-def _best_pair(together: Covisibility, usable: Callable[[int], bool]) -> list[int]:
-    """The places of the two frames that go together best; none if no two share enough."""
+def _pairs(together: Covisibility) -> list[list[int]]:
+    """The places of each two frames that share enough, those that go together best first."""
     scores = pair_scores(together)
     scores[np.tri(len(scores), dtype=bool)] = -1
-    for index in np.argsort(-scores, axis=None, kind="stable"):
-        pair = [int(place) for place in divmod(int(index), len(scores))]
-        if scores[tuple(pair)] < 0:
-            break
-        if all(usable(place) for place in pair):
-            return pair
-    return []
+    order = np.argsort(-scores, axis=None, kind="stable")[: int((scores >= 0).sum())]
+    return [list(divmod(index, len(scores))) for index in order.tolist()]
+
+
+def _first(pairs: Sequence[list[int]], usable: Callable[[int], bool]) -> list[int]:
+    """The first pair of which both can be used; none if there is none."""
+    return next((pair for pair in pairs if all(usable(place) for place in pair)), [])
 
 
 def _named(positions: Sequence[int], names: Sequence[str]) -> str:

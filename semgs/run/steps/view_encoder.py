@@ -179,17 +179,24 @@ def read_inputs(
     return views
 
 
-def why_not(scene: Scene, position: int, size: Sequence[int] | None, depth: DepthSource | DepthMaps) -> str | None:
+def why_not(
+    scene: Scene,
+    position: int,
+    size: Sequence[int] | None,
+    depth: DepthSource | DepthMaps,
+    depth_range: DepthRange,
+) -> str | None:
     """Why a frame cannot be an input view; None if it can.
 
     Args:
         scene: contains the frame.
         position: of the frame.
         size, depth: as for `reconstruct`.
+        depth_range: near and far of the scene.
     """
     height, width = default_size(scene.frames[position].lens.size) if size is None else size
     try:
-        view = read_inputs(scene, [position], (height, width), depth, scene.depth_range([position]))
+        view = read_inputs(scene, [position], (height, width), depth, depth_range)
     except InputError as error:
         return str(error)
     return unusable(view)

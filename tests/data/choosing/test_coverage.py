@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from landmarks import looking
 
+from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.cameras.lens import Lens
 from semgs.data.choosing.coverage import A_FEW, choose_covering, windows_of
 from semgs.data.frames import Frame
@@ -73,7 +74,7 @@ def test_two_parts_of_a_room_that_share_nothing_are_both_used():
 
 
 def test_frames_that_cannot_be_used_are_left_out_and_named():
-    def why_not(position: int) -> str | None:
+    def why_not(position: int, bounds: DepthRange) -> str | None:
         return "its image is black" if position in (1, 2) else None
 
     choice = choose_covering(beside(0.0, 0.1, 0.2, 0.3), None, why_not)
@@ -81,7 +82,7 @@ def test_frames_that_cannot_be_used_are_left_out_and_named():
     assert choice.targets == ()
     assert set(choice.notes) == {f"Left out: {name} (its image is black)." for name in ("01.png", "02.png")}
     with pytest.raises(InputError, match="at least two usable frames that overlap, found none: its image is black"):
-        choose_covering(beside(0.0, 0.1, 0.2), None, lambda position: "its image is black")
+        choose_covering(beside(0.0, 0.1, 0.2), None, lambda position, bounds: "its image is black")
 
 
 def test_frames_of_which_no_two_overlap_are_refused():
