@@ -214,7 +214,7 @@ class Diagnosis:
             said = (
                 f"The cameras are slightly wrong, as from odometry or a rough calibration: they miss matches by {by}."
             )
-            return f"{said} Try semgs reconstruct --refine-poses." if options else said
+            return f"{said} semgs reconstruct corrects such cameras." if options else said
         if self.verdict == "good" and self.error > FITS:
             agree = f"depth maps agree to {self.evidence.depth_error(self.given):.1f} %"
             return f"The cameras fit: {agree}. They miss matches by {by}, but the matches may be wrong, as those of repeated texture."

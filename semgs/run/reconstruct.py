@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -89,7 +90,7 @@ class Reconstruct(Run):
     - semgs reconstruct recording --out out/robot --depth sensor
     - semgs reconstruct room --out out/room --depth hf:depth-anything/Depth-Anything-V2-Small-hf
     - semgs reconstruct scans/office --out out/office --refine 0
-    - semgs reconstruct scans/office --out out/office --refine-poses
+    - semgs reconstruct scans/office --out out/office --keep-poses
     - semgs reconstruct photos --out out/kitchen --scale-from IMG_1.jpg IMG_4.jpg 1.25
     - semgs reconstruct clip.mp4 --out out/kitchen
     - semgs reconstruct recording --out out/flat --all
@@ -124,8 +125,11 @@ class Reconstruct(Run):
     """Bring the input photos to a common exposure, with a gain and an offset for each, from the surfaces that they share: auto if they
     clearly differ, fitted always, as-taken never. Held-out photos are compared at the exposure of the room. See docs/questions.md."""
     refine_poses: bool = False
-    """First correct slightly wrong cameras of the input and held-out frames, by up to a few degrees, so that they fit matches between the
-    images. Cameras that fit already stay as they are; the report says what moved. See docs/poses.md."""
+    """Correct the cameras of the input and held-out frames, by up to a few degrees, so that they fit matches between the images. By default,
+    this is done if a quick test finds them slightly wrong. Cameras that fit already stay as they are; the report says what moved. See
+    docs/poses.md."""
+    keep_poses: bool = False
+    """Use the cameras as they are, even if they are slightly wrong."""
     refine: Annotated[Passes, optional()] = -1
     """Refine the Gaussians on the input photos, which makes images sharp: PASSES steps for each photo, by default 15, or 7 for more than 12. The first
     held-out frame decides when to stop, and is held out no longer. 0 is the paper's single forward pass. See docs/refine.md."""
@@ -234,27 +238,33 @@ class Reconstruct(Run):
 
     def _choose_frames(
         self, scene: Scene, depth: DepthSource | DepthMaps, stages: Stages
-    ) -> tuple[Scene, Choice, list[str]]:
-        """The scene with its cameras refined if requested, the chosen frames, and notes about their cameras."""
+    ) -> tuple[Scene, Choice, Sequence[str]]:
+        """The scene, with its cameras refined if that helps, the chosen frames, and notes about their cameras."""
         with stages("choose", CHOOSING(count=len(scene))):
             choice = self._choose(scene, depth)
-        chosen = (*choice.context, *choice.targets)
-        notes: list[str] = []
-        if self.refine_poses:
-            with stages("refine", f"Refining {len(chosen)} cameras"):
-                from semgs.sfm.camera_refinement import refine_cameras
-
-                refinement = refine_cameras(scene, chosen)
-                notes += refinement.notes(scene)
-                scene = refinement.applied(scene)
-        with stages("check", "Checking the cameras"):
-            from semgs.doctor.quick import frames_to_test, warnings_of
-
-            tested = chosen if self.refine_poses else frames_to_test(chosen, len(scene))
-            notes += warnings_of(
-                scene, tested, refined=self.refine_poses, inverse=self.placing.depth_meaning == "inverse"
-            )
+        scene, notes = self._fit_cameras(scene, (*choice.context, *choice.targets), stages)
         return scene, choice, notes
+
+    def _fit_cameras(self, scene: Scene, chosen: tuple[int, ...], stages: Stages) -> tuple[Scene, Sequence[str]]:
+        """The scene with the cameras of chosen frames refined, if they are slightly wrong or it is requested, and notes about them."""
+        from semgs.doctor.quick import SLIGHTLY_WRONG, frames_to_test, warnings_of
+
+        inverse = self.placing.depth_meaning == "inverse"
+        warnings: list[Note] = []
+        if not self.refine_poses:
+            with stages("check", "Checking the cameras"):
+                warnings = warnings_of(scene, frames_to_test(chosen, len(scene)), inverse=inverse)
+            if self.keep_poses or not any(warning.kind is SLIGHTLY_WRONG for warning in warnings):
+                return scene, warnings
+        with stages("refine", f"Refining {len(chosen)} cameras"):
+            from semgs.sfm.camera_refinement import refine_cameras
+
+            refinement = refine_cameras(scene, chosen)
+        if warnings and not refinement.accepted:
+            return scene, warnings
+        scene = refinement.applied(scene)
+        with stages("check", "Checking the cameras"):
+            return scene, [*refinement.notes(), *warnings_of(scene, chosen, refined=True, inverse=inverse)]
 
     def _check(self) -> None:
         """Check what can be checked without importing torch."""
@@ -284,6 +294,8 @@ class Reconstruct(Run):
             raise UsageError("--context names the frames to use and --all uses all that add something; leave one out")
         if self.all and self.views is not None:
             raise UsageError(f"--all uses every frame that adds something and --views {self.views}; leave one out")
+        if self.refine_poses and self.keep_poses:
+            raise UsageError("--refine-poses corrects the cameras and --keep-poses keeps them; leave one out")
         if len(self.context) == 1:
             raise UsageError("--context has one frame; expected two or more that overlap")
         if self.context and self.views not in (None, len(self.context)):

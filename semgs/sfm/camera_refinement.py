@@ -23,6 +23,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from semgs.data.scene import Scene
+from semgs.runtime.notes import Kind, Note
 from semgs.sfm.matches import Matches, find_matches
 
 MATCH_PX = 1.0
@@ -36,6 +37,18 @@ COARSE = 4.0
 
 FALLS_TO = 0.6
 """Refined cameras are taken if the median distance of the matches falls to at most this share."""
+
+AT_ONE_PLACE = Kind("The cameras were not refined: they are all at the same place.")
+TOO_FEW_MATCHES = Kind("The cameras were not refined: too few matches were found between the images.")
+LEFT_AS_THEY_ARE = Kind(
+    "The cameras were left as they are: refining them on {matches} matches would change the median epipolar error from {before:.2f} to "
+    "{after:.2f} px, which is no clear improvement."
+)
+REFINED = Kind(
+    "The cameras were refined on {matches} matches: the median epipolar error fell from {before:.2f} to {after:.2f} px. Cameras were rotated by "
+    "up to {turned:.2f} degrees, and moved by up to {moved:.1%} of the distance between neighbouring cameras.",
+    "The cameras were slightly wrong and were corrected, by up to {turned:.2f} degrees.",
+)
 
 
 @final
@@ -97,26 +110,16 @@ class CameraRefinement:
             frames[index] = replace(frames[index], world_from_camera=pose)
         return replace(scene, frames=tuple(frames))
 
-    def notes(self, scene: Scene) -> list[str]:
-        """What happened, for the user, a sentence each."""
+    def notes(self) -> list[Note]:
+        """What happened, for the user."""
         if not self.spacing:
-            return ["The cameras were not refined: they are all at the same place."]
+            return [AT_ONE_PLACE()]
         if not self.matches:
-            return ["The cameras were not refined: too few matches were found between the images."]
-        errors = f"from {self.before_px:.2f} to {self.after_px:.2f} px"
+            return [TOO_FEW_MATCHES()]
+        errors = {"matches": self.matches, "before": self.before_px, "after": self.after_px}
         if not self.accepted:
-            return [
-                f"The cameras were left as they are: refining them on {self.matches} matches would change the median epipolar error {errors}, "
-                "which is no clear improvement."
-            ]
-        moves = zip(self.frames, self.turned_deg, self.moved, strict=True)
-        listed = ", ".join(
-            f"{scene.frames[index].name} {turn:.2f} degrees and {move:.1%}" for index, turn, move in moves
-        )
-        return [
-            f"The cameras were refined on {self.matches} matches: the median epipolar error fell {errors}. Each camera's rotation, and its shift as a "
-            f"share of the distance between neighbouring cameras: {listed}."
-        ]
+            return [LEFT_AS_THEY_ARE(**errors)]
+        return [REFINED(**errors, turned=self.turned_deg.max(), moved=self.moved.max())]
 
 
 def refine_cameras(scene: Scene, frames: Sequence[int]) -> CameraRefinement:

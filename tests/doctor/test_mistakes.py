@@ -259,7 +259,7 @@ def test_depth_that_is_slightly_wrong_is_not_blamed_on_the_cameras():
     assert found.verdict == "slightly wrong"
     assert "The cameras fit the images" in found.sentence
     assert "depth maps or the distances between cameras are slightly wrong" in found.sentence
-    assert "--refine-poses" not in found.sentence
+    assert "corrects such cameras" not in found.sentence
 
 
 def test_cameras_that_nothing_explains_are_suspicious():
@@ -293,7 +293,9 @@ def test_cameras_are_slightly_wrong_between_one_and_five_pixels(
     found = judge_cameras(shaken(rig, degrees), seen(rig, depth=False, count=20))
     assert low < found.error <= high
     assert (found.verdict, found.finding) == (verdict, None)
-    assert ("slightly wrong" in found.sentence) == ("--refine-poses" in found.sentence) == hint
+    assert (
+        ("slightly wrong" in found.sentence) == ("semgs reconstruct corrects such cameras." in found.sentence) == hint
+    )
     assert ("The cameras fit" in found.sentence) == (verdict == "good")
     assert found.amount(found.error) in found.sentence
 

@@ -42,8 +42,8 @@ def test_of_slightly_wrong_cameras_it_says_what_the_doctor_says_unless_they_were
     scene = turned(open_scene(demo_scene()), {1: 0.5, 3: 1.0})
     (warning,) = warnings_of(scene, (1, 3, 2))
     found = diagnose(scene, (1, 3, 2), FEATURES)
-    assert (found.verdict, warning) == ("slightly wrong", found.sentence)
-    assert warning.endswith("Try semgs reconstruct --refine-poses.")
+    assert (found.verdict, warning) == ("slightly wrong", found.without_options)
+    assert found.sentence == f"{warning} semgs reconstruct corrects such cameras."
     assert warnings_of(scene, (1, 3, 2), refined=True) == []
 
 

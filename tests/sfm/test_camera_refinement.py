@@ -16,6 +16,7 @@ from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.rotations import matrix_from_quaternion
+from semgs.runtime.notes import for_page
 from semgs.sfm import camera_refinement as module
 from semgs.sfm.camera_refinement import MatchedRays, adjusted, epipolar_px, refine_cameras, sightings
 from semgs.sfm.matches import Matches
@@ -180,16 +181,19 @@ def test_good_cameras_stay_and_slightly_wrong_ones_are_corrected(scene: Scene):
     untouched = refine_cameras(scene, FRAMES)
     assert not untouched.accepted
     np.testing.assert_array_equal(untouched.poses, untouched.given)
-    (sentence,) = untouched.notes(scene)
+    (sentence,) = untouched.notes()
     assert sentence.startswith("The cameras were left as they are:")
     true, wrong = untouched.given, spoiled(scene, 1.0, 0.02)
     found = refine_cameras(wrong, FRAMES)
     assert found.accepted
     assert found.after_px < 0.25 * found.before_px
     assert relative_turns(found.poses, true).mean() < 0.3 * relative_turns(found.given, true).mean()
-    (sentence,) = found.notes(wrong)
+    (sentence,) = found.notes()
     assert sentence.startswith(f"The cameras were refined on {found.matches} matches:")
-    assert f"{scene.frames[5].name} {found.turned_deg[0]:.2f} degrees and {found.moved[0]:.1%}" in sentence
+    assert f"up to {max(found.turned_deg):.2f} degrees, and moved by up to {max(found.moved):.1%} of" in sentence
+    assert for_page([sentence]) == [
+        f"The cameras were slightly wrong and were corrected, by up to {max(found.turned_deg):.2f} degrees."
+    ]
     applied = found.applied(wrong)
     np.testing.assert_array_equal(applied.frames[5].world_from_camera, found.poses[0])
     assert [applied.frames[index] is wrong.frames[index] for index in range(8)] == [
@@ -205,14 +209,12 @@ def test_cameras_without_matches_or_baseline_are_left_alone(scene: Scene, monkey
         pose[:3, 3] = here
         frames[index] = replace(frames[index], world_from_camera=pose)
     fixed = replace(scene, frames=tuple(frames))
-    assert refine_cameras(fixed, FRAMES).notes(fixed) == [
-        "The cameras were not refined: they are all at the same place."
-    ]
+    assert refine_cameras(fixed, FRAMES).notes() == ["The cameras were not refined: they are all at the same place."]
     none = Matches(np.zeros((0, 2), int), np.zeros(0, int), np.zeros((0, 2, 2)), np.zeros((0, 2)), np.zeros((0, 2)))
     monkeypatch.setattr(module, "find_matches", lambda scene, frames: none)
     found = refine_cameras(scene, FRAMES)
     np.testing.assert_array_equal(found.poses, found.given)
-    assert found.notes(scene) == ["The cameras were not refined: too few matches were found between the images."]
+    assert found.notes() == ["The cameras were not refined: too few matches were found between the images."]
 
 
 def test_noise_is_of_the_size_that_was_wanted():
