@@ -21,7 +21,13 @@ MOST_HEADERS = 40
 MAY_BE_WRONG = Kind(
     "The {what} may be wrong. {found} semgs doctor tests all of the scene.", "The {what} may be wrong. {page}"
 )
+UNEXPLAINED = Kind(
+    "The cameras may be wrong. {found} semgs doctor tests all of the scene.", "The cameras may be wrong. {page}"
+)
 SLIGHTLY_WRONG = Kind("{found}")
+CORRECTABLE = (UNEXPLAINED, SLIGHTLY_WRONG)
+"""What better cameras may cure: no usual mistake explains it."""
+
 ON_THEIR_SIDE = Kind(
     "Photos lie on their side, as EXIF says, and so do their cameras ({count} of {tested} tested). Classes and depth are worse in such photos, "
     "and up may be wrong. Turn the photos, then estimate their cameras again."
@@ -48,7 +54,8 @@ def warnings_of(scene: Scene, frames: Sequence[int], *, refined: bool = False, i
     stated = inverse and found.finding is not None and found.finding.mistake is INVERSE_DEPTH
     if found.verdict == "suspicious" and not stated:
         wrong = "depth maps" if found.finding is not None and found.finding.mistake in OF_DEPTH else "cameras"
-        warnings.append(MAY_BE_WRONG(what=wrong, found=found.sentence, page=found.without_options))
+        said = {"found": found.sentence, "page": found.without_options}
+        warnings.append(UNEXPLAINED(**said) if found.finding is None else MAY_BE_WRONG(what=wrong, **said))
     if found.verdict == "slightly wrong" and found.evidence.contradicts(found.given) and not refined:
         warnings.append(SLIGHTLY_WRONG(found=found.without_options))
     return warnings
