@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from semgs.data.frames import Frame
 from semgs.data.scene import Scene
@@ -21,21 +22,29 @@ MOST_HEADERS = 40
 MAY_BE_WRONG = Kind(
     "The {what} may be wrong. {found} semgs doctor tests all of the scene.", "The {what} may be wrong. {page}"
 )
-UNEXPLAINED = Kind(
-    "The cameras may be wrong. {found} semgs doctor tests all of the scene.", "The cameras may be wrong. {page}"
-)
 SLIGHTLY_WRONG = Kind("{found}")
-CORRECTABLE = (UNEXPLAINED, SLIGHTLY_WRONG)
-"""What better cameras may cure: no usual mistake explains it."""
-
 ON_THEIR_SIDE = Kind(
     "Photos lie on their side, as EXIF says, and so do their cameras ({count} of {tested} tested). Classes and depth are worse in such photos, "
     "and up may be wrong. Turn the photos, then estimate their cameras again."
 )
 
 
-def warnings_of(scene: Scene, frames: Sequence[int], *, refined: bool = False, inverse: bool = False) -> list[Note]:
-    """Warnings for the user if photos lie on their side, or the cameras or depth maps do not fit the images; none if all fits or nothing can be said.
+@dataclass(frozen=True)
+class QuickTest:
+    """What the quick test found.
+
+    Attributes:
+        warnings: for the user, if photos lie on their side, or the cameras or depth maps do not fit the images; none if all fits or nothing can be said.
+        fits: whether the cameras fit matches between the images, or a usual mistake explains why not. Otherwise cameras that are slightly different may
+            fit better, even if depth maps agree or there are too few matches for this test.
+    """
+
+    warnings: list[Note]
+    fits: bool
+
+
+def quick_test(scene: Scene, frames: Sequence[int], *, refined: bool = False, inverse: bool = False) -> QuickTest:
+    """Test the cameras of a few frames.
 
     So few frames have few matches, so cameras are called slightly wrong only if most pairs of frames say so.
 
@@ -54,11 +63,11 @@ def warnings_of(scene: Scene, frames: Sequence[int], *, refined: bool = False, i
     stated = inverse and found.finding is not None and found.finding.mistake is INVERSE_DEPTH
     if found.verdict == "suspicious" and not stated:
         wrong = "depth maps" if found.finding is not None and found.finding.mistake in OF_DEPTH else "cameras"
-        said = {"found": found.sentence, "page": found.without_options}
-        warnings.append(UNEXPLAINED(**said) if found.finding is None else MAY_BE_WRONG(what=wrong, **said))
+        warnings.append(MAY_BE_WRONG(what=wrong, found=found.sentence, page=found.without_options))
     if found.verdict == "slightly wrong" and found.evidence.contradicts(found.given) and not refined:
         warnings.append(SLIGHTLY_WRONG(found=found.without_options))
-    return warnings
+    matched = len(found.evidence.matches) > 0 and not found.evidence.contradicts(found.given)
+    return QuickTest(warnings, matched or found.finding is not None)
 
 
 def frames_to_test(chosen: Sequence[int], count: int) -> tuple[int, ...]:
