@@ -44,7 +44,7 @@ def test_it_generates_reports_what_there_is_and_rooms_take_it(
     told = capsys.readouterr()
     assert told.err == ""
     assert f"{out}: 1 pieces of seed {SEED} (table 1)" in told.out
-    assert f"semgs rooms OUT --assets {out}" in told.out
+    assert f"semgs rooms --out OUT --assets {out}" in told.out
     rooms = ["--scenes", "1", "--size", "32x48", "--frames", "2", "--workers", "0", "--assets", str(out)]
     assert semgs.main(["rooms", str(tmp_path / "rooms"), *rooms]) == 0
     settings = json.loads((tmp_path / "rooms" / "settings.json").read_text())
