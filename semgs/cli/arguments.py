@@ -149,7 +149,9 @@ def _parse(options: type[Options], program: str, arguments: Sequence[str]) -> Op
     config = (tyro.conf.DisallowNone,) if _presets(options) else (tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone)
     named = {word.partition("=")[0] for word in arguments}
     kind = options if named & {"--out", "-h", "--help"} else _with_out_as_position(options)
-    parsed = tyro.cli(kind, prog=program, args=list(arguments), description=description, config=config, registry=_TYPES)
+    parsed: Options = tyro.cli(
+        kind, prog=program, args=list(arguments), description=description, config=config, registry=_TYPES
+    )
     return parsed if kind is options else options(**vars(parsed))
 
 
