@@ -227,7 +227,7 @@ def poses() -> None:
     with tempfile.TemporaryDirectory() as folder:
         photos, out = Path(folder) / "photos", Path(folder) / "out"
         shutil.copytree(demo_scene() / "images", photos)
-        subprocess.run([sys.executable, "-m", "semgs", "poses", str(photos), str(out)], check=True)
+        subprocess.run([sys.executable, "-m", "semgs", "poses", str(photos), "--out", str(out)], check=True)
         found = open_scene(out)
     by_name = {Path(frame.name).name: frame.world_from_camera for frame in true.frames}
     ours = np.stack([frame.world_from_camera for frame in found.frames])

@@ -22,7 +22,7 @@ start=${START:-small}
 here="$(dirname "$0")"
 steps() { echo $(($1 * share / 100)); }
 
-rooms() { $semgs rooms "$folder/$1" --scenes "$2" --frames "$3" --seed "$4" --size "$5" --assets "$assets" "${@:6}"; }
+rooms() { $semgs rooms --out "$folder/$1" --scenes "$2" --frames "$3" --seed "$4" --size "$5" --assets "$assets" "${@:6}"; }
 teach() { if [ -n "$teacher" ]; then python "$here/teach.py" "$teacher" "$folder/teacher" "$@"; fi; }  # SCENES [SCENES ...]
 average() { python "$here/average_weights.py" "$@"; }
 rooms many 1000 4 2200 120x160

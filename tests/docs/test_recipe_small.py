@@ -30,7 +30,7 @@ def after(option):
 
 
 if name == "semgs" and given[0] == "rooms":
-    made.append(given[1])
+    made += after("--out")
     assert [int(after(one)[0]) > 0 for one in ("--scenes", "--frames", "--seed")] == [True] * 3, given
     assert after("--size")[0] in ("120x160", "240x320"), given
     read += [one for index, one in enumerate(given) if given[index - 1] == "--assets"]
