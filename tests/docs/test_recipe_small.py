@@ -46,9 +46,9 @@ elif name == "gpu_day.sh":
 elif given[0] == "-":
     made += [given[1]] if len(given) == 3 and given[1].endswith("held") else [given[2] + "/kept_back", given[2] + "/learned"]
 elif given[0] == "-m":
-    made.append(given[2])
+    made += after("--out")
 elif given[0].endswith("teach.py"):
-    made.append(given[2])
+    made += after("--out")
     read += [given[1], *given[3:]]
 elif given[0].endswith("undo_class_weights.py"):
     read += given[1:3]
