@@ -20,7 +20,7 @@ from PIL import Image, ImageDraw
 from scipy.spatial.transform import Rotation
 
 from paper.release.demo import titled
-from semgs import SavedScene, load, occupancy, open_scene, refine
+from semgs import SavedScene, load, load_scene, occupancy, open_scene, refine
 from semgs.data.demo_scene import demo_scene
 from semgs.export.scene_objects import place_things, things_of
 from semgs.figures.class_images import class_picture, overlay
@@ -168,18 +168,23 @@ def robots() -> None:
 
 
 def recordings() -> None:
-    """What two photos show of the room, and what all of them show, from a place where no photo was taken."""
-    two, walk = encoded(), encoded(tuple(range(8)))
+    """What two photos show of the room, and what all eight show, from a place where no photo was taken."""
+    two = encoded()
+    with tempfile.TemporaryDirectory() as folder:
+        subprocess.run(
+            [sys.executable, "-m", "semgs", "reconstruct", str(demo_scene()), "--out", f"{folder}/all"], check=True
+        )
+        every = load_scene(f"{folder}/all")
     camera = two.cameras[:1]
     pose = camera.world_from_camera.clone()
     pose[0, :3, 3] -= 1.1 * pose[0, :3, 2]
     back = replace(camera, world_from_camera=pose)
-    tiles = [as_bytes(scene.render(back).images[0]) for scene in (two, walk)]
+    tiles = [as_bytes(scene.render(back).images[0]) for scene in (two, every)]
     save(
         "recordings.jpg",
         titled(
             np.hstack(tiles),
-            ("two photos", "a walk of eight photos"),
+            ("two photos", "all eight photos"),
         ),
     )
 
@@ -227,7 +232,7 @@ def poses() -> None:
     with tempfile.TemporaryDirectory() as folder:
         photos, out = Path(folder) / "photos", Path(folder) / "out"
         shutil.copytree(demo_scene() / "images", photos)
-        subprocess.run([sys.executable, "-m", "semgs", "poses", str(photos), str(out)], check=True)
+        subprocess.run([sys.executable, "-m", "semgs", "poses", str(photos), "--out", str(out)], check=True)
         found = open_scene(out)
     by_name = {Path(frame.name).name: frame.world_from_camera for frame in true.frames}
     ours = np.stack([frame.world_from_camera for frame in found.frames])

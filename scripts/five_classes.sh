@@ -20,8 +20,8 @@ cat > "$folder/five.json" <<'TABLE'
  "ignored": [3, 7, 8, 10, 13, 14, 15, 16, 17, 18, 19]}
 TABLE
 
-$semgs rooms "$folder/train" --scenes 48 --seed 21 --size 96x128
-$semgs rooms "$folder/held" --scenes 12 --seed 22 --size 96x128
+$semgs rooms --out "$folder/train" --scenes 48 --seed 21 --size 96x128
+$semgs rooms --out "$folder/held" --scenes 12 --seed 22 --size 96x128
 for scene in "$folder"/{train,held}/scene_*/transforms.json; do
     sed -i.bak 's|"label_set": "scannet20"|"label_set": "../../five.json"|' "$scene" && rm -f "$scene.bak"
 done

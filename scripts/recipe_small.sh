@@ -22,7 +22,7 @@ start=${START:-small}
 here="$(dirname "$0")"
 steps() { echo $(($1 * share / 100)); }
 
-rooms() { $semgs rooms "$folder/$1" --scenes "$2" --frames "$3" --seed "$4" --size "$5" --assets "$assets" "${@:6}"; }
+rooms() { $semgs rooms --out "$folder/$1" --scenes "$2" --frames "$3" --seed "$4" --size "$5" --assets "$assets" "${@:6}"; }
 teach() { if [ -n "$teacher" ]; then python "$here/teach.py" "$teacher" "$folder/teacher" "$@"; fi; }  # SCENES [SCENES ...]
 average() { python "$here/average_weights.py" "$@"; }
 rooms many 1000 4 2200 120x160
@@ -128,7 +128,7 @@ average "$version13" "$twelfth/weights.safetensors" "$fifteenth/weights.safetens
 
 # Classes learn on from version 12, then from new rooms with furniture made for them.
 rooms inns 1200 3 2305 240x320
-PYTHONPATH="$here/.." python -m semgs_rooms.furniture "$folder/furniture" --pieces 144 --seed 41
+PYTHONPATH="$here/.." python -m semgs_rooms.furniture --out "$folder/furniture" --pieces 144 --seed 41
 rooms hotels 1600 3 2306 240x320 --assets "$folder/furniture"
 teach "$folder/inns" "$folder/hotels"
 sixteenth="$folder/sixteenth_$share""_$seed"
@@ -162,8 +162,8 @@ deepen "$twentyfirst" 800 "${deeper[@]}" --learning-rate 3e-4 --frames consecuti
     --init "$folder/version_14_$share""_$seed.safetensors" --seed "$((seed + 63))" --data "$folder/treks=2" "$folder/hikes=1" "$folder/rambles=1" "$folder/strolls=1"
 
 # Classes learn on in two more sets of new rooms, each with furniture of its own.
-PYTHONPATH="$here/.." python -m semgs_rooms.furniture "$folder/furniture_2" --pieces 144 --seed 42
-PYTHONPATH="$here/.." python -m semgs_rooms.furniture "$folder/furniture_3" --pieces 200 --seed 43
+PYTHONPATH="$here/.." python -m semgs_rooms.furniture --out "$folder/furniture_2" --pieces 144 --seed 42
+PYTHONPATH="$here/.." python -m semgs_rooms.furniture --out "$folder/furniture_3" --pieces 200 --seed 43
 rooms hostels 1600 3 2307 240x320 --assets "$folder/furniture_2"
 rooms lodges 1600 3 2308 240x320 --assets "$folder/furniture_3"
 teach "$folder/hostels" "$folder/lodges"
@@ -278,7 +278,7 @@ PYTHON
 
     # Classes learn on in more homes, the last two sets with furniture made for them. Five runs, the last from the mean of the others with version 19, which counts as
     # much as they do together (version 21 saw only the first 460 lofts).
-    PYTHONPATH="$here/.." python -m semgs_rooms.furniture "$folder/furniture_4" --pieces 139 --seed 44
+    PYTHONPATH="$here/.." python -m semgs_rooms.furniture --out "$folder/furniture_4" --pieces 139 --seed 44
     rooms barns 200 3 2314 240x320
     rooms villas 400 3 2315 240x320 --assets "$folder/furniture_4"
     rooms manors 379 3 2316 240x320 --assets "$folder/furniture_4"

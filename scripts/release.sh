@@ -63,5 +63,5 @@ print(f"semgs --help                   {seconds('-m', 'semgs', '--help'):.2f} s"
 print(f"import semgs, then semgs.load  {seconds('-c', 'import semgs; semgs.load'):.2f} s")
 EOF
 "$away/venv/bin/python" -m pip install --quiet --disable-pip-version-check -c "$root/constraints.txt" "$root"/dist/rooms/*.whl
-"$away/venv/bin/semgs" rooms rooms --scenes 1 --frames 2 --size 48x64 --workers 0
+"$away/venv/bin/semgs" rooms --out rooms --scenes 1 --frames 2 --size 48x64 --workers 0
 ls -l "$root/dist" "$root/dist/rooms"

@@ -13,7 +13,7 @@ scannet=$1 work=$2
 : "${TRAIN:=paper --init re10k.ckpt --devices 4 --workers 4 --validation-scenes 0}"
 : "${EVALUATE:=}"
 
-"$SEMGS" prepare "$scannet/scans" "$work/data/scannet" --scenes "$TRAIN_LIST" --every "$EVERY"
+"$SEMGS" prepare "$scannet/scans" --out "$work/data/scannet" --scenes "$TRAIN_LIST" --every "$EVERY"
 # Here and below, what holds several words is meant to be split into them.
 # shellcheck disable=SC2086
 "$SEMGS" train $TRAIN --data "$work/data/scannet" --out "$work/runs/scannet"

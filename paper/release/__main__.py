@@ -5,6 +5,7 @@
     python -m paper.release ship runs/small/best.safetensors small --description "..."   add weights to the package
     python -m paper.release failures                                         update the failures in the model card
     python -m paper.release failures small --data SCENES --out look.jpg      show failures in other labelled scenes instead
+    python -m paper.release confusions --report "single photos" eval/photos   update what fails in real photos, in the card, from reports
     python -m paper.release notice ROOMS/ATTRIBUTION.md [...] --photos FILE   update NOTICE for the rooms and photos that weights are trained on
     python -m paper.release demo OUT                                         update docs/images/demo.jpg from `semgs demo --out OUT`
     python -m paper.release audit                                            vulnerabilities, hashes, licences of what is installed
@@ -22,6 +23,7 @@ from pathlib import Path
 
 from paper.release.audit import audit_release
 from paper.release.card import write_card
+from paper.release.confusions import write_confusions
 from paper.release.demo import write_picture
 from paper.release.failures import write_failures
 from paper.release.notice import write_notice
@@ -61,6 +63,11 @@ def _parser() -> argparse.ArgumentParser:
     failures.add_argument("--data", type=Path, metavar="DIR")
     failures.add_argument("--out", type=Path, metavar="FILE.jpg")
     failures.set_defaults(run=lambda given: print(write_failures(given.weights, given.data, given.out)))
+    confusions = tasks.add_parser("confusions")
+    confusions.add_argument("--report", nargs=2, action="append", required=True, metavar=("TITLE", "REPORT.json"))
+    confusions.set_defaults(
+        run=lambda given: print(write_confusions({title: Path(path) for title, path in given.report}))
+    )
     notice = tasks.add_parser("notice")
     notice.add_argument("attributions", nargs="+", type=Path, metavar="ATTRIBUTION.md")
     notice.add_argument("--photos", required=True, type=Path, metavar="sources.json")

@@ -19,7 +19,7 @@ from paper.figure.compared_targets import ComparedTarget, FigurePart, comparison
 from paper.figure.comparison import FigureBlock, PictureRow, comparison
 from paper.release.pages import CARD, DOCS, write_between
 from semgs.data.scenes import open_scenes
-from semgs.data.tables.classes import SCANNET20, ClassTable
+from semgs.data.tables.classes import SCANNET20
 from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.run import load_candidate
@@ -155,8 +155,8 @@ def worst(targets: Sequence[ScoredTarget], count: int) -> tuple[ScoredTarget, ..
     return tuple(of_scene.values())[:count]
 
 
-def mistakes(frames: Sequence[FrameScores], classes: ClassTable) -> tuple[ClassMistake, ...]:
-    """All confusions between classes, those with the most pixels first."""
+def mistakes(frames: Sequence[FrameScores], names: Sequence[str]) -> tuple[ClassMistake, ...]:
+    """All confusions between classes with these names, those with the most pixels first."""
     confusion, truth = sum_confusions(frames)
     wrong = confusion.copy()
     np.fill_diagonal(wrong, 0)
@@ -164,7 +164,7 @@ def mistakes(frames: Sequence[FrameScores], classes: ClassTable) -> tuple[ClassM
     mistakes = []
     for row, column in pairs:
         share, of_class = (float(wrong[row, column] / whole) for whole in (truth.sum(), truth[row]))
-        mistakes.append(ClassMistake(classes.names[row], classes.names[column], share, of_class))
+        mistakes.append(ClassMistake(names[row], names[column], share, of_class))
     return tuple(mistakes)
 
 
@@ -174,7 +174,7 @@ def caption(target: ScoredTarget, most: int = 3) -> str:
     scores = [f"mIoU {target.miou:.2f}", f"accuracy {values['accuracy']:.2f}"]
     if "depth_abs_rel" in values:
         scores.append(f"depth error {values['depth_abs_rel']:.2f}")
-    largest = mistakes([target.scores], target.compared.classes)[:most]
+    largest = mistakes([target.scores], target.compared.classes.names)[:most]
     taken = [f"{mistake.true} → {mistake.given} {100 * mistake.share:.0f} %" for mistake in largest]
     return "; ".join([", ".join(scores), *([", ".join(taken) + " of the labelled pixels"] if taken else [])])
 
@@ -209,7 +209,7 @@ def mistakes_table(targets: Sequence[ScoredTarget], most: int) -> str:
         targets: at least one.
         most: rows.
     """
-    found = mistakes([one.scores for one in targets], targets[0].compared.classes)[:most]
+    found = mistakes([one.scores for one in targets], targets[0].compared.classes.names)[:most]
     rows = [f"| {one.true} | {one.given} | {100 * one.share:.1f} % | {100 * one.of_class:.0f} % |" for one in found]
     head = ["| what it is | taken for | of all labelled pixels | of its class |", "|---|---|---:|---:|"]
     return "\n".join([*head, *rows])

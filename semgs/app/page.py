@@ -7,6 +7,7 @@ import os
 import secrets
 import sys
 import time
+from base64 import b64encode
 from collections import defaultdict
 from collections.abc import AsyncIterator, Callable, Sequence
 from html import escape
@@ -43,7 +44,11 @@ MOST_FOLLOWED = 1000
 TITLE = "SemGS: photos to a labelled room"
 
 HEAD = """<header class="head"><p class="brand">SemGS</p><h1>Photos in, labelled room out</h1>
-<p>Drop two to twelve photos of a room. Let them overlap, and take a step to the side between them. A clip or a zip of a scene works, too. {privacy}</p></header>"""
+<p>Drop two to twelve photos of a room. Let them overlap, and take a step to the side between them. A clip or a zip of a scene works, too. {privacy}</p>
+<details class="how"><summary>How to take them</summary>
+<p>Stand two to three metres from what you want. Take six photos, and move 20 to 30 cm sideways between them. Avoid turning on the spot, mirrors, blank walls and blur, and do not zoom.</p>
+<img src="data:image/svg+xml;base64,{drawing}" alt="A room from above. Yes: six photos side by side, a step apart. No: turning on the spot. No: photos with little in common.">
+</details></header>"""
 
 LOCAL = "Your photos stay on this computer."
 REMOTE = (
@@ -297,7 +302,7 @@ def _build(jobs: Jobs, local: bool) -> Any:
     import gradio as gr
 
     with gr.Blocks(title=TITLE, fill_width=True, analytics_enabled=False, delete_cache=(3600, 3600)) as page:
-        gr.HTML(HEAD.format(privacy=privacy_statement(local, jobs.limits)))
+        gr.HTML(HEAD.format(privacy=privacy_statement(local, jobs.limits), drawing=_drawing()))
         identifier = gr.Textbox("", visible="hidden", elem_id="room-identifier")
         with gr.Column(elem_id="ask") as ask:
             dropped = gr.File(
@@ -496,6 +501,11 @@ def may_repeat(job: Job, page: str, local: bool) -> bool:
         local: whether all pages are of this computer.
     """
     return job.repeatable and (local or (bool(page) and job.page == page))
+
+
+def _drawing() -> str:
+    """The drawing of where to stand, for the address of an image."""
+    return b64encode(files("semgs.app").joinpath("web/six_photos.svg").read_bytes()).decode()
 
 
 def privacy_statement(local: bool, limits: Limits) -> str:

@@ -13,7 +13,7 @@ from contextlib import redirect_stderr, redirect_stdout, suppress
 from itertools import pairwise, takewhile
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
 import docstring_parser
 import tyro
@@ -21,6 +21,7 @@ from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, Pri
 
 from semgs.files.paths import typed_path
 from semgs.files.text import did_you_mean
+from semgs.run.options.types import BY_POSITION
 from semgs.run.usage_errors import UsageError
 
 Options = TypeVar("Options")
@@ -97,6 +98,9 @@ _COUNT = re.compile(
 )
 """What tyro says of too many or too few words."""
 
+_WORD_TOO_MANY = re.compile(r"^Unrecognized options: (?!-)")
+"""What tyro says before words that are no options."""
+
 
 def parse(options: type[Options], program: str, arguments: Sequence[str]) -> Options:
     """Parse the arguments of a command; `--help` prints its help and exits with 0.
@@ -127,6 +131,8 @@ def parse(options: type[Options], program: str, arguments: Sequence[str]) -> Opt
             else _suggest_option(options, program, preset, arguments, box)
         )
         message = message or _name_missing(program, box) or _message_in_box(box)
+        if _may_take_position(options):
+            message = _WORD_TOO_MANY.sub("expected one output, as --out OUT or as the last word; leave out ", message)
         raise UsageError(f"{message}; see {program} --help") from None
     for option in (word for word in arguments if word.startswith("--")):
         if getattr(parsed, option.removeprefix("--").replace("-", "_"), None) == ():
@@ -141,9 +147,28 @@ def _parse(options: type[Options], program: str, arguments: Sequence[str]) -> Op
         join_lines(options)
         description = description_of(options)
     config = (tyro.conf.DisallowNone,) if _presets(options) else (tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone)
-    return tyro.cli(
-        options, prog=program, args=list(arguments), description=description, config=config, registry=_TYPES
+    named = {word.partition("=")[0] for word in arguments}
+    kind = options if named & {"--out", "-h", "--help"} else _with_out_as_position(options)
+    parsed: Options = tyro.cli(
+        kind, prog=program, args=list(arguments), description=description, config=config, registry=_TYPES
     )
+    return parsed if kind is options else options(**vars(parsed))
+
+
+def _may_take_position(options: type) -> bool:
+    """Whether the command also takes its output as the last position."""
+    out = get_type_hints(options, include_extras=True).get("out")
+    return BY_POSITION in getattr(out, "__metadata__", ())
+
+
+def _with_out_as_position(options: type) -> type:
+    """The options with the output as a position, which errors still name --out; the same where it cannot be one."""
+    if not _may_take_position(options):
+        return options
+    (out,) = (field for field in dataclasses.fields(options) if field.name == "out")
+    kind = Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="--out OUT")]
+    position = ("out", kind, dataclasses.field(default=out.default))
+    return dataclasses.make_dataclass(options.__name__, [position], bases=(options,), frozen=True)
 
 
 def join_lines(options: type) -> None:

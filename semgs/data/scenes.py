@@ -294,7 +294,7 @@ def _is_known(path: Path) -> bool:
 UNPACKERS = {".zstd": "zstd", ".zst": "zstd", ".gz": "gzip", ".bz2": "bzip2", ".lz4": "lz4", ".xz": "xz"}
 """What unpacks files of these endings."""
 
-_NO_VIDEOS = "a video has no poses; semgs poses CLIP OUT estimates them, and OUT is a scene"
+_NO_VIDEOS = "a video has no poses; semgs poses CLIP --out OUT estimates them, and OUT is a scene"
 
 
 def _unknown_layout(path: Path, expected: str) -> InputError:
@@ -318,7 +318,7 @@ def _hint(path: Path) -> str:
     if (splat := trained_splat(path)) is not None:
         return f"this is what a 3DGS training wrote; semgs view, render, export and label-splat open its splat {splat}"
     if (clip := stray_scanner_clip(path)) is not None:
-        return f"this is a capture of Stray Scanner, which is not read; semgs poses {clip} OUT estimates cameras from its clip"
+        return f"this is a capture of Stray Scanner, which is not read; semgs poses {clip} --out OUT estimates cameras from its clip"
     inside = _scene_below(path)
     if inside is not None:
         return _without_metadata(inside) or f"there is one in {inside}"
@@ -336,7 +336,7 @@ def _hint(path: Path) -> str:
         remedy = AS_LOG if program == OPEN3D else remedy
         return f"{file} has cameras of {program}, which are not read: {remedy}; semgs poses estimates cameras anew"
     if _kinds(path).intersection(PICTURES) or len(below) == 1:
-        return "images alone have no poses; semgs poses FOLDER OUT estimates them, and OUT is a scene"
+        return "images alone have no poses; semgs poses FOLDER --out OUT estimates them, and OUT is a scene"
     if below:
         return f"there are only images, in {listed(below)}; semgs poses estimates the poses of those in one folder"
     if _kinds(path).intersection(VIDEOS) or any(

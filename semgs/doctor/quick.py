@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from semgs.data.frames import Frame
 from semgs.data.scene import Scene
@@ -28,8 +29,22 @@ ON_THEIR_SIDE = Kind(
 )
 
 
-def warnings_of(scene: Scene, frames: Sequence[int], *, refined: bool = False, inverse: bool = False) -> list[Note]:
-    """Warnings for the user if photos lie on their side, or the cameras or depth maps do not fit the images; none if all fits or nothing can be said.
+@dataclass(frozen=True)
+class QuickTest:
+    """What the quick test found.
+
+    Attributes:
+        warnings: for the user, if photos lie on their side, or the cameras or depth maps do not fit the images; none if all fits or nothing can be said.
+        fits: whether the cameras fit matches between the images, or a usual mistake explains why not. Otherwise cameras that are slightly different may
+            fit better, even if depth maps agree or there are too few matches for this test.
+    """
+
+    warnings: list[Note]
+    fits: bool
+
+
+def quick_test(scene: Scene, frames: Sequence[int], *, refined: bool = False, inverse: bool = False) -> QuickTest:
+    """Test the cameras of a few frames.
 
     So few frames have few matches, so cameras are called slightly wrong only if most pairs of frames say so.
 
@@ -51,7 +66,8 @@ def warnings_of(scene: Scene, frames: Sequence[int], *, refined: bool = False, i
         warnings.append(MAY_BE_WRONG(what=wrong, found=found.sentence, page=found.without_options))
     if found.verdict == "slightly wrong" and found.evidence.contradicts(found.given) and not refined:
         warnings.append(SLIGHTLY_WRONG(found=found.without_options))
-    return warnings
+    matched = len(found.evidence.matches) > 0 and not found.evidence.contradicts(found.given)
+    return QuickTest(warnings, matched or found.finding is not None)
 
 
 def frames_to_test(chosen: Sequence[int], count: int) -> tuple[int, ...]:

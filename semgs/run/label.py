@@ -12,7 +12,7 @@ from semgs._version import __version__
 from semgs.files.paths import existing_folder
 from semgs.run.options.scene_options import SceneOptions
 from semgs.run.options.segmenter_options import AnswerOptions
-from semgs.run.options.types import Count, Probability, Size, optional
+from semgs.run.options.types import BY_POSITION, Count, Probability, Size, optional
 from semgs.run.outcome import Outcome, Run
 from semgs.run.prepare import prepared
 from semgs.runtime.progress import Progress
@@ -34,14 +34,14 @@ class Label(Run):
     delete OUT first.
 
     Examples
-    - semgs label scans data/taught --segmenter segformer.onnx
+    - semgs label scans --out data/taught --segmenter segformer.onnx
     - semgs train small --init small --data data/taught --out runs/student
-    - semgs label scans data/own --segmenter maps --classes own --confidence 0.7
+    - semgs label scans --out data/own --segmenter maps --classes own --confidence 0.7
     """
 
     src: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SRC")]
     """A scene, or a folder of scenes."""
-    out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
+    out: Annotated[Path, tyro.conf.arg(metavar="OUT"), BY_POSITION]
     """Output folder: new, empty, or one with the same settings to resume."""
     segmenter: Annotated[str, tyro.conf.arg(metavar="SEGMENTER")]
     """What labels the photos."""

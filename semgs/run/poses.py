@@ -11,7 +11,7 @@ import tyro
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
 from semgs.run.options.posing_options import PosingOptions
-from semgs.run.options.types import optional
+from semgs.run.options.types import BY_POSITION, optional
 from semgs.run.outcome import Outcome, Run
 from semgs.run.usage_errors import UsageError, what_the_user_gave
 from semgs.runtime.progress import Progress
@@ -29,16 +29,16 @@ class Poses(Run):
     every semgs command reads it as a scene, for example semgs doctor OUT. Bad input ends with a one-line error and exit code 2.
 
     Examples
-    - semgs poses photos scans/kitchen
-    - semgs poses clip.mp4 scans/kitchen --clip-frames 40
-    - semgs poses photos scans/kitchen --scale-from IMG_1.jpg IMG_4.jpg 1.25
-    - semgs poses photos scans/kitchen --as colmap
-    - semgs poses photos scans/kitchen --predictions predictions.npz
+    - semgs poses photos --out scans/kitchen
+    - semgs poses clip.mp4 --out scans/kitchen --clip-frames 40
+    - semgs poses photos --out scans/kitchen --scale-from IMG_1.jpg IMG_4.jpg 1.25
+    - semgs poses photos --out scans/kitchen --as colmap
+    - semgs poses photos --out scans/kitchen --predictions predictions.npz
     """
 
     photos: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PHOTOS")]
     """A folder of photos, or a video."""
-    out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
+    out: Annotated[Path, tyro.conf.arg(metavar="OUT"), BY_POSITION]
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
     form: Annotated[Literal["transforms", "colmap"], tyro.conf.arg(name="as")] = "transforms"
     """transforms.json with sparse_pc.ply, as nerfstudio has them, or a COLMAP model in sparse/0. A COLMAP model does not say that its unit is metres."""

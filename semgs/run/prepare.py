@@ -13,7 +13,7 @@ from semgs._version import __version__
 from semgs.files.paths import existing_folder
 from semgs.files.text import counted
 from semgs.run.options.scene_options import SceneOptions
-from semgs.run.options.types import Count, Size, WorkersOrCores, optional
+from semgs.run.options.types import BY_POSITION, Count, Size, WorkersOrCores, optional
 from semgs.run.outcome import Outcome, Run
 from semgs.run.usage_errors import UsageError, what_the_user_gave
 from semgs.runtime.cores import usable_cores
@@ -38,14 +38,14 @@ class Prepare(Run):
     the source and the options, not on --workers.
 
     Examples
-    - semgs prepare scannet/scans data/scannet --scenes scannet-1000-without-sray --every 2 --workers 8
-    - semgs prepare replica data/replica
-    - semgs prepare recording data/robot --camera /camera/color --world map
+    - semgs prepare scannet/scans --out data/scannet --scenes scannet-1000-without-sray --every 2 --workers 8
+    - semgs prepare replica --out data/replica
+    - semgs prepare recording --out data/robot --camera /camera/color --world map
     """
 
     src: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SRC")]
     """A scene, or a folder of scenes."""
-    out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
+    out: Annotated[Path, tyro.conf.arg(metavar="OUT"), BY_POSITION]
     """Output folder: new, empty, or one with the same settings to resume."""
     size: Size = (240, 320)
     """Height x width of the images, in pixels; swapped for portrait images. Other aspect ratios are centre-cropped."""

@@ -126,10 +126,10 @@ class Reconstruct(Run):
     clearly differ, fitted always, as-taken never. Held-out photos are compared at the exposure of the room. See docs/questions.md."""
     refine_poses: bool = False
     """Correct the cameras of the input and held-out frames, by up to a few degrees, so that they fit matches between the images. By default,
-    this is done if a quick test finds them slightly wrong. Cameras that fit already stay as they are; the report says what moved. See
-    docs/poses.md."""
+    this is done unless a quick test finds that they fit, or a usual mistake. Cameras that fit already stay as they are; the report says what
+    moved. See docs/poses.md."""
     keep_poses: bool = False
-    """Use the cameras as they are, even if they are slightly wrong."""
+    """Use the cameras as they are, even if they miss matches between the images."""
     refine: Annotated[Passes, optional()] = -1
     """Refine the Gaussians on the input photos, which makes images sharp: PASSES steps for each photo, by default 15, or 7 for more than 12. The first
     held-out frame decides when to stop, and is held out no longer. 0 is the paper's single forward pass. See docs/refine.md."""
@@ -246,25 +246,27 @@ class Reconstruct(Run):
         return scene, choice, notes
 
     def _fit_cameras(self, scene: Scene, chosen: tuple[int, ...], stages: Stages) -> tuple[Scene, Sequence[str]]:
-        """The scene with the cameras of chosen frames refined, if they are slightly wrong or it is requested, and notes about them."""
-        from semgs.doctor.quick import SLIGHTLY_WRONG, frames_to_test, warnings_of
+        """The scene with the cameras of chosen frames refined, if they miss matches or it is requested, and notes about them."""
+        from semgs.doctor.quick import frames_to_test, quick_test
 
         inverse = self.placing.depth_meaning == "inverse"
         warnings: list[Note] = []
         if not self.refine_poses:
             with stages("check", "Checking the cameras"):
-                warnings = warnings_of(scene, frames_to_test(chosen, len(scene)), inverse=inverse)
-            if self.keep_poses or not any(warning.kind is SLIGHTLY_WRONG for warning in warnings):
+                tested = quick_test(scene, frames_to_test(chosen, len(scene)), inverse=inverse)
+            warnings = tested.warnings
+            if self.keep_poses or tested.fits:
                 return scene, warnings
         with stages("refine", f"Refining {len(chosen)} cameras"):
             from semgs.sfm.camera_refinement import refine_cameras
 
             refinement = refine_cameras(scene, chosen)
-        if warnings and not refinement.accepted:
+        if not self.refine_poses and not refinement.accepted:
             return scene, warnings
         scene = refinement.applied(scene)
         with stages("check", "Checking the cameras"):
-            return scene, [*refinement.notes(), *warnings_of(scene, chosen, refined=True, inverse=inverse)]
+            tested = quick_test(scene, chosen, refined=True, inverse=inverse)
+        return scene, [*refinement.notes(), *tested.warnings]
 
     def _check(self) -> None:
         """Check what can be checked without importing torch."""

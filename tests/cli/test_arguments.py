@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from paper_commands import main
 
 from semgs.cli.arguments import parse
+from semgs.cli.main import COMMANDS
 from semgs.data.scene_details import SceneDetails
 from semgs.run.options.scene_options import SceneOptions
 from semgs.run.reconstruct import Reconstruct
@@ -101,12 +103,48 @@ def test_what_was_mistyped_is_named_with_the_nearest_that_there_is(
         ("train", "a preset (small, small_plain, base, paper, base_text) and --out RUN"),
         ("train small", "--out RUN"),
         ("query", "SCENE, --embedding FILE and --out OUT"),
+        ("poses", "PHOTOS and --out OUT"),
+        ("poses photos", "--out OUT"),
+        ("prepare scans --size 32x48", "--out OUT"),
+        ("label scans", "--out OUT and --segmenter SEGMENTER"),
+        ("label scans taught", "--segmenter SEGMENTER"),
     ],
 )
 def test_missing_arguments_are_named_without_their_help(typed: str, needed: str, capsys: pytest.CaptureFixture[str]):
     assert main(typed.split()) == 2
     program = f"semgs {typed}" if typed == "train small" else f"semgs {typed.split()[0]}"
     assert capsys.readouterr().err == f"semgs: error: {program} needs {needed}; see {program} --help\n"
+
+
+WITH_LAST_WORD = {
+    "poses": ("photos", "--focal 250"), "prepare": ("scans", "--size 32x48"), "label": ("scans", "--segmenter maps"), "rooms": ("", "--seed 3"),
+}  # fmt: skip
+"""Commands whose output may also be the last word: what comes before it, and options."""
+
+
+@pytest.mark.parametrize("command", WITH_LAST_WORD)
+def test_an_output_is_an_option_or_the_last_word(command: str):
+    given, options = WITH_LAST_WORD[command]
+    kind = COMMANDS[command].load()
+    lines = (f"{given} --out a/b {options}", f"--out=a/b {options} {given}", f"{given} a/b {options}", f"{options} {given} a/b", f"{given} {options} a/b")  # fmt: skip
+    first, *others = (parse(kind, "semgs", line.split()) for line in lines)
+    assert first.out == Path("a/b")
+    assert [type(one) for one in others] == [kind] * 4
+    assert others == [first] * 4
+
+
+@pytest.mark.parametrize("command", WITH_LAST_WORD)
+@pytest.mark.parametrize("typed", ["{given} extra --out b {options}", "--out b {options} {given} extra", "{given} b {options} extra"])  # fmt: skip
+def test_an_output_that_is_named_twice_is_refused(command: str, typed: str, capsys: pytest.CaptureFixture[str]):
+    given, options = WITH_LAST_WORD[command]
+    assert main([command, *typed.format(given=given, options=options).split()]) == 2
+    told = f"expected one output, as --out OUT or as the last word; leave out extra; see semgs {command} --help"
+    assert capsys.readouterr().err == f"semgs: error: {told}\n"
+
+
+def test_a_word_too_many_is_no_output_where_only_an_option_names_it(capsys: pytest.CaptureFixture[str]):
+    assert main(["reconstruct", "scene", "extra", "--out", "out"]) == 2
+    assert capsys.readouterr().err == "semgs: error: Unrecognized options: extra; see semgs reconstruct --help\n"
 
 
 @pytest.mark.parametrize(

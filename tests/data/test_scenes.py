@@ -140,13 +140,13 @@ def test_frames_that_are_not_there_are_refused(folder, frames, message):
         ([], "the folder is empty"),
         (
             ["photo.jpg", "clip.mov"],
-            "images alone have no poses; semgs poses FOLDER OUT estimates them, and OUT is a scene",
+            "images alone have no poses; semgs poses FOLDER --out OUT estimates them, and OUT is a scene",
         ),
         (
             ["photos/IMG_1.HEIC"],
-            "images alone have no poses; semgs poses FOLDER OUT estimates them, and OUT is a scene",
+            "images alone have no poses; semgs poses FOLDER --out OUT estimates them, and OUT is a scene",
         ),
-        (["clip.MP4"], "a video has no poses; semgs poses CLIP OUT estimates them, and OUT is a scene"),
+        (["clip.MP4"], "a video has no poses; semgs poses CLIP --out OUT estimates them, and OUT is a scene"),
         (
             ["scene.safetensors"],
             "this is a result of semgs reconstruct; semgs view, render, query and export open it",

@@ -99,7 +99,6 @@ SLOW_IN_PYTHON = ("train(", "open_library(", "make_plan(")
 
 OUTPUTS = ("--out", "--html", "--json", "--page", "--fix", "--sheet", "--rerun")
 """Options whose file or folder is made by the command, so that it is not there before."""
-SECOND_WORD_IS_OUTPUT, FIRST_WORD_IS_OUTPUT = ("prepare", "label", "poses"), ("rooms",)
 OUTPUTS_IN_PYTHON = {"write_dataset(": "data/rooms", "train(": "runs/small"}
 
 CARRIERS = ("ssh", "torchrun", "srun")
@@ -234,11 +233,7 @@ def parse_semgs(words: Sequence[str]) -> None:
     options = COMMANDS[name].load()
     if name == "batch":
         rest, others = options.split(rest)
-        parse(
-            COMMANDS[rest[0]].load(),
-            f"semgs {rest[0]}",
-            [rest[1], *(["out"] if rest[0] == "label" else ["--out", "out"]), *others],
-        )
+        parse(COMMANDS[rest[0]].load(), f"semgs {rest[0]}", [rest[1], "--out", "out", *others])
     parse(options, f"semgs {name}", rest)
 
 
@@ -262,9 +257,7 @@ def run_semgs(words: Sequence[str]) -> None:
         del rest[rest.index("--frames") :]
     if name == "rooms" and "--sheet" in rest:
         rest = list(words[1:])
-    position = 1 if name in SECOND_WORD_IS_OUTPUT else 0 if name in FIRST_WORD_IS_OUTPUT else None
-    made = [] if position is None else rest[position : position + 1]
-    made += [rest[place + 1] for place, word in enumerate(rest) if word in OUTPUTS]
+    made = [rest[place + 1] for place, word in enumerate(rest) if word in OUTPUTS]
     with set_aside(made), float32_cameras() if name == "export-network" else nullcontext():
         code = main([*name.split(), *rest])
     assert code == 0, f"semgs {name} {shlex.join(rest)} ended with {code}"

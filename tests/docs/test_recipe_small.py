@@ -30,7 +30,7 @@ def after(option):
 
 
 if name == "semgs" and given[0] == "rooms":
-    made.append(given[1])
+    made += after("--out")
     assert [int(after(one)[0]) > 0 for one in ("--scenes", "--frames", "--seed")] == [True] * 3, given
     assert after("--size")[0] in ("120x160", "240x320"), given
     read += [one for index, one in enumerate(given) if given[index - 1] == "--assets"]
@@ -46,9 +46,9 @@ elif name == "gpu_day.sh":
 elif given[0] == "-":
     made += [given[1]] if len(given) == 3 and given[1].endswith("held") else [given[2] + "/kept_back", given[2] + "/learned"]
 elif given[0] == "-m":
-    made.append(given[2])
+    made += after("--out")
 elif given[0].endswith("teach.py"):
-    made.append(given[2])
+    made += after("--out")
     read += [given[1], *given[3:]]
 elif given[0].endswith("undo_class_weights.py"):
     read += given[1:3]

@@ -60,7 +60,7 @@ def test_other_scenes_are_refused_with_the_way_to_make_some(tmp_path: Path):
     scene = open_scene(tmp_path / "walk")
     assert len(neighbours(scene, 2)) == 1
     with pytest.raises(
-        InputError, match=r"expected a scene with views aside, found none; semgs rooms OUT --aside draws them"
+        InputError, match=r"expected a scene with views aside, found none; semgs rooms --out OUT --aside draws them"
     ):
         aside(scene, 2)
 

@@ -203,7 +203,7 @@ def test_only_folders_without_a_scene_and_videos_are_photos(folder: Path, tmp_pa
     assert not has_only_photos(tmp_path / "inside")
     (tmp_path / "clip.MP4").touch()
     assert has_only_photos(tmp_path / "clip.MP4")
-    with pytest.raises(InputError, match=r"semgs poses CLIP OUT estimates them"):
+    with pytest.raises(InputError, match=r"semgs poses CLIP --out OUT estimates them"):
         open_scene(tmp_path / "clip.MP4")
 
 
@@ -502,7 +502,7 @@ def test_photos_in_other_folders_alone_are_not_mixed_and_the_folders_are_named(f
         file.rename(folder / "bath" / file.name)
     with pytest.raises(InputError, match=r"found photos only in the folders bath \(2\); name one of these folders"):
         check_folder_of_photos(folder)
-    with pytest.raises(InputError, match="semgs poses FOLDER OUT estimates them"):
+    with pytest.raises(InputError, match="semgs poses FOLDER --out OUT estimates them"):
         open_scene(folder)
     shutil.copytree(folder / "bath", folder / "attic")
     with pytest.raises(InputError, match="there are only images, in attic, bath; semgs poses estimates"):
@@ -538,7 +538,7 @@ def test_results_splats_and_clips_given_as_scenes_say_what_opens_them(tmp_path: 
         open_scene(tmp_path / "out")
     with pytest.raises(InputError, match="a splat is a result and has no photos; semgs view"):
         open_scene(tmp_path / "splat.ply")
-    with pytest.raises(InputError, match="semgs poses CLIP OUT estimates them"):
+    with pytest.raises(InputError, match="semgs poses CLIP --out OUT estimates them"):
         open_scene(tmp_path / "clip.webm")
 
 
@@ -554,7 +554,7 @@ def stray_scanner(folder: Path, *others: str) -> Path:
 
 def test_of_a_capture_of_stray_scanner_the_clip_is_named(tmp_path: Path):
     folder = stray_scanner(tmp_path / "scan")
-    told = r"a capture of Stray Scanner, which is not read; semgs poses \S+rgb\.mp4 OUT estimates cameras from its clip"
+    told = r"a capture of Stray Scanner, which is not read; semgs poses \S+rgb\.mp4 --out OUT estimates cameras from its clip"
     with pytest.raises(InputError, match=told):
         open_scene(folder)
     with pytest.raises(InputError, match=r"a capture of Stray Scanner, which is not read; give its clip, \S+rgb\.mp4"):

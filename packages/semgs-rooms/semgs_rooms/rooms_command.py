@@ -11,7 +11,7 @@ import tyro
 from semgs.cli.progress import show_progress
 from semgs.files.folders import check_new_file
 from semgs.files.text import counted
-from semgs.run.options.types import Count, Size, WorkersOrCores, optional, shown_size
+from semgs.run.options.types import BY_POSITION, Count, Size, WorkersOrCores, optional, shown_size
 from semgs.run.usage_errors import UsageError, what_the_user_gave
 from semgs.runtime.cores import usable_cores
 from semgs_rooms.plans.style import Style
@@ -38,14 +38,14 @@ class Rooms:
     and their licences.
 
     Examples
-    - semgs rooms data/rooms --scenes 100
-    - semgs rooms data/more --scenes 1000 --seed 7 --size 480x640 --frames 20 --workers 8
-    - semgs rooms data/furnished --scenes 1000 --assets assets
+    - semgs rooms --out data/rooms --scenes 100
+    - semgs rooms --out data/more --scenes 1000 --seed 7 --size 480x640 --frames 20 --workers 8
+    - semgs rooms --out data/furnished --scenes 1000 --assets assets
     - semgs rooms --sheet rooms.png --seed 3
-    - python -m semgs_rooms.furniture furniture --pieces 100 makes furniture for --assets, in a clone of the repository
+    - python -m semgs_rooms.furniture --out furniture --pieces 100 makes furniture for --assets, in a clone of the repository
     """
 
-    out: Annotated[Path | None, tyro.conf.Positional, optional("OUT")] = None
+    out: Annotated[Path | None, optional("OUT"), BY_POSITION] = None
     """Output folder: new, empty, or one with the same settings to resume."""
     scenes: Count = 10
     """Number of rooms."""
@@ -66,7 +66,7 @@ class Rooms:
     workers: Annotated[WorkersOrCores, optional()] = None
     """Worker processes; by default one per core, 0 for none."""
     sheet: Annotated[Path | None, optional("FILE.png")] = None
-    """Write a contact sheet of 48 random frames and their labels. Needs no OUT."""
+    """Write a contact sheet of 48 random frames and their labels. Needs no --out."""
 
     def run(self) -> None:
         """Generate the data set, the sheet, or both, and print what was done.
@@ -94,7 +94,7 @@ class Rooms:
         """Check what can be checked without importing torch."""
         if self.out is None and self.sheet is None:
             raise UsageError(
-                "expected a folder to write, as in semgs rooms OUT, or --sheet FILE.png; see semgs rooms --help"
+                "expected a folder to write, as in semgs rooms --out OUT, or --sheet FILE.png; see semgs rooms --help"
             )
         if self.sheet is not None and self.sheet.suffix.lower() != ".png":
             raise UsageError(f"--sheet is {self.sheet}; expected a name that ends in .png")
@@ -103,7 +103,9 @@ class Rooms:
         if self.out is None:
             for name in ("scenes", "size", "frames", "workers"):
                 if getattr(self, name) != getattr(Rooms, name):
-                    raise UsageError(f"--{name} is for a data set, not for a sheet alone; leave it out, or name OUT")
+                    raise UsageError(
+                        f"--{name} is for a data set, not for a sheet alone; leave it out, or add --out OUT"
+                    )
 
     def _library(self) -> Library | None:
         if not self.assets:

@@ -38,6 +38,9 @@ TIMES = 3
 A_FEW = 12
 """Up to so many frames are used even if more than `TIMES` frames see all of it."""
 
+FAR = 0.3
+"""Photos are far apart if most stand more than this share of the depth from the nearest other one."""
+
 SAME_PLACE, SAME_VIEW = 0.002, 0.95
 """A frame adds nothing if it is closer than this share of the depth to a chosen one and shares so much with it."""
 
@@ -62,6 +65,11 @@ SHOW_THE_SAME = Kind("Not needed, because the input views show the same: {frames
 TOO_MANY = Kind(
     "Left out, although they add something: {frames}. By default, at most {most} input views are used; --all uses every frame that adds something.",
     "Left out, because {most} photos are the most that are used: {frames}.",
+)
+
+FAR_APART = Kind(
+    "The photos are far apart: {far} of {count} stand more than {share:.0%} of the distance to what they show from the next, so their depth is "
+    "uncertain. Photos a tenth of it apart give the best results."
 )
 
 
@@ -134,9 +142,19 @@ def choose_covering(
     notes += [SHARE_TOO_LITTLE(frames=_named(apart, names), share=LEAST_SHARED)] * bool(apart)
     notes += [SHOW_THE_SAME(frames=_named(same, names))] * bool(same)
     notes += [TOO_MANY(frames=_named(more, names), most=most)] * bool(more)
+    notes += far_apart(together, chosen)
     targets = tuple(position for position in held if seen[position] >= LEAST_SEEN)
     reason = f"{len(context)} of {counted(len(scene), 'frame')} add something: " * (len(context) > 2)
     return Choice(context, targets, reason + reason_of(scene, grids, context, bounds), bounds, tuple(notes))
+
+
+def far_apart(together: Covisibility, chosen: Sequence[int]) -> list[Note]:
+    """A note if most of the chosen frames are farther from the nearest other one than `FAR` of the depth."""
+    among = np.ix_(chosen, chosen)
+    apart = together.baselines[among] / np.sqrt(together.medians[:, None] * together.medians)[among]
+    np.fill_diagonal(apart, np.inf)
+    far = int((apart.min(axis=1) > FAR).sum())
+    return [FAR_APART(far=far, count=len(chosen), share=FAR)] * (2 * far > len(chosen))
 
 
 def windows_of(scene: Scene, frames: Sequence[int], typical: float) -> list[tuple[int, ...]]:

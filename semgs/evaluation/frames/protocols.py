@@ -101,7 +101,9 @@ def aside(scene: Scene, views: int) -> list[TargetSample]:
     contexts = tuple(index for index, stem in enumerate(stems) if INPUT.fullmatch(stem))
     targets = [index for index, frame in enumerate(scene.frames) if kind_aside(frame.name)]
     if not contexts or not targets:
-        raise InputError(scene.path, "a scene with views aside", "none", advice="semgs rooms OUT --aside draws them")
+        raise InputError(
+            scene.path, "a scene with views aside", "none", advice="semgs rooms --out OUT --aside draws them"
+        )
     if len(contexts) != views:
         raise InputError(scene.path, f"{views} input views", f"{len(contexts)}", advice=f"use --views {len(contexts)}")
     return [TargetSample(contexts, target) for target in targets]

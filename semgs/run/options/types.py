@@ -25,6 +25,9 @@ PROTOCOLS = ("neighbours", "peers", "pairs", "aside", "lsm [FILE]", "pinned FILE
 
 DEVICES = ("auto", "cpu", "cuda")
 
+BY_POSITION = "by position"
+"""Marks the option --out of a command that also takes its output as the last position, as older command lines name it."""
+
 Activated = Literal["auto", "yes", "no"]
 ACTIVATED = {"auto": None, "yes": True, "no": False}
 """What it means to `load_splat`."""

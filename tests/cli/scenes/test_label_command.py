@@ -58,7 +58,7 @@ def test_scenes_get_the_segmenters_labels_and_the_command_that_learns_from_them(
     scans: Path, maps: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     out = tmp_path / "out"
-    assert label(scans, out, "--segmenter", maps, "--confidence", "0.65", "--classes", "own") == 0
+    assert label(scans, "--out", out, "--segmenter", maps, "--confidence", "0.65", "--classes", "own") == 0
     shown = capsys.readouterr()
     assert shown.err == ""
     assert f"{out}: 2 scenes, 6 frames" in shown.out

@@ -51,6 +51,9 @@ def test_a_scene_is_not_photos(room: Path, tmp_path: Path, capsys: pytest.Captur
 
 def test_cameras_are_written_in_colmaps_format(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     take(tmp_path / "photos", poses_of(2))
-    assert main(["poses", str(tmp_path / "photos"), str(tmp_path / "out"), "--as", "colmap", "--focal", "250"]) == 0
+    assert (
+        main(["poses", str(tmp_path / "photos"), "--out", str(tmp_path / "out"), "--as", "colmap", "--focal", "250"])
+        == 0
+    )
     assert "a scene of 2 frames" in capsys.readouterr().out
     assert open_scene(tmp_path / "out").layout == "COLMAP"

@@ -37,7 +37,7 @@ def test_scenes_become_archives_that_semgs_reads(
     scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    assert main(["prepare", str(scenes), str(out), "--size", "32x48", "--workers", "0"]) == 0
+    assert main(["prepare", str(scenes), "--out", str(out), "--size", "32x48", "--workers", "0"]) == 0
     told = capsys.readouterr()
     assert told.out.startswith(f"{out}: 2 scenes, 6 frames, ")
     assert f"semgs reconstruct {out / 'a.zip'} --out DIR" in told.out

@@ -43,14 +43,13 @@ def test_the_refined_cameras_are_used_and_the_report_says_by_how_much_they_moved
     np.testing.assert_allclose(semgs.load_scene(tmp_path / "out").cameras.world_from_camera, moved, atol=1e-9)
 
 
-@pytest.fixture(scope="module")
-def turned(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The demo scene with each camera turned up by 0.3 degrees more than the last."""
-    folder = shutil.copytree(demo_scene(), tmp_path_factory.mktemp("scenes") / "turned")
+def turned(folder: Path, degrees: float) -> Path:
+    """The demo scene with each camera turned up by so many degrees more than the last."""
+    shutil.copytree(demo_scene(), folder)
     scene = json.loads((folder / "transforms.json").read_text())
     for number, frame in enumerate(scene["frames"]):
         pose = np.array(frame["transform_matrix"])
-        pose[:3, :3] = pose[:3, :3] @ Rotation.from_rotvec([0.3 * number, 0, 0], degrees=True).as_matrix()
+        pose[:3, :3] = pose[:3, :3] @ Rotation.from_rotvec([degrees * number, 0, 0], degrees=True).as_matrix()
         frame["transform_matrix"] = pose.tolist()
     (folder / "transforms.json").write_text(json.dumps(scene))
     return folder
@@ -67,23 +66,29 @@ def reconstructed(scene: Path, out: Path, *options: str) -> tuple[list[str], flo
     return notes, float(np.degrees(between.magnitude()))
 
 
-def test_slightly_wrong_cameras_are_corrected_unless_the_user_keeps_them(turned: Path, tmp_path: Path) -> None:
-    """With a focal length of 245 px, matches of neighbours miss by 245 tan 0.3 = 1.3 px."""
-    notes, off = reconstructed(turned, tmp_path / "corrected")
-    assert notes[0].startswith("The cameras were refined on ")
-    assert off < 0.1
-    notes, off = reconstructed(turned, tmp_path / "kept", "--keep-poses")
-    assert notes[0].startswith(
-        "The cameras are slightly wrong, as from odometry or a rough calibration: they miss matches by "
-    )
-    assert off == pytest.approx(0.3, abs=1e-3)
-
-
-def test_cameras_that_cannot_be_corrected_keep_the_warning(
-    turned: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("degrees", "warning"),
+    [
+        (0.3, "The cameras are slightly wrong, as from odometry or a rough calibration: they miss matches by "),
+        (1.0, "The cameras may be wrong. The cameras miss matches by "),
+    ],
+)
+def test_cameras_that_miss_matches_are_corrected_unless_the_user_keeps_them(
+    degrees: float, warning: str, tmp_path: Path
 ) -> None:
+    """With a focal length of 245 px, matches of neighbours miss by 245 tan 0.3 = 1.3 px, or by 4.3 px."""
+    scene = turned(tmp_path / "turned", degrees)
+    notes, off = reconstructed(scene, tmp_path / "corrected")
+    assert notes[0].startswith("The cameras were refined on ")
+    assert off < 0.15
+    notes, off = reconstructed(scene, tmp_path / "kept", "--keep-poses")
+    assert notes[0].startswith(warning)
+    assert off == pytest.approx(degrees, abs=1e-3)
+
+
+def test_cameras_that_cannot_be_corrected_keep_the_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("semgs.sfm.camera_refinement.FALLS_TO", 0.0)
-    notes, off = reconstructed(turned, tmp_path / "out")
+    notes, off = reconstructed(turned(tmp_path / "turned", 0.3), tmp_path / "out")
     assert notes[0].startswith("The cameras are slightly wrong,")
     assert off == pytest.approx(0.3, abs=1e-3)
 

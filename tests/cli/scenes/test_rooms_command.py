@@ -19,7 +19,7 @@ SMALL = ["--size", "32x48", "--frames", "2", "--workers", "0"]
 
 def test_it_writes_scenes_and_tells_what_is_in_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "rooms"
-    assert main(["rooms", str(out), "--scenes", "2", "--seed", "3", *SMALL]) == 0
+    assert main(["rooms", "--out", str(out), "--scenes", "2", "--seed", "3", *SMALL]) == 0
     told = capsys.readouterr()
     assert told.err == ""
     assert "2 scenes of 2 frames" in told.out
@@ -46,7 +46,7 @@ def test_it_writes_scenes_and_tells_what_is_in_them(tmp_path: Path, capsys: pyte
         (["OUT", "--render", "traced"], "there is no option --render"),
         (["OUT", "--assets", "/nowhere/at/all"], "no such folder"),
         (["OUT", "--assets", "EMPTY"], "missing"),
-        ([], "expected a folder"),
+        ([], "expected a folder to write, as in semgs rooms --out OUT, or --sheet FILE.png; see"),
         (["--sheet", "sheet.jpg"], "ends in .png"),
         (["--sheet", "sheet.png", "--size", "48x64"], "--size is for a data set, not for a sheet alone"),
         (["--sheet", "sheet.png", "--workers", "0"], "--workers is for a data set, not for a sheet alone"),

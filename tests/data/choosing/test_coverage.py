@@ -99,3 +99,16 @@ def test_a_window_has_the_frame_and_the_two_that_go_best_with_it():
     assert windows_of(scene, range(4), MIDDLE)[3] == (1, 2, 3)
     # A frame that shares nothing has the nearest ones, since it must have some.
     assert windows_of(beside(0.0, 0.1, 0.2, 9.0), range(4), MIDDLE)[3] == (1, 2, 3)
+
+
+@pytest.mark.parametrize(("step", "far"), [(0.2, False), (0.4, True)])
+def test_photos_that_are_far_apart_for_their_depth_are_told(step: float, far: bool):
+    """An image shows as much as the plane is away, so a step of 0.4 images is 40 % of the depth; the limit is 30 %."""
+    choice = choose_covering(beside(0.0, step, 2 * step), None)
+    assert [note.split(" than")[0] for note in choice.notes] == ["The photos are far apart: 3 of 3 stand more"] * far
+
+
+def test_one_photo_apart_from_the_others_is_no_news():
+    choice = choose_covering(beside(0.0, 0.1, 0.5), None)
+    assert choice.context == (0, 1, 2)
+    assert not choice.notes

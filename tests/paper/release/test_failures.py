@@ -71,11 +71,11 @@ def scores(confusion: list[list[int]], truth: list[int]) -> FrameScores:
 def test_mistakes_are_shares_of_all_labelled_pixels_given_a_class_or_not_and_the_largest_comes_first():
     one = scores([[5, 1, 0], [0, 4, 0], [0, 0, 0]], [6, 4, 0])
     two = scores([[0, 0, 0], [6, 2, 0], [0, 0, 1]], [0, 9, 1])  # a pixel was given no class
-    assert mistakes([one, two], SCANNET20) == (
+    assert mistakes([one, two], SCANNET20.names) == (
         ClassMistake("floor", "wall", 6 / 20, 6 / 13),
         ClassMistake("wall", "floor", 1 / 20, 1 / 6),
     )
-    assert mistakes([scores([[3, 0, 0], [0, 2, 0], [0, 0, 1]], [3, 2, 1])], SCANNET20) == ()
+    assert mistakes([scores([[3, 0, 0], [0, 2, 0], [0, 0, 1]], [3, 2, 1])], SCANNET20.names) == ()
 
 
 def test_targets_without_labels_cannot_fail(found: tuple[ScoredTarget, ...]):
@@ -93,7 +93,7 @@ def test_the_worst_targets_are_one_of_each_scene_and_the_worst_is_first(found: t
 
 def test_a_caption_says_how_bad_it_is_and_what_was_taken_for_what(found: tuple[ScoredTarget, ...]):
     bad, good = worst(found, 2)
-    (only,) = mistakes([bad.scores], SCANNET20)
+    (only,) = mistakes([bad.scores], SCANNET20.names)
     assert caption(bad) == (
         f"mIoU {bad.miou:.2f}, accuracy {1 - only.share:.2f}, depth error 0.10; "
         f"wall → floor {100 * only.share:.0f} % of the labelled pixels"
@@ -102,7 +102,7 @@ def test_a_caption_says_how_bad_it_is_and_what_was_taken_for_what(found: tuple[S
 
 
 def test_the_table_has_the_mistakes_of_all_targets_together(found: tuple[ScoredTarget, ...]):
-    (only,) = mistakes([one.scores for one in found], SCANNET20)
+    (only,) = mistakes([one.scores for one in found], SCANNET20.names)
     assert only.of_class < 0.5, "half of the walls of one scene, and none of the other"
     *_, row = mistakes_table(found, 8).splitlines()
     assert row == f"| wall | floor | {100 * only.share:.1f} % | {100 * only.of_class:.0f} % |"

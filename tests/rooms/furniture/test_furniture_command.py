@@ -39,12 +39,12 @@ def test_it_generates_reports_what_there_is_and_rooms_take_it(
     tmp_path: Path, environment_folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "furniture"
-    asked = [str(out), "--seed", str(SEED), "--pieces", "1", "--environment", str(environment_folder)]
+    asked = ["--out", str(out), "--seed", str(SEED), "--pieces", "1", "--environment", str(environment_folder)]
     assert main(asked) == 0
     told = capsys.readouterr()
     assert told.err == ""
     assert f"{out}: 1 pieces of seed {SEED} (table 1)" in told.out
-    assert f"semgs rooms OUT --assets {out}" in told.out
+    assert f"semgs rooms --out OUT --assets {out}" in told.out
     rooms = ["--scenes", "1", "--size", "32x48", "--frames", "2", "--workers", "0", "--assets", str(out)]
     assert semgs.main(["rooms", str(tmp_path / "rooms"), *rooms]) == 0
     settings = json.loads((tmp_path / "rooms" / "settings.json").read_text())
@@ -73,7 +73,7 @@ def test_what_cannot_be_ends_with_2_and_one_line(
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("")
     folders = {"MINE": str(tmp_path / "mine"), "NEW": str(tmp_path / "new")}
-    assert main([str(tmp_path / "out"), *(folders.get(word, word) for word in arguments)]) == 2
+    assert main(["--out", str(tmp_path / "out"), *(folders.get(word, word) for word in arguments)]) == 2
     err = capsys.readouterr().err
     assert told in err
     assert err.count("\n") == 1

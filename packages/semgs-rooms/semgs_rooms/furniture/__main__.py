@@ -13,6 +13,7 @@ import tyro
 
 from semgs.cli.main import run_command, run_guarded
 from semgs.cli.progress import show_progress
+from semgs.run.options.types import BY_POSITION
 from semgs.run.usage_errors import UsageError, what_the_user_gave
 from semgs_rooms.furniture.environment import default_folder, prepare
 from semgs_rooms.furniture.generation import claim, generate
@@ -32,19 +33,19 @@ class Furniture:
     Infinigen (BSD-3) and Blender (GPL) run in an environment of their own, which is created once. It needs Python 3.11 and
     downloads about 600 MB from pip's package index. A piece takes 5 to 40 s on one core.
 
-    DIR will contain:
+    OUT will contain:
     - models/: the pieces, .glb, about 0.1 MB each
     - catalog.json, textures.json: the catalogue
     - lock.json: hashes, which semgs rooms --assets DIR verifies
     - pieces/, bake.json: a record of all tries, to resume
 
     Examples
-    - python -m semgs_rooms.furniture furniture --pieces 100
-    - semgs rooms data/furnished --scenes 1000 --assets furniture
-    - semgs rooms data/mixed --scenes 1000 --assets assets --assets furniture
+    - python -m semgs_rooms.furniture --out furniture --pieces 100
+    - semgs rooms --out data/furnished --scenes 1000 --assets furniture
+    - semgs rooms --out data/mixed --scenes 1000 --assets assets --assets furniture
     """
 
-    out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DIR")]
+    out: Annotated[Path, tyro.conf.arg(metavar="OUT"), BY_POSITION]
     """Output folder: new, empty, or one with the same seed to resume."""
     pieces: int = 100
     """Number of pieces to try. A few of a hundred are excluded."""
@@ -87,7 +88,7 @@ class Furniture:
             more = f"; and {len(left_out) - SHOWN} more, see {self.out}/pieces" if len(left_out) > SHOWN else ""
             print(f"excluded {len(left_out)}: {some}{more}")
         if rows:
-            print(f"to furnish rooms with them: semgs rooms OUT --assets {self.out}")
+            print(f"to furnish rooms with them: semgs rooms --out OUT --assets {self.out}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -397,9 +397,8 @@ class Batch:
         for word in options:
             if word.partition("=")[0] in ("--overwrite", "--page"):
                 raise UsageError(f"{word} is not for semgs batch, which sets it for each scene")
-        positional = self.command in ("poses", "label")  # these name their output without an option
-        out = [ANY] if positional else [f"--{PLACES[self.command][1]}", ANY]
-        return parse(COMMANDS[self.command].load(), f"semgs {self.command}", [ANY, *out, *options])
+        out = f"--{PLACES[self.command][1]}"
+        return parse(COMMANDS[self.command].load(), f"semgs {self.command}", [ANY, out, ANY, *options])
 
 
 class Pace:

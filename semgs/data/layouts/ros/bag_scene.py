@@ -76,7 +76,7 @@ def _recording(path: Path, details: SceneDetails) -> Scene:
     if REALSENSE in bag.topics and any(topic.startswith("/device_") for topic in bag.topics):
         raise InputError(
             path, "a ROS bag with poses", "a recording of the RealSense SDK (RealSense Viewer), which has none",
-            advice=f"extract its photos, rs-convert -c -i {path.name} -p PHOTOS/, and estimate cameras, semgs poses PHOTOS OUT; or record "
+            advice=f"extract its photos, rs-convert -c -i {path.name} -p PHOTOS/, and estimate cameras, semgs poses PHOTOS --out OUT; or record "
             "with the RealSense ROS wrapper and odometry",
         )  # fmt: skip
     topic = choose_pictures(bag, details.camera)

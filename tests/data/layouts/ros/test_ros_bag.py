@@ -889,7 +889,7 @@ def test_a_recording_of_the_realsense_sdk_is_named_whatever_is_given(tmp_path: P
             open_scene(path, **asked)
         assert str(told.value) == (
             f"{path}: expected a ROS bag with poses, found a recording of the RealSense SDK (RealSense Viewer), which has none; extract its "
-            "photos, rs-convert -c -i viewer.bag -p PHOTOS/, and estimate cameras, semgs poses PHOTOS OUT; or record with the RealSense ROS "
+            "photos, rs-convert -c -i viewer.bag -p PHOTOS/, and estimate cameras, semgs poses PHOTOS --out OUT; or record with the RealSense ROS "
             "wrapper and odometry"
         )
 
