@@ -3,7 +3,7 @@
 #
 #   scripts/recipe_small.sh FOLDER ASSETS BACKBONE [TEACHER [PHOTOS]]
 #
-# ASSETS is a folder of meshes and images with its lock (docs/assets.md). BACKBONE is a file of published MobileNetV2 weights, or "random", the clean
+# ASSETS is a folder of meshes and images with its lock (docs/rooms.md). BACKBONE is a file of published MobileNetV2 weights, or "random", the clean
 # alternative that nothing else has gone into (docs/train.md). TEACHER is a published segmentation network for scripts/teach.py, or "" for none. PHOTOS is a folder of
 # labelled images (docs/train.md) for the last run, every eighth of which is kept back. FOLDER
 # gets the rooms (eight CPU hours; those of an earlier call are kept), forty-seven runs for each SEED. To resume, repeat the command. START has the weights that colour

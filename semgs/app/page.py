@@ -449,7 +449,7 @@ def _options(gr: Any, jobs: Jobs) -> list[Any]:
             [(_source_name(one), one) for one in (OWN, *jobs.segmenters)],
             value=OWN,
             label="Classes from",
-            info="Whoever starts the app can offer more.",
+            info="More choices: start the app with --segmenter.",
         )
         words = gr.Textbox(
             "",

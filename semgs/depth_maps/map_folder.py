@@ -169,7 +169,7 @@ def _read_record(path: Path) -> MapRecord:
     try:
         return make_record(MapRecord, content)
     except ValueError as error:
-        raise InputError(path, "what depth maps mean", str(error), advice="see docs/geometry.md") from error
+        raise InputError(path, "what depth maps mean", str(error), advice="see docs/segmenters.md") from error
 
 
 def _read_exr(path: Path) -> Float32[np.ndarray, "rows columns"]:

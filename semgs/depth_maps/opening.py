@@ -215,5 +215,5 @@ def read_depth_network(path: Path) -> tuple[InputDescription, Meaning]:
     Raises:
         InputError: it is missing, or not as at the head of this module; the error names the key.
     """
-    found, description = read_description(path, ("meaning",), "see docs/geometry.md", {"meaning": get_args(Meaning)})
+    found, description = read_description(path, ("meaning",), "see docs/segmenters.md", {"meaning": get_args(Meaning)})
     return description, found["meaning"]

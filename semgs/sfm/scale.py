@@ -73,7 +73,7 @@ class NotPlacedError(ValueError):
     def __init__(self, name: str, photos: Sequence[PosedPhoto]) -> None:
         there = f"{photos[0].name} to {photos[-1].name}, or 0 to {len(photos) - 1}"
         super().__init__(f"--scale-from: no camera was estimated for {name!r}; there are {there}")
-        self.on_page = f"it cannot be found where {name} was taken, so it cannot give the scale. Choose another photo under Options"
+        self.on_page = f"SemGS could not work out where {name} was taken, so it cannot give the scale. Choose another photo under Options"
 
 
 def named_photo(photos: Sequence[PosedPhoto], name: str) -> PosedPhoto:

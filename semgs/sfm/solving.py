@@ -210,7 +210,7 @@ def solve(photos: PhotoSet, upright: Sequence[UprightPhoto], focal_given: bool =
                 "photos whose cameras can be estimated",
                 f"{reason.found} ({len(upright)} photos)",
                 advice=reason.hint,
-                page=f"it cannot be found where they were taken: {reason.found}. {reason.hint}",
+                page=f"SemGS could not work out where they were taken: {reason.found}. {reason.hint}",
             )
     return _solution(equal, photos, upright, held, focal_given, groups)
 

@@ -49,7 +49,7 @@ CONTROLS = (
     Control("photos", "Show the photos", "Shows each photo where it was taken, unless it is in the way."),
     Control("boxes", "Show boxes of things", "A box around each thing, with its class and number."),
     Control("classes", "Classes", "Switch a class off to look behind it. Percentages are shares of all Gaussians."),
-    Control("confidence", "Confidence", "Hides what is less sure than this, in percent."),
+    Control("confidence", "Confidence", "Hides parts whose class is less certain than this, in percent."),
     Control(
         "clicked", "Clicked", "The class with its probability, and the position in the coordinates of your cameras."
     ),

@@ -66,7 +66,7 @@ PHOTO = SimpleNamespace(name="a.jpg")
         (UsageError("too little memory; see --size and --views", "too little memory; use fewer views"), "Too little memory; use fewer views."),
         (
             UsageError("x", NotPlacedError("Kuche_1.jpg", [PHOTO, PHOTO]).on_page),
-            "It cannot be found where Küche 1.JPG was taken, so it cannot give the scale. Choose another photo under Options.",
+            "SemGS could not work out where Küche 1.JPG was taken, so it cannot give the scale. Choose another photo under Options.",
         ),
         (UnusableUploadError("a.zip is not a zip that can be read."), "a.zip is not a zip that can be read."),
         (RuntimeError("secret"), None),

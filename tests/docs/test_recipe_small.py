@@ -48,7 +48,7 @@ elif given[0] == "-":
 elif given[0] == "-m":
     made += after("--out")
 elif given[0].endswith("teach.py"):
-    made += after("--out")
+    made.append(given[2])
     read += [given[1], *given[3:]]
 elif given[0].endswith("undo_class_weights.py"):
     read += given[1:3]

@@ -58,13 +58,12 @@ OF_COLMAP = "colmap_im_id"
 """nerfstudio's key of frames that COLMAP solved."""
 
 TAKEN_FOR_METRES = Kind(
-    "Lengths are taken for metres, as the depth maps look like a sensor's in a room. The file does not say so: if they are not, use --unit unknown; if they are, "
-    'write "metric": true.',
-    "Lengths are taken for metres, as the depth maps look like a sensor's in a room. The file does not say so.",
+    'Assumed: lengths are metres, because the depth maps look like a sensor\'s. Add "metric": true to the file to confirm it, or use --unit unknown.',
+    "Assumed: lengths are metres, because the depth maps look like a sensor's.",
 )
 NOT_METRES = Kind(
-    'Lengths are not taken for metres, as the file does not say so and {doubt}; if they are, use --unit metric, or write "metric": true.',
-    'Lengths are not taken for metres, as the file does not say so and {doubt}; if they are, write "metric": true.',
+    'The unit of lengths is unknown: the file does not say it, and {doubt}. If they are metres, use --unit metric, or add "metric": true to the file.',
+    'The unit of lengths is unknown: the file does not say it, and {doubt}. If they are metres, add "metric": true to the file.',
 )
 
 DEPTHS = (".png", ".npy", ".pgm", *TIFFS)

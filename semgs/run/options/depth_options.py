@@ -31,7 +31,7 @@ class DepthOptions:
     depth: Annotated[str, tyro.conf.arg(metavar="{network,sensor,both,maps,SOURCE}")] = "network"
     """Where the Gaussians' depth comes from: the network; the frames' measured depth maps (sensor), at least half of whose pixels must be known; or
     both, weighted by their uncertainty. Or the network and depth maps of unknown scale: the frames' own (maps), or those of SOURCE: a folder of depth
-    maps, an exported network (.onnx, .tflite), a model folder of transformers, or hf:OWNER/NAME. They are aligned to the scene; see docs/geometry.md."""
+    maps, an exported network (.onnx, .tflite), a model folder of transformers, or hf:OWNER/NAME. They are aligned to the scene; see docs/segmenters.md."""
     depth_meaning: DepthMeaning = None
     """What the numbers of --depth maps or SOURCE are: metres, depth up to a factor, or inverse depth up to a factor and a constant (MiDaS, Depth Anything
     V2). By default what SOURCE says; maps are scaled."""

@@ -35,7 +35,7 @@ class SceneOptions:
     """Whether lengths are metres, if the files do not say so or are wrong about it."""
     as_peers: Annotated[tuple[str, ...], optional("NAME [NAME ...]")] = ()
     """Read files the way another paper's code does: rows-972 and gsnerf-labels (ScanNet), toolbox-undistortion (ScanNet++),
-    row-229.5 (Replica); see docs/data.md."""
+    row-229.5 (Replica); see docs/reproduce.md."""
 
     def check(self) -> None:
         """Check the options before a scene is opened.

@@ -118,7 +118,7 @@ def test_depth_maps_of_a_metric_scene_count_where_images_show_nothing(tmp_path, 
 @pytest.mark.parametrize(
     ("known", "counts", "unit", "said"),
     [
-        (1.0, 3000, "metric", "Lengths are taken for metres, as the depth maps look like a sensor's in a room."),
+        (1.0, 3000, "metric", "Assumed: lengths are metres, because the depth maps look like a sensor's."),
         (0.3, 3000, "metric", "use --unit unknown"),
         (0.01, 3000, "unknown", "too sparse"),
         (1.0, 280, "unknown", "the median of its depth maps, 0.28,"),

@@ -450,9 +450,7 @@ def test_labels_of_an_unknown_table_are_left_out_and_told_where_nobody_needs_the
     assert scene.classes is None
     assert scene.read([0, 1]).labels is None
     assert scene.read([0, 1]).depths is not None
-    assert [note.split(":")[0] for note in scene.notes[:-1]] == [
-        "Lengths are taken for metres, as the depth maps look like a sensor's in a room. The file does not say so"
-    ]
+    assert [note.split(":")[0] for note in scene.notes[:-1]] == ["Assumed"]
     assert re.fullmatch(
         r"The labels are left out: .*label_set: .* unknown class table 'scannet200'; known: scannet20, lsm8\.",
         scene.notes[-1],
