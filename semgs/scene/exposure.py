@@ -73,13 +73,16 @@ class Exposures:
     means_after: float = 0.0
 
     @property
+    def compared(self) -> tuple[float, float]:
+        """The squared differences that count, before and after: of mean colours if these differ and there are three photos or more, else of pixels."""
+        by_means = len(self.gains) > 2 and self.means_before > MEANS_DIFFER**2  # offsets make those of two photos equal
+        return (self.means_before, self.means_after) if by_means else (self.before, self.after)
+
+    @property
     def differ(self) -> bool:
         """Whether the common exposure explains enough of the difference of the photos to be worth it."""
-        if (
-            len(self.gains) > 2 and self.means_before > MEANS_DIFFER**2
-        ):  # two photos: offsets always make the means equal
-            return self.means_after < UNEXPLAINED * self.means_before
-        return self.after < UNEXPLAINED * self.before
+        before, after = self.compared
+        return after < UNEXPLAINED * before
 
     def applied(self, views: Views) -> Views:
         """The photos at the common exposure."""

@@ -10,6 +10,7 @@ from mapping_walls import SIZE, cameras_at, encoded
 
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras, back_project
+from semgs.run.steps.notes import note_on_exposures
 from semgs.scene import exposure
 from semgs.scene.encoding import Encoding
 from semgs.scene.exposure import Exposures, exposure_as_rendered, fit_exposures
@@ -182,6 +183,8 @@ def test_of_three_photos_the_mean_colours_decide_whether_exposures_differ() -> N
     assert fitted.means_after == pytest.approx(0, abs=1e-8)
     noisy = Exposures(fitted.gains, fitted.offsets, 0.03, 0.027, fitted.means_before, fitted.means_after)
     assert noisy.differ
+    assert note_on_exposures(noisy).values["before"] == pytest.approx(8.165, rel=1e-3), "100 sqrt(0.02 / 3), of means"
+    assert note_on_exposures(replace(noisy, means_before=0.0003)).values["before"] == pytest.approx(17.32, rel=1e-3)
     assert not replace(noisy, means_before=0.0003).differ, "less than 0.02 apart"
     assert not replace(noisy, gains=fitted.gains[:2], offsets=fitted.offsets[:2]).differ, (
         "of two photos the means are always equal afterwards"

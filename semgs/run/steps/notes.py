@@ -73,8 +73,8 @@ CROPPED = Kind(
 )
 HIDDEN = Kind("Hidden: {pixels} are a black border or masked. They have no Gaussians and count in no score.")
 EXPOSURES_DIFFER = Kind(
-    "The exposures of the input photos differ, so they were multiplied by {least:.2f} to {most:.2f}: their brightness differed by {before:.1f} % on shared surfaces, now "
-    "by {after:.1f} %. The report shows and scores them at this common exposure, and held-out photos at that of their rendering. --exposure as-taken leaves all of them.",
+    "The exposures of the input photos differ, so they were multiplied by {least:.2f} to {most:.2f}: their brightness differed by {before:.0f} % on shared surfaces, now "
+    "by {after:.0f} %. The report shows and scores them at this common exposure, and held-out photos at that of their rendering. --exposure as-taken leaves all of them.",
     "The photos differ in brightness, so they were made alike.",
 )
 
@@ -197,7 +197,7 @@ def note_on_hidden(context: Views, target: Views | None) -> list[Note]:
 
 def note_on_exposures(exposures: Exposures) -> Note:
     """By how much the exposures of the input photos differ."""
-    before, after = (100 * error**0.5 for error in (exposures.before, exposures.after))
+    before, after = (100 * error**0.5 for error in exposures.compared)
     least, most = exposures.gains.aminmax()
     return EXPOSURES_DIFFER(least=float(least), most=float(most), before=before, after=after)
 
