@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 import time
+from base64 import b64decode
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -144,3 +145,9 @@ def test_gradio_remembers_no_upload_for_ever():
     paths = page.Forgetful()
     paths.update({"a", "b"})
     assert len(paths) == 0
+
+
+def test_the_page_shows_where_to_stand():
+    """A drawing in the page itself, so that nothing is loaded from elsewhere."""
+    drawing = page.HEAD.format(privacy="", drawing=page._drawing()).split("base64,")[1].split('"')[0]
+    assert b64decode(drawing).startswith(b"<svg")

@@ -163,7 +163,7 @@ def test_frames_without_a_depth_map_of_their_own_are_left_out(wall_scene: Callab
     choice = choose_covering(scene, None, lambda position, bounds: why_not(scene, position, SIZE, FrameMaps(), bounds))
     assert choice.context == (0, 3)
     assert choice.targets == (2,)
-    assert choice.notes == ("Left out: images/01.png. No input view shares 30% of what they see.",)
+    assert choice.notes[0] == "Left out: images/01.png. No input view shares 30% of what they see."
     assert "images/01.png" in (why_not(scene, 1, SIZE, FrameMaps(), scene.depth_range()) or "")
 
 
