@@ -36,7 +36,7 @@ help:
 	@echo 'make mutants-auto  set up, then change 200 places drawn at random and see that tests notice (under 90 minutes)'
 	@echo 'make docs    set up, then build the documentation into docs/_build/html'
 	@echo 'make audit   set up, then look up vulnerabilities, hashes and licences of what is installed'
-	@echo 'make release set up, then build wheel and sdist, and run the demo from the wheel in an empty environment'
+	@echo 'make release set up, then build and check wheels and sdists, and run the demo from the wheel in an empty environment'
 	@echo 'make fuzz    set up, then damage 10,000 files of each format that SemGS reads (under an hour)'
 	@echo 'make faults  set up, then kill and starve commands while they write (under an hour)'
 	@echo 'make check   formats, lints and types'
@@ -115,6 +115,7 @@ audit: setup
 	$(BIN)/python -m paper.release audit --lock build/requirements.lock
 
 release: setup
+	$(PIP) build twine 'readme_renderer[md]'
 	scripts/release.sh
 
 fuzz: setup

@@ -1,21 +1,24 @@
 #!/bin/sh
-# Build wheel and sdist into dist/, install the wheel into an empty environment away from the repository, run the demo there, print what an install costs, and generate a room with that of semgs-rooms.
+# Build wheel and sdist of semgs and semgs-rooms into dist/, ready for a package index, and check them. Then install the wheels into an empty environment away from the repository,
+# run the demo there, print what an install costs, and generate a room.
 #
 #     make release
 #
 # Uploads nothing.
 set -eu
 root=$(cd "$(dirname "$0")/.." && pwd)
+python=$root/.venv/bin/python
 rm -rf "$root/dist"
-"$root/.venv/bin/python" -m hatchling build -t wheel -t sdist -d "$root/dist"
-(cd "$root/packages/semgs-rooms" && "$root/.venv/bin/python" -m hatchling build -t wheel -d "$root/dist/rooms")
+for project in "$root" "$root/packages/semgs-rooms"; do "$python" -m build --no-isolation --outdir "$root/dist" "$project"; done # the wheel is built from the sdist
+"$python" -m twine check --strict "$root"/dist/*
 away=$(mktemp -d)
 trap 'rm -rf "$away"' EXIT
-"$root/.venv/bin/python" -m venv "$away/venv"
-"$away/venv/bin/python" -m pip install --quiet --disable-pip-version-check -c "$root/constraints.txt" "$root"/dist/*.whl
+"$python" -m venv "$away/venv"
+"$away/venv/bin/python" -m pip install --quiet --disable-pip-version-check -c "$root/constraints.txt" "$root"/dist/semgs-*.whl
 cd "$away"
 "$away/venv/bin/semgs" demo --out demo
 [ -s demo/report.html ] && [ -s demo/gaussians.ply ]
+"$away/venv/bin/python" -c 'import semgs; print(*(getattr(semgs, name) for name in semgs.__all__), sep="\n")' > public_names
 "$away/venv/bin/python" - <<'EOF'
 import importlib.metadata as metadata
 import subprocess
@@ -62,6 +65,6 @@ print(f"on disk, semgs itself          {megabytes({'semgs'}):.1f} MB")
 print(f"semgs --help                   {seconds('-m', 'semgs', '--help'):.2f} s")
 print(f"import semgs, then semgs.load  {seconds('-c', 'import semgs; semgs.load'):.2f} s")
 EOF
-"$away/venv/bin/python" -m pip install --quiet --disable-pip-version-check -c "$root/constraints.txt" "$root"/dist/rooms/*.whl
+"$away/venv/bin/python" -m pip install --quiet --disable-pip-version-check -c "$root/constraints.txt" "$root"/dist/semgs_rooms-*.whl
 "$away/venv/bin/semgs" rooms --out rooms --scenes 1 --frames 2 --size 48x64 --workers 0
-ls -l "$root/dist" "$root/dist/rooms"
+ls -l "$root/dist"

@@ -32,7 +32,7 @@ HUB = ("https://huggingface.co",)
 def main() -> None:
     """Serve until the Space stops."""
     with tempfile.TemporaryDirectory(prefix="semgs-") as folder:
-        jobs = Jobs(Path(folder) / "rooms", [sys.executable, "-m", "semgs.cli.app_worker"], LIMITS)
+        jobs = Jobs(Path(folder) / "rooms", [sys.executable, "-m", "semgs.app.worker"], LIMITS)
         try:
             own = os.environ.get("SPACE_HOST", "").lower()
             app = application(jobs, local=False, access=Access(None, None, (own,) if own else (), HUB))

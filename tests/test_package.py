@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import importlib.metadata
+import os
 import re
 import subprocess
 import sys
 import tomllib
 import zipfile
+from email import message_from_bytes
 from pathlib import Path
 
 import pytest
+import yaml
+from index_page import page
 
 import semgs
 
@@ -23,7 +27,8 @@ ROOMS = ROOT / "packages" / "semgs-rooms"
 def built(root: Path, folder: Path) -> zipfile.ZipFile:
     """A wheel, built without a network."""
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
-    subprocess.run(command, cwd=root, check=True, capture_output=True, timeout=120)
+    unknown = {name: value for name, value in os.environ.items() if name != "GITHUB_REPOSITORY"}
+    subprocess.run(command, cwd=root, env=unknown, check=True, capture_output=True, timeout=120)
     (path,) = folder.glob("*.whl")
     return zipfile.ZipFile(path)
 
@@ -43,6 +48,44 @@ def rooms_wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
 def test_the_version_is_the_one_installed_and_cited():
     assert importlib.metadata.version("semgs") == semgs.__version__
     assert f"\nversion: {semgs.__version__}\n" in (ROOT / "CITATION.cff").read_text()
+    assert re.findall(r"^## (.+)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[0] == semgs.__version__
+
+
+README = "![a room](docs/room.gif) [Docs](docs/a.md#b), [torch](https://pytorch.org) and [above](#install)"
+
+
+def test_without_an_address_the_page_on_an_index_has_no_links_to_files():
+    assert page(README, None, "main") == " Docs, [torch](https://pytorch.org) and [above](#install)"
+
+
+def test_with_one_they_lead_to_the_tag():
+    assert page(README, "https://github.com/a/b", "v1") == (
+        "![a room](https://github.com/a/b/raw/v1/docs/room.gif) [Docs](https://github.com/a/b/blob/v1/docs/a.md#b), "
+        "[torch](https://pytorch.org) and [above](#install)"
+    )
+
+
+@pytest.mark.parametrize("which", ["wheel", "rooms_wheel"])
+def test_the_page_of_a_wheel_leads_only_to_addresses(which: str, request: pytest.FixtureRequest):
+    packed: zipfile.ZipFile = request.getfixturevalue(which)
+    (name,) = [name for name in packed.namelist() if name.endswith(".dist-info/METADATA")]
+    said = message_from_bytes(packed.read(name))
+    assert said["Description-Content-Type"] == "text/markdown"
+    text = packed.read(name).decode().split("\n\n", 1)[1]
+    assert text.startswith("# ")
+    assert [link for link in re.findall(r"\]\(([^)]*)\)", text) if not re.match("https?:|#", link)] == []
+
+
+def test_only_the_step_that_publishes_may_identify_itself():
+    """Trusted publishing: no password is kept anywhere, and what builds cannot publish."""
+    workflow = yaml.safe_load((ROOT / ".github/workflows/release.yml").read_text())
+    assert workflow[True] == {"push": {"tags": ["v*"]}}  # YAML reads "on" as true
+    assert workflow["permissions"] == {}
+    build, publish = workflow["jobs"]["build"], workflow["jobs"]["publish"]
+    assert (build["permissions"], publish["permissions"]) == ({"contents": "read"}, {"id-token": "write"})
+    assert publish["needs"] == "build"
+    assert publish["environment"] == "release"
+    assert "secrets." not in (ROOT / ".github/workflows/release.yml").read_text()
 
 
 def test_the_public_names_are_there():
@@ -127,9 +170,11 @@ def test_the_command_that_makes_rooms_says_how_to_install_them(tmp_path: Path):
     assert done.returncode == 2
 
 
-def test_the_wheel_holds_the_licence_and_the_command(wheel: zipfile.ZipFile):
+def test_the_wheels_hold_the_licence_and_the_command(wheel: zipfile.ZipFile, rooms_wheel: zipfile.ZipFile):
     names = wheel.namelist()
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
+    (theirs,) = [name for name in rooms_wheel.namelist() if name.endswith(".dist-info/licenses/LICENSE")]
+    assert rooms_wheel.read(theirs) == (ROOT / "LICENSE").read_bytes()
     (points,) = [name for name in names if name.endswith("entry_points.txt")]
     assert "semgs = semgs.__main__:run" in wheel.read(points).decode()
 

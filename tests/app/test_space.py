@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import re
 import runpy
 import signal
 import subprocess
 import sys
-import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -29,13 +29,17 @@ def test_its_settings_name_what_is_there():
     front = re.match(r"---\n(.*?)\n---\n", (SPACE / "README.md").read_text(), re.DOTALL)
     assert front is not None
     settings = dict(line.split(": ", 1) for line in front[1].splitlines())
-    assert (SPACE / settings["app_file"]).exists()
-    assert f"gradio=={settings['sdk_version']}" in (ROOT / "constraints.txt").read_text().splitlines()
     assert len(settings["short_description"]) <= 60
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    required = (SPACE / "requirements.txt").read_text().strip()
-    assert required == f"./semgs-{__version__}-py3-none-any.whl[app]"
-    assert "app" in extras
+    assert settings["sdk"] == "docker"
+    steps = (SPACE / "Dockerfile").read_text()
+    assert f"EXPOSE {settings['app_port']}\n" in steps
+    assert f"semgs-{__version__}-py3-none-any.whl[app]" in steps
+    assert f'"GRADIO_SERVER_PORT", "{settings["app_port"]}"' in (SPACE / "app.py").read_text()
+
+
+def test_it_starts_a_worker_that_exists():
+    (module,) = re.findall(r'"-m", "([\w.]+)"', (SPACE / "app.py").read_text())
+    assert importlib.util.find_spec(module) is not None
 
 
 def test_its_page_says_which_photos_stay_and_for_how_long():

@@ -158,7 +158,7 @@ def slow(example: Example) -> bool:
     if (
         "--help" in words
         or "--ray" in words
-        or words[0] in {*CARRIERS, "sbatch", "make", "pip", "python3"}
+        or words[0] in {*CARRIERS, "sbatch", "make", "pip", "docker", "python3"}
         or words[:3] == ["python", "-m", "semgs_rooms.furniture"]
     ):
         return False
@@ -206,6 +206,8 @@ def shell(example: Example) -> None:
         subprocess.run(["make", "-n", *rest], cwd=ROOT, check=True, capture_output=True)
     elif program == "pip":
         check_pip(rest)
+    elif program == "docker":
+        check_docker(rest)
     elif program == "python3":
         assert rest == ["-m", "venv", ".venv"], f"python3 {' '.join(rest)}: only the making of .venv is known"
     elif program == "python":
@@ -306,19 +308,39 @@ def serve(*words: str) -> None:
     assert process.returncode == 0
 
 
+TORCH_FOR_CPUS = "https://download.pytorch.org/whl/cpu"
+"""Where PyTorch has its builds without CUDA."""
+
+
 def check_pip(words: Sequence[str]) -> None:
     """Extras exist, and what they and the line name is pinned."""
     assert words[0] == "install"
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     pinned = {line.split("==")[0].lower() for line in (ROOT / "constraints.txt").read_text().split()}
-    for word in words[1:]:
-        if word == "-e" or (ROOT / word / "pyproject.toml").is_file():
+    rest = iter(words[1:])
+    for word in rest:
+        if word == "-c":
+            assert (ROOT / next(rest)).is_file()
+        elif word == "--extra-index-url":
+            assert next(rest) == TORCH_FOR_CPUS
+        if word in ("-e", "-c", "--no-compile", "--extra-index-url") or (ROOT / word / "pyproject.toml").is_file():
             continue
         extras = re.fullmatch(r"\.(?:\[(.+)\])?", word)
         if extras is None:
             assert word.lower() in pinned, f"{word} is not in constraints.txt"
         for extra in extras[1].split(",") if extras and extras[1] else ():
             assert extra in project["optional-dependencies"], f"there is no extra {extra}"
+
+
+def check_docker(words: Sequence[str]) -> None:
+    """An image is built from the repository's Dockerfile, and its port is published."""
+    steps = (ROOT / "Dockerfile").read_text()
+    if words[0] == "build":
+        assert words[1:] == ["--tag", "semgs", "."]
+    else:
+        assert words[0] == "run"
+        assert words[-1] == "semgs"
+        assert f"EXPOSE {words[words.index('--publish') + 1].split(':')[-1]}\n" in steps
 
 
 def run_python(words: Sequence[str]) -> None:

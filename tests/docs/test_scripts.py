@@ -33,7 +33,7 @@ RUNS = {
         "14 images, ",
     ),
 }
-"""Arguments of each script, and a part of what it prints. `attack_app`, `average_weights`, `large_splat` and `undo_class_weights` have tests of their own."""
+"""Arguments of each script, and a part of what it prints. `attack_app`, `average_weights`, `index_page`, `large_splat` and `undo_class_weights` have tests of their own."""
 
 
 def test_every_script_is_run_here() -> None:
@@ -41,6 +41,7 @@ def test_every_script_is_run_here() -> None:
         *RUNS,
         "attack_app",
         "average_weights",
+        "index_page",
         "large_splat",
         "undo_class_weights",
     }
