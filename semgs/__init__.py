@@ -1,4 +1,4 @@
-"""SemGS: turns two to four posed photos of a room into a semantic 3D scene of Gaussians, in one forward pass."""
+"""SemGS: turns posed photos of a room into a semantic 3D scene of Gaussians, in one forward pass."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def page(path: str | Path, name: str) -> str:
         *_front_matter(about.get(LICENCE)),
         f"# {name.rpartition('/')[2]}",
         "",
-        f"Weights of the network `{network}` of SemGS {__version__}: two to four posed photos of a room become a semantic 3D scene of Gaussians, in one forward pass.",
+        f"Weights of the network `{network}` of SemGS {__version__}: posed photos of a room become a semantic 3D scene of Gaussians, in one forward pass.",
         "",
         f"- **What they are**: {about.get(DESCRIPTION, 'not stated')}",
         f"- **Parameters**: {count_parameters(path):,}",
