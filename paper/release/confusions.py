@@ -158,7 +158,9 @@ def class_failures(frames: Sequence[FrameScores], names: Sequence[str]) -> tuple
             photos=int(photos[label]),
             pixels=int(truth[label]),
         )
-        for label in np.flatnonzero((photos >= PHOTOS) & (truth >= PIXELS) & (confusion.diagonal() < RIGHT * truth))
+        for label in np.flatnonzero(
+            (photos >= PHOTOS) & (truth >= PIXELS) & (confusion.diagonal() < RIGHT * truth)
+        ).tolist()
     ]
     return tuple(sorted(found, key=lambda one: one.right))
 
