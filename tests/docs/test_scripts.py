@@ -18,6 +18,7 @@ RUNS = {
     "depth_maps": (("small", "{rooms}", "--bends", "0.1", "--rooms", "2"), "| 2 | inverse 10% | 0."),
     "depth_spread": (("small", "{rooms}"), " | 4 | "),
     "teach": (("{shared}/pretrained/mosaic_ade32.tflite", "{out}", "{rooms}"), "12 images, "),
+    "things_oracles": (("small", "{rooms}", "--every", "4"), "\n| own | own | join 0.8 | "),
     "train_mosaic": (
         (
             "{shared}/pretrained/mosaic_ade32.safetensors",
