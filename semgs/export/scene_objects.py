@@ -1,7 +1,8 @@
 """Things and free floor of a saved scene, which knows its cameras, its classes and its unit; and objects.json.
 
     {"format": "semgs.objects", "version": 1, "unit": "metric", "seen_from": [x, y, z],
-     "objects": [{"instance": 1, "class": "chair", "number": 4, "confidence": 0.83, "centre": [x, y, z], "size": [length, width, height],
+     "objects": [{"instance": 1, "class": "chair", "number": 4, "confidence": 0.83,
+                  "likeliest": [{"class": "chair", "confidence": 0.83}, {"class": "sofa", "confidence": 0.09}], "centre": [x, y, z], "size": [length, width, height],
                   "quaternion": [w, x, y, z], "yaw_degrees": 30.0, "distance": 1.9, "gaussians": 812}]}
 
 Positions are in the frame that export.json has for the file. The quaternion takes the axes of the box (length, width, height) to that frame; `yaw_degrees` is the angle
@@ -181,6 +182,7 @@ def save_objects(path: Path, things: Sequence[PlacedThing], framed: FramedScene)
             "class": one.thing.name,
             "number": one.thing.label,
             "confidence": round(one.thing.confidence, 4),
+            "likeliest": [{"class": name, "confidence": round(share, 4)} for name, share in one.thing.likeliest],
             "centre": _metres(one.centre),
             "size": _metres(one.thing.box.size),
             "quaternion": [round(number, 6) for number in one.quaternion],

@@ -1,7 +1,8 @@
 """Things: the Gaussians of each class in clusters, one for each piece of furniture.
 
 For each class, the Gaussians that have it as their likeliest are thinned to voxels, and DBSCAN (Ester et al., KDD 1996) on their middles, weighted by opacity, finds
-the groups that are connected over gaps of at most `gap`. What is too small or too thin is no thing.
+the groups that are connected over gaps of at most `gap`. Groups that touch and whose class distributions are alike, such as half a table and half a desk, are one thing,
+with the class that is likeliest over all of it. What is too small or too thin is no thing.
 """
 
 from __future__ import annotations
@@ -13,11 +14,12 @@ from math import inf
 import numpy as np
 import torch
 from jaxtyping import Float64, Int64
+from scipy.spatial import cKDTree
 
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.geometry.gaussians import Gaussians
 from semgs.rendering.rendering import UNSEEN, class_numbers
-from semgs.rendering.temperatures import highest_probability
+from semgs.rendering.temperatures import tempered
 from semgs.robotics.boxes import Box, box_of
 from semgs.robotics.level import level_from_world
 from semgs.robotics.object_libraries import clustering_library
@@ -28,6 +30,12 @@ STUFF = ("wall", "floor", "ceiling")
 
 CORE = 5
 """A point is inside a group if the opacities around it sum to this."""
+
+ALIKE = 0.8
+"""Groups that touch are one thing if the Bhattacharyya coefficient of their mean class distributions is at least this."""
+
+LIKELIEST = 3
+"""So many classes of a thing are named."""
 
 FINER = 4
 """Voxels for clustering have a side of the gap divided by this."""
@@ -42,6 +50,7 @@ class Thing:
         label: position of its class in the table.
         name: of its class.
         confidence: mean probability of the class, 0..1, weighted by opacity.
+        likeliest: the classes with the highest mean probability and these, its own first; at most `LIKELIEST`.
         box: around it, in the level frame.
         distance: to the nearest point of the box [m].
         count: Gaussians that belong to it.
@@ -54,6 +63,7 @@ class Thing:
     box: Box
     distance: float
     count: int
+    likeliest: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -97,7 +107,7 @@ def objects(
     min_gaussians: float = 150.0,
     min_size: float = 0.1,
 ) -> Objects:
-    """Find the things of a scene: connected groups of Gaussians of one class, each with a box that is turned about gravity only.
+    """Find the things of a scene: connected groups of Gaussians, each with a class and a box that is turned about gravity only.
 
     One scene has one numbering: in a merged walk a thing has the same number in every view.
 
@@ -108,7 +118,7 @@ def objects(
         seen_from: the point from which distances are measured, such as the first camera's centre.
         temperature: calibrates the class distributions; None leaves them as they are.
         stuff: names of the classes that are no things.
-        gap: Gaussians of one class that are further apart belong to two things [m].
+        gap: Gaussians that are further apart belong to two things [m].
         min_opacity: Gaussians that are more transparent belong to no thing.
         min_gaussians: a thing has at least this sum of opacities.
         min_size: the longest side of a thing is at least this [m].
@@ -135,27 +145,66 @@ def objects(
     level = level_from_world(up)
     points = gaussians.means.detach().cpu().double().numpy() @ level.T
     weights = gaussians.opacities.detach().cpu().double().numpy()
-    chances = highest_probability(features, temperature).double().numpy()
+    distributions = features.double() if temperature is None else tempered(features, temperature).double()
+    chances = distributions.numpy()
     solid = torch.from_numpy((weights >= min_opacity) & (weights > 0))
     labels = torch.where(solid, class_numbers(features), UNSEEN).numpy()
     eye = level @ eye
-    found: list[tuple[int, Int64[np.ndarray, " n"]]] = []
-    for label in np.unique(labels[labels != UNSEEN]).tolist():
-        if classes.names[label] not in stuff:
-            members = np.flatnonzero(labels == label)
-            groups = _groups(cluster, points[members], weights[members], gap)
-            found += [(label, members[groups == number]) for number in range(groups.max(initial=-1) + 1)]
-    found = [(label, members) for label, members in found if weights[members].sum() >= min_gaussians]
-    boxed = [(label, members, box_of(points[members])) for label, members in found]
-    boxed = [one for one in boxed if max(one[2].size) >= min_size]
-    boxed.sort(key=lambda one: (-len(one[1]), one[0], one[1][0]))
+    of_things = [label for label, name in enumerate(classes.names) if name not in stuff]
+    groups = np.zeros(len(points), np.int64)
+    for label in of_things:
+        members = np.flatnonzero(labels == label)
+        if len(members):
+            own = _groups(cluster, points[members], weights[members], gap)
+            groups[members] = np.where(own < 0, 0, own + 1 + groups.max())
+    groups = _joined(groups, points, weights, features.double().numpy(), gap)
+    found = []
+    for number in np.unique(groups[groups > 0]).tolist():
+        members = np.flatnonzero(groups == number)
+        if weights[members].sum() >= min_gaussians:
+            box = box_of(points[members])
+            if max(box.size) >= min_size:
+                found.append((members, np.average(chances[members], axis=0, weights=weights[members])[of_things], box))
+    found.sort(key=lambda one: (-len(one[0]), one[1].argmax(), one[0][0]))
     instances = np.zeros(len(points), np.int64)
     things = []
-    for instance, (label, members, box) in enumerate(boxed, 1):
+    for instance, (members, means, box) in enumerate(found, 1):
         instances[members] = instance
-        confidence = float(np.average(chances[members], weights=weights[members]))
-        things.append(Thing(instance, label, classes.names[label], confidence, box, box.distance(eye), len(members)))
+        ranked = np.argsort(-means, kind="stable")[:LIKELIEST]
+        likeliest = tuple((classes.names[of_things[place]], float(means[place])) for place in ranked)
+        label = of_things[int(ranked[0])]
+        name, confidence = likeliest[0]
+        things.append(Thing(instance, label, name, confidence, box, box.distance(eye), len(members), likeliest))
     return Objects(tuple(things), instances, level)
+
+
+def _joined(
+    groups: Int64[np.ndarray, " n"],
+    points: Float64[np.ndarray, "n 3"],
+    weights: Float64[np.ndarray, " n"],
+    distributions: Float64[np.ndarray, "n class"],
+    gap: float,
+) -> Int64[np.ndarray, " n"]:
+    """The groups, 0 for none, of which the two that touch and are most alike became one, until no two were alike enough."""
+    inside = np.flatnonzero(groups)
+    if not len(inside):
+        return groups
+    voxels = np.column_stack((np.floor(points[inside] / (gap / 2)), groups[inside]))
+    thinned = inside[np.unique(voxels, axis=0, return_index=True)[1]]
+    near = groups[thinned][cKDTree(points[thinned]).query_pairs(gap, output_type="ndarray")]
+    pairs = np.unique(np.sort(near), axis=0)
+    sums = np.stack([np.bincount(groups, weights * one) for one in distributions.T], -1)
+    names = np.arange(len(sums))
+    while True:
+        pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+        roots = np.sqrt(sums / np.maximum(sums.sum(-1, keepdims=True), 1e-12))
+        alike = (roots[pairs[:, 0]] * roots[pairs[:, 1]]).sum(-1)
+        if alike.max(initial=0) < ALIKE:
+            return names[groups]
+        one, other = pairs[alike.argmax()]
+        sums[one] += sums[other]
+        names[names == other] = one
+        pairs[pairs == other] = one
 
 
 def _groups(

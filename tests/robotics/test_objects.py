@@ -138,3 +138,39 @@ def test_gaussians_without_any_opacity_are_no_thing() -> None:
     )
     given.opacities[:1155] = 0
     assert [one.count for one in objects(given, min_opacity=0.0).things] == [1155]
+
+
+def shares_of(count: int, chair: float, table: float) -> torch.Tensor:
+    """Class distributions with so much of chair and table, and the rest evenly over the other 18 classes."""
+    features = torch.full((count, 20), (1 - chair - table) / 18)
+    features[:, CHAIR], features[:, TABLE] = chair, table
+    return features
+
+
+def two_halves(gap: float, first: tuple[float, float], second: tuple[float, float]) -> Gaussians:
+    """Two planks, so far apart along x [m], each with its shares of chair and table."""
+    points = np.concatenate((plank(0.0, (0.0, 0.0, 0.5)), plank(0.0, (1.0 + gap, 0.0, 0.5))))
+    given = gaussians_at(points, np.zeros(len(points), np.int64))
+    assert given.semantic is not None
+    features = torch.cat((shares_of(1155, *first), shares_of(1155, *second)))
+    return replace(given, semantic=replace(given.semantic, features=features))
+
+
+def test_two_halves_that_touch_and_are_alike_are_one_thing_with_the_likeliest_class_of_all_of_it() -> None:
+    """sqrt(.5 x .3) + sqrt(.3 x .6) + 18 sqrt(.2/18 x .1/18) = .387 + .424 + .141 = .95; the means are .4 chair and .45 table."""
+    found = objects(two_halves(0.05, (0.5, 0.3), (0.3, 0.6)))
+    assert [(one.name, one.count) for one in found.things] == [("table", 2310)]
+    assert [name for name, _ in found.things[0].likeliest[:2]] == ["table", "chair"]
+    assert [share for _, share in found.things[0].likeliest] == pytest.approx([0.45, 0.4, 0.15 / 18], abs=1e-6)
+    assert found.things[0].box.size == pytest.approx((2.05, 0.4, 0.2), abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("gap", "first", "second"),
+    [(0.15, (0.5, 0.3), (0.3, 0.6)), (0.05, (0.9, 0.0), (0.0, 0.9))],
+    ids=["apart", "unlike"],
+)
+def test_halves_that_are_apart_or_unlike_stay_two(gap: float, first: tuple[float, float], second: tuple[float, float]):
+    """What is .9 of another class agrees in 18 x .1/18 = .1 only."""
+    found = objects(two_halves(gap, first, second))
+    assert sorted(one.name for one in found.things) == ["chair", "table"]

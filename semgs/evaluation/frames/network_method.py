@@ -13,7 +13,7 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from semgs.data.scene import Scene
-from semgs.data.tables.classes import IGNORE, ClassTable
+from semgs.data.tables.classes import ClassTable
 from semgs.depth_maps.depth_source import DepthMaps
 from semgs.depth_maps.map_depth import find_reference, place_at_maps, read_maps
 from semgs.evaluation.frames.free_space import score_free_space
@@ -22,6 +22,7 @@ from semgs.export.scene_objects import things_of
 from semgs.model.encode import Network, encode
 from semgs.rendering.render import render
 from semgs.rendering.rendering import SEEN_ALPHA, confidence_maps, likeliest
+from semgs.robotics.objects import STUFF
 from semgs.runtime.stopwatch import now
 from semgs.scene.encoding import Encoding
 from semgs.scene.exposure import ExposureChoice, common_exposure
@@ -137,7 +138,7 @@ class NetworkMethod:
         )
 
     def _find(self, encoding: Encoding, inputs: Inputs, labels: UInt8[Tensor, "h w"]) -> dict[str, Any]:
-        """The things of the scene, and where the target shows them: the likeliest thing of each pixel that has its class."""
+        """The things of the scene, and where the target shows them: the likeliest thing of each pixel whose class may be a thing's."""
         scene = SavedScene.of(encoding, inputs.contexts.to("cpu"), unit="metric")
         found = things_of(scene, up_of(scene))
         shape = encoding.gaussians.semantic
@@ -149,9 +150,10 @@ class NetworkMethod:
         rendering = render(things, inputs.camera, near=encoding.depth_range[..., 0].amin(-1, keepdim=True))
         assert rendering.semantics is not None
         numbers = rendering.semantics[0].max(0).indices.int().cpu()
-        of_thing = torch.tensor([IGNORE, *(thing.label for thing in found.things)])
+        assert scene.classes is not None
+        stuff = torch.tensor([name in STUFF for name in scene.classes.names])
         return {
-            "instances": torch.where(of_thing[numbers] == labels, numbers, 0),
+            "instances": torch.where(stuff[labels.long()], 0, numbers),
             "boxes": tuple((thing.label, thing.box) for thing in found.things),
             "level_from_world": found.level_from_world,
         }

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.tables.class_groups import ClassGroups
+from semgs.data.tables.classes import IGNORE
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.evaluation.frames.frame_plan import FramePlan, Task
 from semgs.evaluation.frames.predictions import Method, Prediction, write_maps, write_prediction
@@ -166,7 +167,10 @@ class _TargetScorer:
         if self.panoptic is None or numbers is None or target.labels is None or prediction.labels is None:
             return scores
         given = np.zeros(task.size, np.int32) if prediction.instances is None else prediction.instances.numpy()
-        truth, found = (target.labels[0].numpy(), numbers), (prediction.labels.numpy(), given)
+        labels = prediction.labels.numpy()
+        if prediction.boxes is not None:  # a thing has one class, whatever its pixels have
+            labels = np.where(given > 0, np.array([IGNORE, *(label for label, _ in prediction.boxes)])[given], labels)
+        truth, found = (target.labels[0].numpy(), numbers), (labels, given)
         scores = replace(scores, segments=count_segments(truth, found, target.classes, self.panoptic))
         if prediction.boxes is None or prediction.level_from_world is None:
             return scores
