@@ -27,7 +27,7 @@ from semgs.geometry.rotations import quaternion_from_matrix
 from semgs.rendering.rendering import class_numbers
 from semgs.robotics.boxes import SIGNS
 from semgs.robotics.floor import NoFloorError, floor_height
-from semgs.robotics.objects import Objects, Thing, objects
+from semgs.robotics.objects import SURE, Objects, Thing, objects
 from semgs.robotics.occupancy import FLOOR, Occupancy, occupancy
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import FramedScene, UpDirection
@@ -66,7 +66,7 @@ class PlacedThing:
 
 
 def things_of(scene: SavedScene, up: UpDirection, **options: Any) -> Objects:
-    """The things of a scene, with distances from its first camera; options as for `semgs.objects`.
+    """The things of a scene, with distances from its first camera; options as for `semgs.objects`. Those whose class is less likely than `SURE` are unknown objects.
 
     Args:
         scene: in metres, with classes.
@@ -85,7 +85,7 @@ def things_of(scene: SavedScene, up: UpDirection, **options: Any) -> Objects:
         up=up.direction.tolist(),
         seen_from=scene.cameras.centres[0].tolist(),
         temperature=None if scene.temperatures is None else scene.temperatures.gaussians,
-        **options,
+        **{"sure": SURE, **options},
     )
 
 

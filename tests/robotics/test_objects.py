@@ -11,7 +11,7 @@ from blocks import room_of_blocks
 import semgs
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.robotics.objects import objects
+from semgs.robotics.objects import SURE, objects
 
 pytest.importorskip("sklearn")
 pytest.importorskip("trimesh")
@@ -174,3 +174,12 @@ def test_halves_that_are_apart_or_unlike_stay_two(gap: float, first: tuple[float
     """What is .9 of another class agrees in 18 x .1/18 = .1 only."""
     found = objects(two_halves(gap, first, second))
     assert sorted(one.name for one in found.things) == ["chair", "table"]
+
+
+def test_a_thing_whose_class_is_not_likely_enough_is_an_unknown_object() -> None:
+    """The means are .4 chair and .45 table."""
+    halves = two_halves(0.05, (0.5, 0.3), (0.3, 0.6))
+    assert [objects(halves, sure=least).things[0].name for least in (0.44, 0.46)] == ["table", "unknown object"]
+    unknown = objects(halves, sure=SURE)
+    assert (unknown.things[0].name, unknown.things[0].label) == ("unknown object", TABLE)
+    assert unknown.only(classes=("table",)).things == ()
