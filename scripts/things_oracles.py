@@ -21,7 +21,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
 from torch.nn.functional import one_hot
 
 from semgs.data.scenes import open_scene, scene_paths
@@ -34,8 +33,7 @@ from semgs.model.encode import encode
 from semgs.model.weights.load import load
 from semgs.robotics.boxes import Box, box_of
 from semgs.robotics.level import level_from_world
-from semgs.robotics.object_libraries import clustering_library
-from semgs.robotics.objects import _groups
+from semgs.robotics.objects import connected, joined
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import up_of
 
@@ -102,43 +100,9 @@ def read_pairs(network, paths: Sequence[Path], every: int = 1) -> Iterator[Pair]
             )
 
 
-def groups_of(families, points, weights) -> np.ndarray:
-    """The number of the group of each Gaussian, from 1, 0 for none: connected Gaussians of one family of classes, -1 for none."""
-    groups = np.zeros(len(points), np.int64)
-    for family in np.unique(families[families >= 0]):
-        members = np.flatnonzero((families == family) & (weights >= LEAST_OPACITY))
-        if len(members):
-            found = _groups(clustering_library(), points[members], weights[members], GAP)
-            groups[members] = np.where(found < 0, 0, found + 1 + groups.max())
-    return groups
-
-
 def class_sums(groups, chances, weights) -> np.ndarray:
     """The sum of the distributions of each group [n + 1 class], weighted by opacity."""
     return np.stack([np.bincount(groups, weights * one) for one in chances.T], -1)
-
-
-def joined(groups, points, chances, weights, least: float) -> np.ndarray:
-    """Groups of which the two that touch and are most alike become one, until no two are alike enough."""
-    inside = np.flatnonzero(groups)
-    places = np.column_stack((np.floor(points[inside] / (GAP / 2)), groups[inside]))
-    thin = inside[np.unique(places, axis=0, return_index=True)[1]]
-    close = groups[thin][cKDTree(points[thin]).query_pairs(GAP, output_type="ndarray")]
-    sums, names = class_sums(groups, chances, weights), np.arange(groups.max() + 1)
-    touch = np.zeros((len(names), len(names)), bool)
-    touch[close[:, 0], close[:, 1]] = touch[close[:, 1], close[:, 0]] = True
-    while True:
-        np.fill_diagonal(touch, False)
-        roots = np.sqrt(sums / sums.sum(-1, keepdims=True).clip(1e-12))
-        alike = np.where(touch, roots @ roots.T, 0)
-        one, other = np.unravel_index(alike.argmax(), alike.shape)
-        if alike[one, other] < least:
-            return names[groups]
-        names[names == other] = one
-        sums[one] += sums[other]
-        touch[one] |= touch[other]
-        touch[:, one] |= touch[:, other]
-        touch[other] = touch[:, other] = False
 
 
 def things(pair: Pair, classes: str, depth: str, grouping: str) -> tuple[np.ndarray, list[tuple[int, Box]], np.ndarray]:
@@ -153,9 +117,10 @@ def things(pair: Pair, classes: str, depth: str, grouping: str) -> tuple[np.ndar
         family[some] = some
         for pool in {"kin": KIN, "all": [[names[one] for one in some]]}.get(kind, ()):
             family[[names.index(one) for one in pool]] = names.index(pool[0])
-        groups = groups_of(family[labels], points, weights)
+        families = np.where(weights >= LEAST_OPACITY, family[labels], -1)
+        groups = connected(families, points, weights, GAP)
     if kind == "join":
-        groups = joined(groups, points, chances, weights, float(number))
+        groups = joined(groups, points, weights, chances, GAP, float(number))
     pooled = class_sums(groups, chances, weights)
     instances, found = np.zeros(len(points), np.int64), []
     for group in np.unique(groups[groups > 0]):

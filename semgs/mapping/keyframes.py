@@ -108,8 +108,7 @@ def judge_frame(camera: Cameras, known: Sequence[Known], partners: int, typical:
     if covered >= COVERED:
         return Verdict(False, (), covered)
     overlaps = together.overlaps()[0, 1:]
-    depths = np.sqrt(together.medians[0] * together.medians[1:])
-    relative = together.baselines[0, 1:] / depths
+    relative = together.relative_baselines[0, 1:]
     scores = np.where(overlaps >= LEAST_SHARED, overlaps * preference(relative), -1)
     order = [int(place) for place in np.argsort(-scores, kind="stable") if scores[place] >= 0][:partners]
     if not order:

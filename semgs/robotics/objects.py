@@ -13,7 +13,7 @@ from math import inf
 
 import numpy as np
 import torch
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64, Int64, Integer
 from scipy.spatial import cKDTree
 
 from semgs.data.tables.classes import SCANNET20, ClassTable
@@ -149,23 +149,17 @@ def objects(
     eye = np.asarray(seen_from, np.float64)
     if eye.shape != (3,) or not np.isfinite(eye).all():
         raise ValueError(f"seen_from is {seen_from}; expected a point of three finite numbers")
-    cluster = clustering_library()
     level = level_from_world(up)
     points = gaussians.means.detach().cpu().double().numpy() @ level.T
     weights = gaussians.opacities.detach().cpu().double().numpy()
-    distributions = features.double() if temperature is None else tempered(features, temperature).double()
-    chances = distributions.numpy()
+    raw = features.double().numpy()
+    chances = raw if temperature is None else tempered(features, temperature).double().numpy()
     solid = torch.from_numpy((weights >= min_opacity) & (weights > 0))
     labels = torch.where(solid, class_numbers(features), UNSEEN).numpy()
     eye = level @ eye
     of_things = [label for label, name in enumerate(classes.names) if name not in stuff]
-    groups = np.zeros(len(points), np.int64)
-    for label in of_things:
-        members = np.flatnonzero(labels == label)
-        if len(members):
-            own = _groups(cluster, points[members], weights[members], gap)
-            groups[members] = np.where(own < 0, 0, own + 1 + groups.max())
-    groups = _joined(groups, points, weights, features.double().numpy(), gap)
+    groups = connected(np.where(np.isin(labels, of_things), labels, -1), points, weights, gap)
+    groups = joined(groups, points, weights, raw, gap)
     found = []
     for number in np.unique(groups[groups > 0]).tolist():
         members = np.flatnonzero(groups == number)
@@ -187,14 +181,34 @@ def objects(
     return Objects(tuple(things), instances, level)
 
 
-def _joined(
+def connected(
+    families: Integer[np.ndarray, " n"],
+    points: Float64[np.ndarray, "n 3"],
+    weights: Float64[np.ndarray, " n"],
+    gap: float,
+) -> Int64[np.ndarray, " n"]:
+    """The group of each Gaussian, from 1, 0 for none: those of one family (-1 for none) that are connected over gaps of at most `gap`.
+
+    Raises:
+        ImportError: scikit-learn or trimesh is not installed.
+    """
+    cluster, groups = clustering_library(), np.zeros(len(points), np.int64)
+    for family in np.unique(families[families >= 0]):
+        members = np.flatnonzero(families == family)
+        found = _groups(cluster, points[members], weights[members], gap)
+        groups[members] = np.where(found < 0, 0, found + 1 + groups.max())
+    return groups
+
+
+def joined(
     groups: Int64[np.ndarray, " n"],
     points: Float64[np.ndarray, "n 3"],
     weights: Float64[np.ndarray, " n"],
     distributions: Float64[np.ndarray, "n class"],
     gap: float,
+    least: float = ALIKE,
 ) -> Int64[np.ndarray, " n"]:
-    """The groups, 0 for none, of which the two that touch and are most alike became one, until no two were alike enough."""
+    """The groups, 0 for none, of which the two that touch and are most alike became one, until no two were at least so alike."""
     inside = np.flatnonzero(groups)
     if not len(inside):
         return groups
@@ -208,7 +222,7 @@ def _joined(
         pairs = pairs[pairs[:, 0] != pairs[:, 1]]
         roots = np.sqrt(sums / np.maximum(sums.sum(-1, keepdims=True), 1e-12))
         alike = (roots[pairs[:, 0]] * roots[pairs[:, 1]]).sum(-1)
-        if alike.max(initial=0) < ALIKE:
+        if alike.max(initial=0) < least:
             return names[groups]
         one, other = pairs[alike.argmax()]
         sums[one] += sums[other]

@@ -368,7 +368,7 @@ DATA = (
     ),
     Mutant(
         "baselines are judged at the middle of near and far though depth is known", CHOICE,
-        "preference(together.baselines / depths)", "preference(together.baselines / 5**0.5)", OF_CHOICE,
+        "preference(together.relative_baselines)", "preference(together.baselines / 5**0.5)", OF_CHOICE,
     ),
     Mutant(
         "one of four frames is held out", COVERAGE, "EVERY = 8", "EVERY = 4", OF_COVERAGE,

@@ -140,9 +140,8 @@ def choose(scene: Scene, count: int) -> Choice:
 def pair_scores(together: Covisibility) -> np.ndarray:
     """How well each pair of frames goes together, 0..1; -1 for those that share too little, and for a frame with itself [n n]."""
     overlaps, medians = together.overlaps(), together.medians
-    depths = np.sqrt(medians[:, None] * medians)
     extent = np.minimum(np.minimum(medians[:, None], medians) / (CLOSE_UP * np.median(medians)), 1)
-    suits = preference(together.baselines / depths) * extent**2
+    suits = preference(together.relative_baselines) * extent**2
     scores = np.where(overlaps >= LEAST_SHARED, overlaps * suits, -1)
     np.fill_diagonal(scores, -1)
     return scores

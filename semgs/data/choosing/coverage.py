@@ -150,8 +150,7 @@ def choose_covering(
 
 def far_apart(together: Covisibility, chosen: Sequence[int]) -> list[Note]:
     """A note if most of the chosen frames are farther from the nearest other one than `FAR` of the depth."""
-    among = np.ix_(chosen, chosen)
-    apart = together.baselines[among] / np.sqrt(together.medians[:, None] * together.medians)[among]
+    apart = together.relative_baselines[np.ix_(chosen, chosen)]
     np.fill_diagonal(apart, np.inf)
     far = int((apart.min(axis=1) > FAR).sum())
     return [FAR_APART(far=far, count=len(chosen), share=FAR)] * (2 * far > len(chosen))
@@ -180,8 +179,7 @@ def _every_eighth(few: Sequence[int]) -> list[int]:
 
 def _repeats(together: Covisibility, overlaps: np.ndarray) -> np.ndarray:
     """Which frames were taken from the place of which others, and show the same [n n]."""
-    near = together.baselines < SAME_PLACE * np.sqrt(together.medians[:, None] * together.medians)
-    return near & (overlaps >= SAME_VIEW)
+    return (together.relative_baselines < SAME_PLACE) & (overlaps >= SAME_VIEW)
 
 
 def _pairs(together: Covisibility) -> list[list[int]]:

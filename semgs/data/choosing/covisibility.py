@@ -170,6 +170,11 @@ class Covisibility:
         ]
         return cls(cameras, grids)
 
+    @property
+    def relative_baselines(self) -> np.ndarray:
+        """Distances between the cameras, divided by the geometric mean of their two median depths [n n]."""
+        return self.baselines / np.sqrt(self.medians[:, None] * self.medians)
+
     def overlaps(self) -> np.ndarray:
         """The share of what each pair sees in common, the smaller of both directions [n n]."""
         seen = self._seen.sum(axis=-1).T / self._known[:, None]
