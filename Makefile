@@ -59,7 +59,7 @@ $(STAMP): pyproject.toml packages/semgs-rooms/pyproject.toml constraints.txt
 	@mkdir -p .venv && touch $(UNFINISHED)
 	@[ -x $(BIN)/python ] || $(PYTHON) -m venv .venv
 	$(PIP) pip hatchling editables setuptools
-	$(PIP) --no-build-isolation -e '.[sfm,objects,rerun,ros,usd,exr,phone,raycast,train,onnx,litert,segment,video,viewer,figures,docs,mutants,dev]' -e packages/semgs-rooms
+	$(PIP) --no-build-isolation -e '.[sfm,objects,mesh,simulation,rerun,ros,usd,exr,phone,raycast,train,onnx,litert,segment,video,viewer,figures,docs,mutants,dev]' -e packages/semgs-rooms
 	@rm -f $(UNFINISHED) && printf '%s' '$(CURDIR)' > $(STAMP)
 
 demo: setup

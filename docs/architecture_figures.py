@@ -67,7 +67,7 @@ BATCH = (
     Step("Augment", "crop, flip, roll, colour; cameras follow", "training/data/augmentation.py", "Views"),
     Step("Batch", "prepared ahead in worker processes", "training/data/batches.py", "Batch"),
     Step("Loss", "of rendered views, labels, images or depth", "training/supervision/", "gradient"),
-    Step("Step", "clip, update the weights and their average", "training/step.py  training/state.py", "weights"),
+    Step("Step", "clip, update the weights and their average", "training/state.py", "weights"),
     Step("Check and save", "validate the average; log, checkpoint", "training/loop.py  training/run/", "checkpoint"),
     Step("Weights", "averaged, with settings, classes and terms", "model/weights/", "weights.safetensors"),
     Step("Use", "semgs evaluate, reconstruct --weights", "evaluation/  run/"),

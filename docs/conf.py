@@ -1,7 +1,5 @@
 """Settings of the documentation. `make docs` builds docs/_build/html; it needs no network."""
 
-import contextlib
-import io
 import json
 import os
 import re
@@ -13,12 +11,12 @@ from latex2mathml.converter import convert
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
-os.environ["COLUMNS"] = "100"
 
 import mutants  # noqa: E402
 
 from semgs import __version__  # noqa: E402
-from semgs.cli.main import COMMANDS, main  # noqa: E402
+from semgs.cli.command_help import help_of  # noqa: E402
+from semgs.cli.main import COMMANDS  # noqa: E402
 
 project = "SemGS"
 author = "the SemGS contributors"
@@ -65,47 +63,20 @@ def in_code(prose: str) -> str:
     return re.sub(r"(?<![\w-])--[a-z][\w.-]*\b|<[^>]*>", r"`\g<0>`", prose)
 
 
-def defined(box: str) -> str:
-    """The options in a box of a help as a list of definitions. An entry is indented by 2, its text by more; a rule follows a title."""
-    found: list[list[str]] = []
-    title, *lines = (line.rstrip() for line in box.splitlines())
-    for line in lines:
-        if not line or set(line.strip()) == {"-"}:
-            continue
-        entry = re.match(r" {2,4}(?:• )?(\S.*?)(?:  +(\S.*))?$", line)
-        if entry and len(line) - len(line.lstrip()) <= 4:
-            found.append([entry[1], *filter(None, entry.groups()[1:])])
-        else:
-            found[-1].append(line.strip())
-    text = [f"**{title.strip().capitalize()}**"]
-    for name, *words in found:
-        if words and name != "-h, --help":
-            text.append(f"`{name}`\n: {in_code(' '.join(words))}")
-        elif not words and name != "(required)":
-            text.append(in_code(name))
-    return "\n\n".join(text)
-
-
-def help_page(name: str, printed: str) -> str:
-    """The help of a command as a section: prose as prose, examples as code, options as a list of definitions."""
-    usage, _, rest = re.sub(r" +$", "", printed.strip(), flags=re.MULTILINE).partition("\n\n")
-    prose, *boxes = re.split(r"\n(?= [a-z][\w. ]*\n -{9})", rest)
-    prose, _, examples = prose.partition("Examples\n")
-    examples = "\n".join(line.removeprefix("- ") for line in examples.strip().splitlines())
-    shell = f"```sh\n{examples}\n```\n\n" if examples else ""
-    options = "\n\n".join(map(defined, boxes))
-    return f"## semgs {name}\n\n```text\n{usage}\n```\n\n{in_code(prose.strip())}\n\n{shell}{options}\n"
-
-
 def commands() -> str:
-    """The help of every command, as `semgs COMMAND --help` prints it."""
+    """The help of every command, as `semgs COMMAND --help` prints it: prose as prose, examples as code, options as lists of definitions."""
     parts = []
-    for name in COMMANDS:
-        printed = io.StringIO()
-        with contextlib.redirect_stdout(printed):
-            main([*name.split(), "--help"])
-        parts.append(help_page(name, printed.getvalue()))
-    return "\n".join(parts)
+    for name, command in COMMANDS.items():
+        shown = help_of(command.load(), f"semgs {name}")
+        prose, _, examples = shown.about.partition("Examples\n")
+        examples, _, more = examples.partition("\n\n")
+        lines = [line.removeprefix("- ") for line in examples.strip().splitlines()]
+        parts += [f"## semgs {name}", f"```text\n{shown.usage}\n```", in_code(prose.strip())]
+        parts += ["```sh\n" + "\n".join(lines) + "\n```"] if lines else []
+        parts += [in_code(more.strip())] if more else []
+        for title, options in shown.groups.items():
+            parts += [f"**{title}**", *(f"`{typed}`\n: {in_code(text)}" for typed, text in options)]
+    return "\n\n".join(parts)
 
 
 def table(columns: list[str], rows: list[list[str | float | None]]) -> str:

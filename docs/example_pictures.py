@@ -45,7 +45,7 @@ def save_plan(name: str, scene: Scene) -> None:
     """The first two photos, and the plan of the floor from them as examples/robot.py finds it: free white, occupied black, unknown grey."""
     views = scene.read([0, 1])
     made = load("small")(views)
-    plan = occupancy(made.gaussians, views.cameras, depth_spread=made.depth_spread)
+    plan = occupancy(made.gaussians, views.cameras, depth_spread=made.depth_spread, stride=made.stride)
     grey = np.select([plan.cells == 0, plan.cells == 100], [254, 0], 160).astype(np.uint8)[::-1]  # y is up
     height = views.size[0]
     width = round(height * grey.shape[1] / grey.shape[0])

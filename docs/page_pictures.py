@@ -1,8 +1,8 @@
-"""Make the images of the pages viewer, robots, recordings, export, poses, doctor and render, and photo_to_3d.gif of the README, from the included room.
+"""Make the images of the pages viewer, robots, recordings, export, mesh, poses, doctor and render, and photo_to_3d.gif of the README, from the included room.
 
 python docs/page_pictures.py [NAME ...]
 
-Needs the extras viewer, sfm, objects and dev, and Chromium for `viewer`.
+Needs the extras viewer, sfm, objects, mesh, raycast and dev, and Chromium for `viewer`.
 """
 
 from __future__ import annotations
@@ -16,18 +16,23 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 from scipy.spatial.transform import Rotation
 
 from paper.release.demo import titled
 from semgs import SavedScene, load, load_scene, occupancy, open_scene, refine
 from semgs.data.demo_scene import demo_scene
+from semgs.data.raycast import Raycaster
 from semgs.export.scene_objects import place_things, things_of
 from semgs.figures.class_images import class_picture, overlay
 from semgs.figures.view_images import as_bytes
 from semgs.files.images.colours import depth_limits, depth_picture, heat_picture
 from semgs.geometry.camera_paths import orbit
+from semgs.geometry.cameras import Cameras, back_project, project
+from semgs.mesh.labelled import mesh_of
 from semgs.rendering.rendering import confidence_maps, label_maps
+from semgs.robotics.boxes import EDGES
+from semgs.robotics.occupancy import FREE, OCCUPIED, UNKNOWN
 from semgs.scene.upright import axis_direction, up_of, upright
 from semgs.viewer.splat_groups import thing_colours
 from semgs.viewer.viewer_page import scene_page
@@ -44,6 +49,9 @@ COLOURS, WORST_COLOUR = 128, 6.0
 
 CELL = 6
 """Pixels of a cell of 5 cm in the floor plan."""
+
+CONTENTS = {"free": (255, 255, 255), "occupied": (70, 70, 70), "unknown": (200, 200, 200)}
+LETTERS = ImageFont.load_default(15)
 
 
 def encoded(frames: tuple[int, ...] = INPUTS) -> SavedScene:
@@ -140,31 +148,62 @@ def check_colours(picture: Image.Image, reduced: Image.Image, labels: np.ndarray
 
 
 def robots() -> None:
-    """The free floor, and the boxes of things."""
+    """The things in a photo, and beside it the floor plan with the same things from above."""
     scene = upright(encoded(tuple(range(8))), "z", "z").scene
-    plan = occupancy(scene.gaussians, scene.cameras, classes=scene.classes)
-    colours = {-1: (190, 190, 190), 0: (255, 255, 255), 100: (40, 40, 40)}
-    cells = np.zeros((*plan.cells.shape, 3), np.uint8)
-    for content, colour in colours.items():
-        cells[plan.cells == content] = colour
-    sheet = Image.fromarray(cells).resize((cells.shape[1] * CELL, cells.shape[0] * CELL), Image.Resampling.NEAREST)
-    draw = ImageDraw.Draw(sheet)
+    plan = occupancy(scene.gaussians, scene.cameras, classes=scene.classes, stride=scene.stride)
+    cells = np.full((*plan.cells.shape, 3), CONTENTS["unknown"], np.uint8)
+    cells[plan.cells == FREE], cells[plan.cells == OCCUPIED] = CONTENTS["free"], CONTENTS["occupied"]
+    rows, columns = (slice(max(place.min() - 8, 0), place.max() + 9) for place in np.nonzero(plan.cells != UNKNOWN))
+    corner = plan.origin[:2] + plan.resolution * np.array([columns.start, rows.start])
+    above = Image.fromarray(cells[rows, columns][::-1])  # y is up
+    above = above.resize((above.width * CELL, above.height * CELL), Image.Resampling.NEAREST)
+    draw = ImageDraw.Draw(above)
 
     def at(point: np.ndarray) -> tuple[float, float]:
-        x, y = (point[:2] - plan.origin[:2]) / plan.resolution * CELL
-        return float(x), float(y)
+        x, y = (point[:2] - corner) / plan.resolution * CELL
+        return float(x), above.height - float(y)
 
+    view = len(scene.cameras.centres) // 2
+    photo = Image.fromarray(as_bytes(open_scene(demo_scene()).read([view]).images[0]))
+    zoom = above.height / photo.height
+    photo = photo.resize((round(zoom * photo.width), above.height), Image.Resampling.LANCZOS)
+    lines = ImageDraw.Draw(photo)
     for one in place_things(things_of(scene, up_of(scene, "z"))):
         colour = tuple(thing_colours(np.array([one.thing.instance]))[0].tolist())
         base = one.corners[one.corners[:, 2] <= one.corners[:, 2].mean()]
         middle = base.mean(0)
         base = base[np.argsort(np.arctan2(*(base - middle)[:, :2].T))]
-        draw.polygon([at(corner) for corner in base], outline=colour, width=3)
-        draw.text(at(middle), f"{one.thing.name} {one.thing.instance}", (200, 30, 30), anchor="mm")
+        draw.polygon([at(corner) for corner in base], outline=colour, width=4)
+        name = f"{one.thing.instance} {one.thing.name}"
+        label(draw, at(middle), str(one.thing.instance), colour)
+        corners = project(torch.from_numpy(one.corners)[None], scene.cameras[view : view + 1])[0].numpy()
+        if (corners[:, 2] < 0.1).any():
+            continue
+        for first, second in EDGES:
+            lines.line([tuple(zoom * corners[place, :2]) for place in (first, second)], colour, width=3)
+        x, y = zoom * corners[:, :2].mean(0)
+        if 0 < x < photo.width and 0 < y < photo.height:
+            label(lines, (float(x), float(y)), name, colour)
     for centre in scene.cameras.centres.numpy():
         x, y = at(centre)
-        draw.ellipse((x - 3, y - 3, x + 3, y + 3), (30, 90, 220))
+        draw.ellipse((x - 4, y - 4, x + 4, y + 4), (30, 90, 220))
+    sheet = Image.new("RGB", (photo.width + above.width + 10, above.height + 40), "white")
+    sheet.paste(photo)
+    sheet.paste(above, (photo.width + 10, 0))
+    key, x = ImageDraw.Draw(sheet), photo.width + 10.0
+    for name, colour in (*CONTENTS.items(), ("camera", (30, 90, 220))):
+        key.rectangle((x, above.height + 13, x + 14, above.height + 27), colour, outline=(120, 120, 120))
+        key.text((x + 20, above.height + 20), name, "black", font=LETTERS, anchor="lm")
+        x += 40 + key.textlength(name, font=LETTERS)
+    key.text((0, above.height + 20), "things in a photo, and from above", "black", font=LETTERS, anchor="lm")
     save("robots.png", np.asarray(sheet))
+
+
+def label(draw: ImageDraw.ImageDraw, place: tuple[float, float], text: str, colour: tuple[int, ...]) -> None:
+    """White letters on a plate of the colour."""
+    left, top, right, bottom = draw.textbbox(place, text, font=LETTERS, anchor="mm")
+    draw.rectangle((left - 4, top - 3, right + 4, bottom + 3), tuple(round(0.7 * one) for one in colour))
+    draw.text(place, text, "white", font=LETTERS, anchor="mm")
 
 
 def recordings() -> None:
@@ -189,9 +228,8 @@ def recordings() -> None:
     )
 
 
-def export() -> None:
-    """The files in colour and by class, from above."""
-    scene = encoded(tuple(range(8)))
+def from_above(scene: SavedScene) -> Cameras:
+    """A camera behind and above the first one, which looks at the middle of a scene."""
     up = axis_direction("z")
     middle = scene.gaussians.means.double().median(0).values
     forward = scene.cameras.world_from_camera[0, :3, 2]
@@ -203,10 +241,35 @@ def export() -> None:
     pose = torch.eye(4, dtype=torch.float64)
     pose[:3, :3] = torch.stack((right, torch.linalg.cross(ahead, right), ahead), 1)
     pose[:3, 3] = eye
-    camera = replace(scene.cameras[:1], world_from_camera=pose[None])
-    seen = scene.render(camera)
+    return replace(scene.cameras[:1], world_from_camera=pose[None])
+
+
+def export() -> None:
+    """The files in colour and by class, from above."""
+    scene = encoded(tuple(range(8)))
+    seen = scene.render(from_above(scene))
     tiles = [as_bytes(seen.images[0]), class_picture(label_maps(seen)[0], scene.classes)]
     save("export.jpg", titled(np.hstack(tiles), ("gaussians.ply", "semantics.ply")))
+
+
+def mesh() -> None:
+    """The mesh with its colours, and its faces by class, from above."""
+    scene = encoded(tuple(range(8)))
+    surface = mesh_of(scene)
+    camera = from_above(scene)
+    ends = back_project(torch.ones(1, *camera.size, dtype=torch.float64), camera)[0].numpy()
+    rays = (ends - camera.centres[0].numpy()).reshape(-1, 3)
+    hits, _ = Raycaster(surface.vertices, surface.faces).cast(
+        np.broadcast_to(camera.centres[0].numpy(), rays.shape), rays
+    )
+    corners = surface.vertices[surface.faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    light = 0.55 + 0.45 * np.abs((across * rays[0]).sum(1)) / np.linalg.norm(across, axis=1) / np.linalg.norm(rays[0])
+    table = np.array([*scene.classes.colours, *[(224, 224, 224)] * (256 - len(scene.classes))])
+    by_class = table[surface.labels[surface.faces[:, 0]]] * light[:, None]
+    tiles = [surface.colours[surface.faces].mean(1), by_class]
+    drawn = [np.where(hits[:, None] >= 0, tile[hits], 255).reshape(*camera.size, 3).astype(np.uint8) for tile in tiles]
+    save("mesh.jpg", titled(np.hstack(drawn), ("mesh.ply", "its classes")))
 
 
 def doctor() -> None:
@@ -267,7 +330,7 @@ def poses() -> None:
     )
 
 
-PICTURES = (viewer, render, photo_to_3d, robots, recordings, export, poses, doctor)
+PICTURES = (viewer, render, photo_to_3d, robots, recordings, export, mesh, poses, doctor)
 
 
 def main() -> None:

@@ -17,9 +17,8 @@ from semgs.figures.view_images import as_bytes
 from semgs.geometry.gaussians import Gaussians
 from semgs.objectives.metrics import psnr
 from semgs.rendering.rendering import label_maps
-from semgs.run.steps.network_classes import NetworkClasses
 from semgs.run.steps.result import GivenSplat
-from semgs.run.steps.splat_labelling import label_splat
+from semgs.run.steps.splat_labelling import NetworkClasses, label_splat
 from semgs.segmenters.labelling import Labelling
 
 PHOTOS, SHOWN = (3, 4, 5, 7), 6

@@ -32,7 +32,7 @@ things = objects(made.gaussians).things
 for name in ("chair", "table", "door"):
     nearest = min((thing.distance for thing in things if thing.name == name), default=None)
     print(f"nearest {name}:", "none in view" if nearest is None else f"{nearest:.2f} m")
-plan = occupancy(made.gaussians, views.cameras, depth_spread=made.depth_spread)
+plan = occupancy(made.gaussians, views.cameras, depth_spread=made.depth_spread, stride=made.stride)
 rows, columns = np.indices(plan.cells.shape)
 x, y = (start + plan.resolution * (n + 0.5) for start, n in zip(plan.origin, (columns, rows), strict=False))
 lane = plan.cells[(x > 0) & (x < LANE[0]) & (abs(y) < LANE[1] / 2)]

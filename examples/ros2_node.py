@@ -13,10 +13,10 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from tf2_ros import Buffer, TransformListener
 from vision_msgs.msg import Detection3DArray
 
-from semgs import objects, ros, stream
+from semgs import Ids, objects, ros, stream
 
 rclpy.init()
-node, buffer, headers = rclpy.create_node("semgs"), Buffer(), list[object]()
+node, buffer, headers, ids = rclpy.create_node("semgs"), Buffer(), list[object](), Ids()
 world, listener = node.declare_parameter("world", "map").value, TransformListener(buffer, node, spin_thread=True)
 points, things = node.create_publisher(PointCloud2, "points", 1), node.create_publisher(Detection3DArray, "things", 1)
 pairs: Queue[tuple[Image, CameraInfo]] = Queue(maxsize=1)  # images that come while one is worked on are skipped
@@ -36,5 +36,6 @@ def frames() -> Iterator[ros.PosedImage]:
 
 
 for scene in stream(frames(), radius=5.0):
-    points.publish(ros.serialized(ros.point_cloud(scene.saved, headers[0])))
-    things.publish(ros.serialized(ros.detections(objects(scene.gaussians), headers[0])))
+    found = ids.update(objects(scene.gaussians), scene.gaussians, scene.sources)
+    points.publish(ros.serialized(ros.point_cloud(scene.saved, headers[0], found)))
+    things.publish(ros.serialized(ros.detections(found, headers[0])))

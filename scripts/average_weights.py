@@ -23,7 +23,8 @@ from torch import Tensor
 from semgs.data.origin.terms import terms_text
 from semgs.files.errors import InputError
 from semgs.model.build import build
-from semgs.model.weights.load import DATA_TERMS, SCENES, data_terms, trained_scenes
+from semgs.model.weights.header import DATA_TERMS, SCENES
+from semgs.model.weights.load import data_terms, trained_scenes
 from semgs.model.weights.weights_file import fill, read_header, read_tensors, save
 
 

@@ -30,7 +30,8 @@ from semgs.evaluation.scoring.confidence_calibration import (
 from semgs.geometry.cameras import Cameras
 from semgs.model.encode import encode
 from semgs.model.semgs import SemGS
-from semgs.model.weights.header_temperatures import KEY, temperatures_text
+from semgs.model.weights.header import TEMPERATURES as KEY
+from semgs.model.weights.header import temperatures_text
 from semgs.model.weights.load import find, load
 from semgs.model.weights.weights_file import restate
 from semgs.rendering.temperatures import Temperatures

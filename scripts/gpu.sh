@@ -6,7 +6,7 @@
 #   scripts/gpu.sh train small runs/night 8      train for 8 minutes; to resume, repeat the command
 #   scripts/gpu.sh all                           tests, then times
 #
-# PYTHON is an interpreter with torch 2.11 or newer for CUDA (python3). Missing packages (gsplat, tyro, lightning-fabric, beartype, ...) can be
+# PYTHON is an interpreter with torch 2.11 or newer for CUDA (python3). Missing packages (gsplat, cyclopts, lightning-fabric, beartype, ...) can be
 # provided as wheels in the folder WHEELS. They are installed to build/gpu, without changing the interpreter.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."

@@ -32,22 +32,14 @@ from semgs.files.errors import InputError
 from semgs.model.encode import encode
 from semgs.model.weights.load import load
 from semgs.robotics.boxes import Box, box_of
-from semgs.robotics.level import level_from_world
-from semgs.robotics.objects import connected, joined
+from semgs.robotics.floor import level_from_world
+from semgs.robotics.objects import CONFUSED, connected, joined
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import up_of
 
 SIZE = (240, 320)
 GAP, LEAST_OPACITY, LEAST_SUM, LEAST_SIDE = 0.1, 0.1, 150.0, 0.1
 """The defaults of `semgs.objects`."""
-
-KIN = (
-    ("table", "desk", "counter"),
-    ("chair", "sofa"),
-    ("cabinet", "bookshelf", "refrigerator", "otherfurniture"),
-    ("curtain", "shower curtain"),
-)
-"""Classes that may be taken for each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +107,7 @@ def things(pair: Pair, classes: str, depth: str, grouping: str) -> tuple[np.ndar
     else:
         family = np.full(len(names), -1)
         family[some] = some
-        for pool in {"kin": KIN, "all": [[names[one] for one in some]]}.get(kind, ()):
+        for pool in {"kin": CONFUSED, "all": [[names[one] for one in some]]}.get(kind, ()):
             family[[names.index(one) for one in pool]] = names.index(pool[0])
         families = np.where(weights >= LEAST_OPACITY, family[labels], -1)
         groups = connected(families, points, weights, GAP)

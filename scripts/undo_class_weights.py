@@ -18,10 +18,9 @@ import numpy as np
 import torch
 
 from semgs.files.errors import InputError
-from semgs.model.weights.header_scores import KEY as SCORES
-from semgs.model.weights.header_temperatures import KEY as TEMPERATURES
+from semgs.model.weights.header import OWN_KEYS, SCORES, TEMPERATURES
 from semgs.model.weights.load import load
-from semgs.model.weights.weights_file import OWN_KEYS, read_header, save
+from semgs.model.weights.weights_file import read_header, save
 from semgs.training.data.data_check.data_check import check_data
 from semgs.training.run.run_folder import read_settings
 

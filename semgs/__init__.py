@@ -22,18 +22,20 @@ if TYPE_CHECKING:
     from semgs.rendering.temperatures import tempered
     from semgs.robotics.objects import Objects, objects
     from semgs.robotics.occupancy import Occupancy, occupancy
+    from semgs.robotics.tracking import Ids
     from semgs.scene.photo_refinement import refine
     from semgs.scene.scene_file import SavedScene, load_scene, save_scene
     from semgs.splats.load import load_splat
 
 __all__ = [
-    "Cameras", "Gaussians", "Objects", "Occupancy", "SavedScene", "SemGS", "Views", "load", "load_scene", "load_splat", "objects", "occupancy", "open_scene", "refine", "render",
+    "Cameras", "Gaussians", "Ids", "Objects", "Occupancy", "SavedScene", "SemGS", "Views", "load", "load_scene", "load_splat", "objects", "occupancy", "open_scene", "refine", "render",
     "save_ply", "save_scene", "save_semantic_ply", "stream", "tempered",
 ]  # fmt: skip
 
 _HOMES = {
     "Cameras": "semgs.geometry.cameras",
     "Gaussians": "semgs.geometry.gaussians",
+    "Ids": "semgs.robotics.tracking",
     "Objects": "semgs.robotics.objects",
     "Occupancy": "semgs.robotics.occupancy",
     "SavedScene": "semgs.scene.scene_file",

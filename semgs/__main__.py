@@ -10,7 +10,7 @@ def run() -> int:
     """The command of this process. Before `main` handles Ctrl-C, and after it, Ctrl-C ends the process without a traceback."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    from semgs.runtime.threads import prepare_threads
+    from semgs.runtime.cores import prepare_threads
 
     prepare_threads()
     from semgs.cli.main import main

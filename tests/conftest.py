@@ -4,7 +4,6 @@ other types are mypy's to check, and checking them at each call takes a sixth of
 from __future__ import annotations
 
 import dataclasses
-import functools
 import gc
 import os
 import re
@@ -20,7 +19,6 @@ from typing import Any
 import jaxtyping
 import pytest
 import torch
-import tyro._docstrings
 from jaxtyping import AbstractArray, AbstractDtype, install_import_hook
 from kernels import compile_all
 
@@ -74,10 +72,6 @@ if not os.environ.get("CHECK_TYPES"):
     jaxtyping.jaxtyped = _with_shapes_checked
 install_import_hook(_checked_modules(), "beartype.beartype")
 assert not [name for name in sys.modules if name.startswith("semgs.")]
-
-# tyro reads the source of a command's options at every call anew, which is half of its time; tests call hundreds of commands.
-_read_source = tyro._docstrings._ClassTokenization.make.__wrapped__  # type: ignore[attr-defined]
-tyro._docstrings._ClassTokenization.make = staticmethod(functools.cache(_read_source))  # type: ignore[method-assign]
 
 # Commands that tests start would compute with as many threads as cores are free, and rounding depends on their number.
 os.environ.setdefault("OMP_NUM_THREADS", str(torch.get_num_threads()))

@@ -16,8 +16,8 @@ FLOORS = (
     ("files", "geometry", "runtime"),
     ("rendering",),
     ("data",),
-    ("scene", "sfm", "figures"),
-    ("segmenters", "objectives", "robotics", "doctor"),
+    ("scene", "sfm", "figures", "sources"),
+    ("segmenters", "objectives", "robotics", "doctor", "mesh"),
     ("model", "splats", "depth_maps"),
     ("training", "export", "mapping"),
     ("evaluation", "viewer", "ros"),
@@ -57,7 +57,7 @@ READERS_OF_LAYOUTS = (
     "semgs.data.scenes",
     "semgs.data.origin.licences",
     "semgs.data.preparation.prepared_set",
-    "semgs.ros.incoming",
+    "semgs.ros.messages",
 )
 """Outside of that package only these import from it: what opens scenes, what knows the data sets' terms, what names prepared scenes, and what takes the messages
 that bags have from a running robot."""
@@ -68,7 +68,7 @@ FOLDERS = {
     "rooms": ("pieces", "assets", "plans", "drawing", "sets", "furniture"),
     "evaluation": ("frames", "scoring", "tables", "page", "run", "single_images"),
     "model": (
-        "layers", "settings", "switches", "networks", "attention", "classes", "sweep", "gaussians", "memory", "stages", "semgs", "build",
+        "layers", "settings", "switches", "networks", "attention", "classes", "sweep", "gaussians", "memory", "semgs", "build",
         "weights", "encode", "onnx",
     ),
 }  # fmt: skip
@@ -76,7 +76,7 @@ FOLDERS = {
 
 WITHOUT_NETWORK = (
     "segmenters", "robotics", "objectives", "doctor", "sfm", "rooms", "figures", "export", "viewer", "splats",
-    "depth_maps",
+    "depth_maps", "mesh", "sources",
 )  # fmt: skip
 """Packages that work on scenes and views, wherever these come from."""
 
@@ -90,6 +90,7 @@ OPTIONAL = (
     "pycolmap", "embreex", "gsplat", "viser", "lightning_fabric", "sklearn", "tensorboard",
     "huggingface_hub", "lpips", "rosbags", "onnxruntime", "ai_edge_litert", "transformers", "yaml", "av", "lzfse", "pillow_heif", "matplotlib",
     "gradio", "fastapi", "uvicorn", "rerun", "zstandard", "pxr", "OpenEXR", "ray", "onnx", "onnxscript",
+    "skimage",
 )  # fmt: skip
 """Libraries that an extra brings: each is imported in one module, inside the function that needs it."""
 
@@ -395,9 +396,7 @@ def test_optional_libraries_are_imported_in_functions_only():
 
 
 def test_the_command_line_alone_parses_and_what_it_runs_says_how_its_options_are_written():
-    using = {name: path for name, path in modules(ROOT).items() if "tyro" in imported(name, path)}
-    assert {package_of(name) for name in using} == {"cli", "run", "rooms"}
-    assert {name for name, path in using.items() if "tyro.cli(" in path.read_text()} == {"semgs.cli.arguments"}
+    assert {package_of(name) for name, path in modules(ROOT).items() if "cyclopts" in imported(name, path)} == {"cli"}
 
 
 def test_texts_in_files_are_utf_8_in_every_locale():

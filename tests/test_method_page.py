@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from networks import network, preset
 
-from semgs.model.layers.conventions import Conventions
 from semgs.model.settings import (
     ColourSettings,
+    Conventions,
     DepthSettings,
     MVSplatHeads,
     NetworkSettings,
@@ -77,7 +77,7 @@ def test_no_name_is_written_so_that_it_escapes_the_check():
 
 
 @pytest.mark.parametrize(
-    "name", ["semgs.model.attention.swin.Windowz", "semgs.modle.swin", "semgs.geometry.cameras.Cameras.centers"]
+    "name", ["semgs.model.attention.transformer.Windowz", "semgs.modle.swin", "semgs.geometry.cameras.Cameras.centers"]
 )
 def test_a_name_that_does_not_exist_is_noticed(name: str):
     with pytest.raises((AttributeError, ModuleNotFoundError)):

@@ -29,8 +29,7 @@ from semgs.export.ply import save_ply
 from semgs.model.semgs import SemGS
 from semgs.run.steps.pipeline import reconstruct
 from semgs.training import presets
-from semgs.training.state import TrainingState
-from semgs.training.step import training_step
+from semgs.training.state import TrainingState, training_step
 from semgs.training.supervision.supervision import make_supervision
 
 from pretended import Pretended, pretended_device  # isort: skip
@@ -109,7 +108,7 @@ def test_a_step_of_every_supervision_moves_the_weights_and_validates(model: SemG
 
 def test_a_scene_is_reconstructed_and_exported(model: SemGS, tmp_path: Path):
     scene = open_scene(demo_scene())
-    result = reconstruct(scene, choose(scene, 2), model, SIZE)
+    result = reconstruct(scene, replace(choose(scene, 2), size=SIZE), model)
     assert not isinstance(result.encoding.depths, Pretended)
     save_ply(tmp_path / "gaussians.ply", result.encoding.gaussians)
     assert (tmp_path / "gaussians.ply").stat().st_size > 0

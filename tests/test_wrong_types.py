@@ -39,6 +39,7 @@ CALLS = {
     "semgs.tempered": ("{}, 2.0", ("3", "None", "'room'", "['a']", "SCENE")),
     "semgs.refine": ("{}, VIEWS", (*THINGS, "VIEWS")),
     "semgs.objects": ("{}", (*THINGS, "VIEWS")),
+    "semgs.Ids().update": ("{}, GAUSSIANS", (*THINGS, "VIEWS")),
     "semgs.occupancy": ("{}, VIEWS.cameras", (*THINGS, "VIEWS")),
     "semgs.occupancy (cameras)": ("GAUSSIANS, {}", (*THINGS, "VIEWS")),
     "semgs.stream": ("{}, 'small', size=(32, 48)", ("3", "None", "SCENE", "[3]", "['room']")),

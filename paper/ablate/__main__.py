@@ -9,8 +9,6 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
-import tyro
-
 from paper.ablate.ablation_rooms import Drawn, draw_rooms
 from paper.ablate.ablation_rows import (
     BASE_STAGES,
@@ -24,14 +22,14 @@ from paper.ablate.ablation_rows import (
 )
 from paper.ablate.training_runs import deadline, train_or_resume
 from paper.program import run
-from semgs.cli.options.execution_options import ExecutionOptions
-from semgs.cli.options.training_options import PresetSettings
+from semgs.cli.options.training_options import ExecutionOptions, TypedSettings
 from semgs.cli.progress import show_progress, show_stage
 from semgs.files.errors import InputError
 from semgs.files.paths import existing_folder
-from semgs.run.options.types import Count, SeveralViews, optional
+from semgs.run.options.types import Count, SeveralViews
+from semgs.run.options.words import INLINE, Words, optional
 from semgs.run.usage_errors import UsageError, what_fits, what_the_user_gave
-from semgs.training.data.data_sources import ROOMS
+from semgs.training.data.data_settings import ROOMS
 from semgs.training.presets import PRESETS
 from semgs.training.run.execution import Execution
 from semgs.training.training_settings import WEIGHTS
@@ -50,7 +48,6 @@ TIMED_STEPS = 3
 """Steps that --dry-run times."""
 
 
-@tyro.conf.configure(tyro.conf.CascadeSubcommandArgs, tyro.conf.OmitSubcommandPrefixes)
 @dataclass(frozen=True)
 class Ablate:
     """Train and evaluate the variants of the paper's ablation, then print their tables with intervals.
@@ -73,10 +70,12 @@ class Ablate:
     - python -m paper.ablate paper --out ablation --data scannet/train --init re10k.ckpt --test scans --test-scenes scannet-sray-test --protocol peers
     """
 
-    presets: ClassVar = tuple(PRESETS)
+    presets: ClassVar = PRESETS
 
-    settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
-    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    only_with: ClassVar = {"--test": ("--test-scenes",), "--stage whole": ("--full",)}
+
+    settings: Annotated[TypedSettings, INLINE]
+    out: Annotated[Path, Words(metavar="DIR")]
     """Output folder: new, empty, or one with the same settings to resume."""
     stage: AblationStage = "whole"
     """whole: train every variant from its first step. semantic: only its semantic branch, on the same depth and colour; far cheaper."""
@@ -100,11 +99,11 @@ class Ablate:
     first train depth and colour (--rows base), then the variants side by side, each by a command of its own with the same OUT."""
     full: Annotated[Path | None, optional("RUN")] = None
     """A finished semgs train run of the full method with these settings. It is evaluated but not trained again."""
-    train_only: tyro.conf.FlagCreatePairsOff[bool] = False
+    train_only: bool = False
     """Evaluate nothing. To evaluate, repeat the command without this, also on another machine with a copy of OUT."""
-    dry_run: tyro.conf.FlagCreatePairsOff[bool] = False
+    dry_run: bool = False
     """Print what would be trained and estimate the time from three steps of the full method; write nothing."""
-    compute: Annotated[ExecutionOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=ExecutionOptions)
+    compute: Annotated[ExecutionOptions, INLINE] = field(default_factory=ExecutionOptions)
 
     def run(self) -> None:
         """Train and evaluate what is missing, and print the tables.
@@ -152,13 +151,9 @@ class Ablate:
         """Check what can be checked without importing torch."""
         for folder in (*((self.test,) if self.test else ()), *self.transfer):
             existing_folder(folder)
-        if self.test is None and self.test_scenes:
-            raise UsageError("--test-scenes is for --test DIR")
         names = [folder.absolute().name for folder in self.transfer]
         if len(set(names)) != len(names) or {"other"} & set(names):
             raise UsageError("--transfer needs folders of different names, none of them other")
-        if self.full is not None and self.stage == "semantic":
-            raise UsageError("--full is for --stage whole")
         if self.full is not None and self.rows and "full" not in self.rows:
             raise UsageError("--full gives the variant full, which --rows leaves out")
         if self.full is not None and len(self.seeds) > 1:
@@ -189,8 +184,8 @@ class Ablate:
 
     def _check_full(self, full: Path, settings: TrainingSettings) -> None:
         """Refuse --full if that run has other settings or is not finished."""
-        from semgs.training.run.differences import find_changes, list_changes
         from semgs.training.run.run_folder import is_finished, read_settings
+        from semgs.training.training_settings import find_changes, list_changes
 
         if other := find_changes(settings, read_settings(full)):
             raise UsageError(f"--full {full} has other settings: {list_changes(other, 'here')}")
@@ -297,7 +292,7 @@ class Ablate:
     ) -> None:
         """Evaluate a trained variant on some scenes, unless that was done before with the same weights, labels and depths."""
         from semgs.evaluation.run import Job, load_candidate, run_evaluation
-        from semgs.files.hashes import sha256
+        from semgs.files.contents import sha256
 
         folder = self._folder(row, settings.seed) / name
         weights = self._run(row, settings.seed) / WEIGHTS
@@ -383,7 +378,7 @@ class Ablate:
 
     def _cost(self, runs: int, execution: Execution) -> str:
         """What would be trained, and an estimate of the time from three steps of each kind of training."""
-        full = self.settings
+        full: TrainingSettings = self.settings
         kinds = [("variant", runs, full)]
         if self.stage == "semantic":
             row = semantic_row_settings(full, ROWS[-1], full.seed, Path())

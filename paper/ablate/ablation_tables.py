@@ -187,7 +187,12 @@ def _scores(report: SavedReport, views: int) -> list[FrameScores]:
 def _of_classes(frame: FrameScores) -> FrameScores:
     """The scores of a target that the tables show, and no others, which would take their time."""
     return FrameScores(
-        frame.scene, frame.target, frame.contexts, frame.confusion, frame.truth, fragments=frame.fragments
+        frame.scene,
+        frame.target,
+        frame.contexts,
+        confusion=frame.confusion,
+        truth=frame.truth,
+        fragments=frame.fragments,
     )
 
 

@@ -13,7 +13,7 @@ from paper.program import run
 from semgs.cli.progress import show_progress, show_stage
 from semgs.files.atomic import check_file
 from semgs.files.errors import InputError
-from semgs.run.options.types import optional
+from semgs.run.options.words import optional
 from semgs.run.usage_errors import UsageError, what_the_user_gave
 
 

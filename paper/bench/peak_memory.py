@@ -14,8 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from semgs.runtime.allocator import keep_freed_memory
-from semgs.runtime.free_memory import process_bytes
+from semgs.runtime.free_memory import keep_freed_memory, process_bytes
 
 MEGABYTE = 1e6
 

@@ -20,7 +20,7 @@ from semgs.data.demo_scene import demo_scene
 from semgs.data.views import Views, stack
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Gaussians
-from semgs.model.layers.chunks import Chunks
+from semgs.model.layers.network_input import Chunks
 from semgs.model.memory.memory_plan import NotEnoughMemoryError
 from semgs.model.semgs import SemGS
 from semgs.rendering.render import render
@@ -184,8 +184,7 @@ def _training(row: BenchRow) -> Run:
     """A training step on one scene, with the settings of the network's preset."""
     from semgs.model.weights.load import load
     from semgs.training import presets
-    from semgs.training.state import TrainingState
-    from semgs.training.step import training_step
+    from semgs.training.state import TrainingState, training_step
     from semgs.training.supervision.supervision import make_supervision
 
     settings = presets.PRESETS[row.network]()

@@ -8,8 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import tyro
-
 from paper.program import run
 from semgs.cli.progress import show_progress, show_stage
 from semgs.figures.plotting import check_plotting
@@ -20,7 +18,8 @@ from semgs.files.strict_json import parse_json
 from semgs.files.text import counted
 from semgs.run.device import chosen_device
 from semgs.run.options.scene_options import SceneOptions
-from semgs.run.options.types import AutoSize, Count, Device, Protocol, SeveralWeights, Views, optional
+from semgs.run.options.types import AutoSize, Count, Device, Protocol, SeveralWeights, Views
+from semgs.run.options.words import INLINE, Words, optional, positional
 from semgs.run.usage_errors import UsageError, what_fits, what_the_user_gave
 
 if TYPE_CHECKING:
@@ -51,13 +50,13 @@ class PaperFigure:
     - python -m paper.figure smoothness --weights camera.safetensors full.safetensors --data data/scannet --views 4 --out fig/smoothness
     """
 
-    kind: Annotated[Literal["qualitative", "generalisation", "smoothness"], tyro.conf.Positional]
+    kind: Annotated[Literal["qualitative", "generalisation", "smoothness"], positional("KIND")]
     """Which figure."""
     weights: SeveralWeights
     """"small" for the included weights, or a file: one for all data, or one for each. For smoothness: without, then with."""
-    data: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="DIR [DIR ...]")]
+    data: Annotated[tuple[Path, ...], Words(metavar="DIR [DIR ...]")]
     """A scene or a folder of scenes. Each DIR becomes one part of the figure."""
-    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    out: Annotated[Path, Words(metavar="DIR")]
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
     predictions: Annotated[tuple[str, ...], optional("NAME=DIR ...")] = ()
     """Label maps of other methods, in the format of semgs evaluate; one column each."""
@@ -79,7 +78,7 @@ class PaperFigure:
     """Where to compute; auto uses a CUDA GPU if there is one."""
     overwrite: bool = False
     """Replace an output folder from an earlier run, once the new result is complete."""
-    reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
+    reading: Annotated[SceneOptions, INLINE] = field(default_factory=SceneOptions)
 
     def run(self) -> None:
         """Plot the figure and write the folder.

@@ -104,10 +104,18 @@ def without_hashes(lock: str) -> list[str]:
 
 
 def vulnerabilities(lock: Path) -> Audit:
-    """What the vulnerability service knows of the pins of a lock file."""
+    """What the vulnerability service knows of the pins of a lock file.
+
+    Raises:
+        InputError: pip-audit does not run, or cannot reach the service.
+    """
     command = [sys.executable, "-m", "pip_audit", "--no-deps", "--disable-pip", "--progress-spinner", "off"]
     done = subprocess.run([*command, "-r", str(lock), "-f", "json"], capture_output=True, text=True, check=False)
-    return Audit.of(done.stdout)
+    try:
+        return Audit.of(done.stdout)
+    except ValueError as error:
+        said = done.stderr.strip().splitlines() or [str(error)]
+        raise InputError(lock, "an answer of the vulnerability service", said[-1]) from error
 
 
 def base_set(name: str = "semgs") -> set[str]:

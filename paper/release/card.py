@@ -10,7 +10,7 @@ from paper.release.pages import CARD, RISKS, SCORES, write_between
 from semgs.evaluation.tables.card import card_grids, risk_curve
 from semgs.evaluation.tables.evaluation_report import read_report
 from semgs.evaluation.tables.table_grid import printed
-from semgs.figures.risk_coverage_plot import risk_coverage_picture
+from semgs.figures.plotting import risk_coverage_picture
 from semgs.files.atomic import write_bytes, write_json
 from semgs.files.images.pictures import png_bytes
 from semgs.files.strict_json import read_json

@@ -9,12 +9,12 @@ from paper.release.pages import SCORES
 from semgs.data.origin.terms import Terms, terms_text
 from semgs.evaluation.tables.card import figures
 from semgs.evaluation.tables.evaluation_report import SavedReport, read_report
+from semgs.files.contents import sha256
 from semgs.files.errors import InputError
-from semgs.files.hashes import sha256
-from semgs.model.weights.header_scores import KEY, Score, read_scores, scores_text
+from semgs.model.weights.header import DATA_TERMS, Score, scores_text
+from semgs.model.weights.header import SCORES as KEY
 from semgs.model.weights.index import read_index, shipped_folder, write_index
-from semgs.model.weights.load import DATA_TERMS
-from semgs.model.weights.weights_file import restate
+from semgs.model.weights.weights_file import read_scores, restate
 
 
 def ship_weights(weights: Path, name: str, header: dict[str, str], data_terms: Sequence[str] = ()) -> None:

@@ -34,8 +34,7 @@ from semgs.app.requests import Request, RoomOptions
 from semgs.app.uploads import GONE, UnusableUploadError, Upload, check_uploads, content_of, link_or_copy, size_of
 from semgs.files.strict_json import parse_json
 from semgs.files.text import counted, printable
-from semgs.runtime.free_memory import free_bytes
-from semgs.runtime.process_groups import group_bytes
+from semgs.runtime.free_memory import free_bytes, group_bytes
 
 State = Literal["waiting", "working", "done", "failed", "cancelled"]
 

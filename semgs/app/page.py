@@ -21,7 +21,7 @@ from semgs.app.jobs import IDENTIFIER, Job, Jobs
 from semgs.app.limits import Limits
 from semgs.app.requests import DEPTHS, OWN, RoomOptions
 from semgs.app.uploads import GONE, PICTURES, UnusableUploadError, Upload
-from semgs.files.extras import needs_extra
+from semgs.files.errors import needs_extra
 from semgs.viewer.failures import tell_failure
 
 POLL_SECONDS = 0.4

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from semgs.export.scene_objects import place_things, things_of
-from semgs.figures.number_texts import percent
 from semgs.files.atomic import new_file, write_json, write_text
 from semgs.files.strict_json import read_json
-from semgs.files.text import printable
+from semgs.files.text import percent, printable
 from semgs.robotics.objects import Objects
 from semgs.scene.scene_file import SavedScene, load_scene
 from semgs.scene.upright import up_of

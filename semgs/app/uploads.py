@@ -336,7 +336,7 @@ def _check_clip(upload: Upload, limits: Limits) -> None:
         UnusableUploadError: its frames are too large.
     """
     from semgs.files.errors import InputError
-    from semgs.sfm.clip_sizes import check_clip_size
+    from semgs.sfm.clip_headers import check_clip_size
 
     try:
         check_clip_size(upload.path, limits.pixels)

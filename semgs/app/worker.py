@@ -16,14 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 from semgs.app.requests import OWN, Request, RoomOptions
 from semgs.data.confined import confine_to
-from semgs.files.cache import VARIABLE as VARIABLE_OF_CACHE
+from semgs.files.paths import VARIABLE as VARIABLE_OF_CACHE
 from semgs.files.strict_json import read_json
 from semgs.files.text import shortened
 from semgs.run.reconstruct import Reconstruct
 from semgs.run.usage_errors import BAD_INPUT
-from semgs.runtime.notes import Note, for_page
-from semgs.runtime.progress import Progress
-from semgs.runtime.threads import adapt_threads, prepare_threads
+from semgs.runtime.cores import adapt_threads, prepare_threads
+from semgs.runtime.notes import Note, Progress, for_page
 
 if TYPE_CHECKING:
     from semgs.app.uploads import Prepared
@@ -106,7 +105,7 @@ def work(line: str) -> int:
     Args:
         line: the request, JSON.
     """
-    from semgs.app.page_errors import page_error
+    from semgs.app.requests import page_error
 
     progress = ToQueue()
     progress.announce("Getting ready")  # the queue takes this as the beginning
@@ -184,7 +183,7 @@ def room_run(options: RoomOptions, prepared: Prepared, out: Path) -> Reconstruct
         UnusableUploadError: a photo that gives the scale cannot be used.
     """
     from semgs.run.options.depth_options import DepthOptions
-    from semgs.run.options.posing_options import PosingOptions
+    from semgs.run.options.scene_options import PosingOptions
     from semgs.run.options.segmenter_options import AnswerOptions, SegmenterOptions
 
     own = options.segmenter == OWN

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 
-from semgs.batch.demands import Demands
 from semgs.batch.records import Record
-from semgs.batch.tasks import Task
-from semgs.files.extras import needs_extra
+from semgs.batch.tasks import Demands, Task
+from semgs.files.errors import needs_extra
 from semgs.runtime.workers import TRIES
 
 

@@ -1,4 +1,4 @@
-"""What a worker of `semgs batch` does: a task, whose error becomes a record."""
+"""What a worker of `semgs batch` does: a task, whose error becomes a record; and what the table shows of its result: scores, notes and a small picture."""
 
 from __future__ import annotations
 
@@ -6,24 +6,42 @@ import io
 import os
 import shutil
 import signal
+from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import replace
+from pathlib import Path
 from time import perf_counter
 from traceback import format_exception_only
 
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
 from semgs.batch.records import FOLDER, PICTURES, Record, write_record
 from semgs.batch.tasks import PLACES, Task
+from semgs.files.atomic import write_bytes
 from semgs.files.folders import staged
+from semgs.files.images.pictures import jpeg_bytes, read_rgb
+from semgs.files.strict_json import read_json
 from semgs.files.text import printable
 from semgs.run.outcome import Outcome
 from semgs.run.usage_errors import BAD_INPUT, line_for
-from semgs.runtime.progress import Progress
+from semgs.runtime.notes import Progress
 
 MOST_NOTES = 40
 """Notes that are kept of a scene."""
 
 BUG = 1
 """The code of a scene at which we failed."""
+
+SCORES = ("psnr", "miou", "accuracy", "depth_error")
+"""The scores of a report that are shown, if it has them."""
+
+WIDTH, QUALITY = 160, 80
+"""Width of a picture [px], and its JPEG quality."""
+
+REPORTED = ("reconstruct", "label-splat")
+"""Commands that write a report."""
 
 
 def begin(folder: str) -> None:
@@ -92,9 +110,51 @@ def _run(task: Task) -> Outcome:
 
 def _described(task: Task, record: Record, outcome: Outcome) -> Record:
     """The record with what the table of the batch shows. A scene without a picture is no failure."""
-    from semgs.batch.results import read_scores, write_picture
-
     scores, notes = read_scores(task), outcome.notes[:MOST_NOTES]
     with suppress(ValueError, OSError):
         write_picture(task, task.out / PICTURES / f"{task.name}.jpg")
     return replace(record, scores=scores, notes=tuple(map(printable, notes)))
+
+
+def read_scores(task: Task) -> dict[str, float]:
+    """Mean scores of the held-out views, or of the input views if there are none, of a report; nothing for other commands.
+
+    Raises:
+        InputError: the report is damaged.
+    """
+    if task.command not in REPORTED:
+        return {}
+    report = read_json(task.out / task.result / "report.json", "a report")
+    means = report["means"]["target"] or report["means"]["context"]
+    scores = {name: float(means[name]) for name in SCORES if means.get(name) is not None}
+    return {**scores, "gaussians": float(report["gaussians"])}
+
+
+def write_picture(task: Task, path: Path) -> None:
+    """Write a small picture: the first held-out rendering, or a photo of the scene; nothing if there is neither.
+
+    Raises:
+        InputError: an image is damaged.
+        OSError: it cannot be written.
+    """
+    pixels = next(_images(task), None)
+    if pixels is None:
+        return
+    size = (WIDTH, max(1, round(WIDTH * pixels.shape[0] / pixels.shape[1])))
+    small = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
+    path.parent.mkdir(exist_ok=True)
+    write_bytes(path, jpeg_bytes(small, QUALITY))
+
+
+def _images(task: Task) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
+    """Images of a scene, the best one first."""
+    result = task.out / task.result
+    renders = (task.scene if task.command == "export" else result) / "renders"
+    for pattern in ("target_*_image.png", "context_*_image.png"):
+        yield from map(read_rgb, sorted(renders.glob(pattern)))
+    if task.command == "poses":
+        yield from map(read_rgb, sorted((result / "images").glob("*")))
+    elif task.command in ("doctor", "label"):
+        from semgs.data.scenes import open_scene
+
+        yield from (frame.read_image() for frame in open_scene(task.scene).frames)

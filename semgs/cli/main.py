@@ -113,7 +113,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if arguments is not None:
             return _run(list(arguments))
         open_streams()
-        from semgs.runtime.allocator import keep_freed_memory
+        from semgs.runtime.free_memory import keep_freed_memory
 
         keep_freed_memory()
         return _run(sys.argv[1:])
@@ -224,7 +224,7 @@ def _help() -> str:
     lines = aligned([(f"  {name}", command.summary) for name, command in COMMANDS.items()])
     return "\n".join(
         (
-            "usage: semgs COMMAND [OPTIONS]",
+            "Usage: semgs COMMAND [OPTIONS]",
             "",
             "Turns photos of a room into a 3D scene in which everything has a class, in seconds on a CPU.",
             "",

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from semgs.files.text import printable
-from semgs.runtime import progress as running
+from semgs.runtime import notes
 
 
 @contextmanager
@@ -72,7 +72,7 @@ def say_compiling() -> None:
     print("Compiling kernels, once: about 10 s", file=sys.stderr, flush=True)
 
 
-class Terminal(running.Progress):
+class Terminal(notes.Progress):
     """Progress as a command shows it."""
 
     stage = staticmethod(show_stage)  # type: ignore[assignment]

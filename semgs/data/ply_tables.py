@@ -1,4 +1,4 @@
-"""The elements of a PLY file as tables of numbers, read without trusting the header.
+"""The elements of a PLY file as tables of numbers, read without trusting the header, and vertices written.
 
 Format: G. Turk, "The PLY Polygon File Format", 1994. Text, binary little endian and binary big endian are read; elements with lists, as the faces of a mesh are,
 are not, but may follow what is read.
@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
 
+from semgs.files.atomic import write_bytes
 from semgs.files.errors import InputError, input_error
 from semgs.files.stored import Stored
 
@@ -226,3 +228,49 @@ def _as_type(path: str | Stored, element: str, name: str, values: np.ndarray, ki
         found = f"{values[~good][0]:g}"
         raise InputError(path, f"whole numbers from {limits.min} to {limits.max}", found, f"{name} of {element}")
     return values.astype(kind)
+
+
+def packed(columns: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Columns [n] side by side in rows without gaps: uint8 as it is, all other numbers as float32."""
+    kinds = [(name, "u1" if values.dtype == np.uint8 else "<f4") for name, values in columns.items()]
+    rows = np.empty(len(next(iter(columns.values()))), kinds)
+    for name, values in columns.items():
+        rows[name] = values
+    return rows
+
+
+def write_ply(
+    path: str | Path,
+    columns: Mapping[str, np.ndarray],
+    comments: Sequence[str] = (),
+    *,
+    faces: np.ndarray | None = None,
+    text: bool = False,
+) -> None:
+    """Write a PLY, binary little endian or text.
+
+    Args:
+        path: the file.
+        columns: the properties [n] of the vertices by name: uint8 as `uchar`, all others as `float`.
+        comments: lines of the header; line ends in them become spaces.
+        faces: [m 3] vertices of triangles; only in binary files.
+        text: whether numbers are written as text, with 9 digits.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    rows = packed(columns)
+    types = {name: "uchar" if values.dtype == np.uint8 else "float" for name, values in columns.items()}
+    header = ["ply", f"format {'ascii' if text else 'binary_little_endian'} 1.0"]
+    header += [f"comment {' '.join(line.splitlines())}" for line in comments]
+    header += [f"element vertex {len(rows)}", *(f"property {kind} {name}" for name, kind in types.items())]
+    body = rows.tobytes()
+    if text:
+        table = np.column_stack(list(columns.values())).tolist()
+        body = "".join(" ".join(f"{value:.9g}" for value in row) + "\n" for row in table).encode()
+    if faces is not None:
+        header += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+        triangles = np.empty(len(faces), [("count", "u1"), ("corners", "<i4", 3)])
+        triangles["count"], triangles["corners"] = 3, faces
+        body += triangles.tobytes()
+    write_bytes(path, "\n".join([*header, "end_header", ""]).encode() + body)

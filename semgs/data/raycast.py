@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int, Num
 
-from semgs.files.extras import needs_extra
+from semgs.files.errors import needs_extra
 
 REACH = 1e30
 """The length of an unlimited ray [m]; Embree reports anything beyond as a miss."""

@@ -16,7 +16,7 @@ from semgs.data.bounds.parallax import FrameFeatures
 from semgs.data.confined import may_read
 from semgs.data.frames import Frame
 from semgs.data.maps import Pixels
-from semgs.data.origin.labeller import Labeller
+from semgs.data.origin.terms import Labeller
 from semgs.data.resampling import Fit, default_size
 from semgs.data.spread import spread
 from semgs.data.tables.classes import ClassTable

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from semgs.data.confined import check_inside
 from semgs.data.layouts import labelled_images, llff, metashape, transforms_json
@@ -29,7 +30,7 @@ from semgs.data.other_cameras import (
 )
 from semgs.data.paper_variants import check_applicable, check_readings
 from semgs.data.scene import Scene
-from semgs.data.scene_details import SceneDetails, Unit
+from semgs.data.scene_details import SceneDetails
 from semgs.data.scene_lists import SceneList, scenes_by_name
 from semgs.data.spread import spread
 from semgs.files.bags import METADATA
@@ -113,33 +114,28 @@ def open_scene(
     path: str | Path,
     as_peers: Collection[str] = (),
     *,
-    camera: str | None = None,
-    world: str | None = None,
-    body: str | None = None,
-    intrinsics: Sequence[float] | None = None,
-    depth_unit: float | None = None,
-    images: str | Path | None = None,
-    unit: Unit | None = None,
     needs_labels: bool = True,
     needs_cameras: bool = True,
+    **details: Any,
 ) -> Scene:
     """The scene at a path; its layout is detected automatically.
 
     Args:
         path: a folder of one of the known layouts, or the file that describes the scene.
         as_peers: names from `semgs.data.paper_variants.READINGS`: read files the way another paper's code does.
-        camera, world, body, intrinsics, depth_unit, images, unit: details that the files may not state, see `semgs.data.scene_details.SceneDetails`.
         needs_labels: whether labels that cannot be read are an error; if not, they are left out and a note says why.
         needs_cameras: whether labelled images without cameras are an error.
+        details: what the files may not state, by the names of `semgs.data.scene_details.SceneDetails`: camera, world, body, intrinsics, depth_unit, images, unit.
 
     Raises:
         InputError: nothing is there, no layout is recognised (the error says what to do), the scene's files are damaged, the class
             table of its labels is unknown or damaged (if they are needed), or the layout does not support a reading or a detail.
         ValueError: a reading is unknown, or a detail is invalid.
+        TypeError: there is no detail of a name.
     """
-    folder = None if images is None else existing_folder(images)
-    details = SceneDetails(camera, world, body, intrinsics, depth_unit, folder, unit)
-    return open_with_details(path, as_peers, details, needs_labels, needs_cameras)
+    if (images := details.get("images")) is not None:
+        details["images"] = existing_folder(images)
+    return open_with_details(path, as_peers, SceneDetails(**details), needs_labels, needs_cameras)
 
 
 def open_predictions(path: str | Path, photos: str | Path) -> Scene:

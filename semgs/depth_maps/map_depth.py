@@ -19,8 +19,8 @@ from semgs.depth_maps.alignment import MapFit, Reference, align
 from semgs.depth_maps.depth_fit import ALIKE, POOR
 from semgs.depth_maps.depth_source import DepthMaps, Meaning
 from semgs.depth_maps.sensor_depth import FEWEST_MEASURED, metre_of, sensor_spread
-from semgs.figures.number_texts import percent
 from semgs.files.errors import InputError
+from semgs.files.text import percent
 from semgs.geometry.cameras import project
 from semgs.runtime.notes import Kind, Note
 from semgs.scene.encoding import Encoding

@@ -16,8 +16,8 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
-from typing import Any, Literal, final
+from pathlib import Path
+from typing import Any, final
 
 import numpy as np
 import torch
@@ -28,15 +28,14 @@ from semgs.data.frames import Frame, undistortion
 from semgs.data.maps import MILLIMETRE, fit_to_image, known_depths
 from semgs.data.resampling import Fit, kept_window, nearest
 from semgs.data.scene import Scene
-from semgs.depth_maps.depth_source import Meaning
+from semgs.depth_maps.depth_source import DepthMaps, Meaning
 from semgs.files.arrays import without_channel
-from semgs.files.errors import InputError
-from semgs.files.extras import needs_extra
+from semgs.files.errors import InputError, needs_extra
 from semgs.files.images.pictures import MOST_PIXELS, TIFFS, read_tiff, read_uint16
 from semgs.files.records import make_record
 from semgs.files.stored import stored
 from semgs.files.strict_json import read_json
-from semgs.segmenters.class_map_files import MadeBy, file_of, only_array, stems_of
+from semgs.sources.photo_maps import needed_file, only_array, scene_folder, stems_of
 
 RECORD = "depth.json"
 COUNTED = (".png", *TIFFS)
@@ -59,7 +58,7 @@ class MapRecord:
         licence: of the maps, or of the network that predicted them.
     """
 
-    meaning: Literal["metric", "scaled", "inverse"]
+    meaning: Meaning
     unit: float | None = None
     licence: str = "unknown"
 
@@ -70,8 +69,8 @@ class MapRecord:
 
 @final
 @dataclass(frozen=True)
-class MapFolder:
-    """A folder of depth maps for the frames of a scene; `DepthMaps`.
+class MapFolder(DepthMaps):
+    """A folder of depth maps for the frames of a scene.
 
     Attributes:
         folder: contains them.
@@ -90,11 +89,6 @@ class MapFolder:
         return f"{self.folder}{known}"
 
     @property
-    def made_by(self) -> MadeBy | None:
-        """Unknown."""
-        return None
-
-    @property
     def meaning(self) -> Meaning:
         """What the numbers are."""
         return self.record.meaning
@@ -105,11 +99,7 @@ class MapFolder:
         Raises:
             InputError: as `DepthMaps.of`, or the map has another aspect than the photo.
         """
-        path = file_of(self.folder, frame, self.stems, ENDINGS)
-        if path is None:
-            name = PurePosixPath(frame.name).with_suffix("")
-            wanted = f"a depth map of frame {frame.name}: {name} with one of {', '.join(ENDINGS)}"
-            raise InputError(self.folder, wanted, "none")
+        path = needed_file(self.folder, frame, self.stems, ENDINGS, "a depth map")
         values = fit_to_image(stored(path), self._values(path), frame.lens.size)
         lens_maps = undistortion(frame.lens)
         if lens_maps is not None:
@@ -147,7 +137,7 @@ def open_map_folder(folder: Path, scene: Scene, meaning: Meaning | None) -> MapF
     Raises:
         InputError: `depth.json` is damaged, or neither it nor `meaning` says what the numbers are.
     """
-    own = folder / scene.name if (folder / scene.name).is_dir() else folder
+    own = scene_folder(folder, scene)
     path = next((place / RECORD for place in (own, folder) if (place / RECORD).is_file()), None)
     record = None if path is None else _read_record(path)
     if meaning is not None:

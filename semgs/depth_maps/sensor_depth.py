@@ -22,8 +22,8 @@ from semgs.data.maps import DepthMap, DepthThroughLens
 from semgs.data.scene import Scene
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.depth_maps.depth_fit import DepthFit
-from semgs.figures.number_texts import percent
 from semgs.files.errors import InputError
+from semgs.files.text import percent
 from semgs.runtime.notes import Kind, Note
 from semgs.scene.encoding import Encoding
 

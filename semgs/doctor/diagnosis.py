@@ -9,8 +9,7 @@ from typing import Literal, final
 import numpy as np
 
 from semgs.data.scene import Scene
-from semgs.doctor.disparity import fit_disparity
-from semgs.doctor.misses import CAP_PX, miss, pair_misses, triangulated_depth, triangulated_depths
+from semgs.doctor.misses import CAP_PX, fit_disparity, miss, pair_misses, triangulated_depth, triangulated_depths
 from semgs.doctor.mistakes import (
     ALONG_RAY,
     BAD_DEPTH,

@@ -15,9 +15,9 @@ from semgs.doctor.facts import coverage
 from semgs.doctor.misses import epipolar_line, pair_misses
 from semgs.doctor.rig import Rig, undistorted_from_pinhole
 from semgs.figures import html_page as page
-from semgs.figures.number_texts import percent
 from semgs.figures.view_images import please_note
 from semgs.files.images.colours import opencv_palette
+from semgs.files.text import percent
 
 PAIRS = 4
 """Pairs of images on the page."""

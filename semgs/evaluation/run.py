@@ -34,13 +34,13 @@ from semgs.evaluation.tables.evaluation_report import (
 from semgs.evaluation.tables.table_grid import printed
 from semgs.evaluation.tables.table_notes import notes
 from semgs.files.atomic import write_json, write_text
+from semgs.files.contents import sha256
 from semgs.files.errors import InputError
 from semgs.files.folders import own_folder
-from semgs.files.hashes import sha256
 from semgs.model.semgs import SemGS
 from semgs.model.weights.load import find, load, table_of
 from semgs.runtime.precision import Precision
-from semgs.scene.nearest import NearestViews
+from semgs.scene.overlap import NearestViews
 
 VIEWS = (2, 3, 4)
 """The default numbers of contexts: the paper's."""

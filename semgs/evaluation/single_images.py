@@ -29,8 +29,7 @@ from semgs.evaluation.scoring.score_records import encode_scores
 from semgs.evaluation.scoring.summary import CLASS_METRICS, CONFIDENCE_METRICS, ClassScores, score_classes, summarise
 from semgs.evaluation.tables.environment import hardware, versions
 from semgs.evaluation.tables.evaluation_report import EvaluatedMethod
-from semgs.evaluation.tables.score_cells import interval_cells
-from semgs.evaluation.tables.table_grid import Cell, Grid, printed
+from semgs.evaluation.tables.table_grid import Cell, Grid, interval_cells, printed
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
 from semgs.files.folders import own_folder
@@ -42,10 +41,10 @@ from semgs.objectives.metrics import confusion_matrix
 from semgs.objectives.selective import counts_by_confidence
 from semgs.rendering.rendering import likeliest
 from semgs.rendering.temperatures import highest_probability
-from semgs.segmenters.class_map_files import MadeBy
-from semgs.segmenters.class_source import ClassSource, Translated
+from semgs.segmenters.class_map_files import Photos
+from semgs.segmenters.class_source import ClassSource, Segmenter, Translated
 from semgs.segmenters.labelling import Labelling
-from semgs.segmenters.networks.network_source import Photos, Segmenter
+from semgs.sources.source import MadeBy
 
 FORMAT = "semgs.report.single"
 VERSION = 1

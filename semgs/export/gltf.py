@@ -17,8 +17,6 @@ of the thing, 0 for none, and each thing is a node of its own with the edges of 
 
 from __future__ import annotations
 
-import json
-import struct
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -30,7 +28,7 @@ from torch import Tensor
 
 from semgs._version import __version__
 from semgs.export.scene_objects import PlacedThing
-from semgs.files.atomic import write_bytes
+from semgs.files.gltf_container import INDICES, VERTICES, GlbBuffer, write_glb
 from semgs.geometry.harmonics import DEGREE_0
 from semgs.rendering.rendering import class_numbers
 from semgs.robotics.boxes import EDGES, SIGNS
@@ -41,10 +39,7 @@ from semgs.splats.gltf_splat import FOOTPRINT
 EXTENSION = "KHR_gaussian_splatting"
 
 _POINTS, _LINES = 0, 1
-_VERTICES, _INDICES = 34962, 34963  # the targets of buffer views
-_COMPONENTS = {"float32": 5126, "uint8": 5121, "uint16": 5123}
 _THINNEST = 1e-4  # a node whose scale is 0 has no inverse [m]
-_TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 
 
 def save_gltf(
@@ -73,21 +68,12 @@ def save_gltf(
     attributes = {name: values if keep is None else values[keep.numpy()] for name, values in every.items()}
     if not len(attributes["POSITION"]):
         raise ValueError("there are no Gaussians to write; a glTF file needs at least one")
-    views: list[dict[str, Any]] = []
-    accessors: list[dict[str, Any]] = []
-    body = b"".join(values.tobytes() for values in attributes.values())
-    start = 0
-    for values in attributes.values():
-        accessor = _accessor(len(views), values, _TYPES[values.shape[1]])
-        accessors.append(accessor | ({"normalized": True} if values.dtype == np.uint8 else {}))
-        views.append({"buffer": 0, "byteOffset": start, "byteLength": values.nbytes, "target": _VERTICES})
-        start += values.nbytes
-    positions = list(attributes).index("POSITION")
-    accessors[positions]["min"] = attributes["POSITION"].min(0).tolist()
-    accessors[positions]["max"] = attributes["POSITION"].max(0).tolist()
+    buffer = GlbBuffer()
     primitive = {
         "mode": _POINTS,
-        "attributes": {name: index for index, name in enumerate(attributes)},
+        "attributes": {
+            name: buffer.add(values, VERTICES, bounds=name == "POSITION") for name, values in attributes.items()
+        },
         "extensions": {EXTENSION: {"kernel": "ellipse", "colorSpace": "srgb_rec709_display"}},
     }
     content = {
@@ -96,32 +82,18 @@ def save_gltf(
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [primitive], "extras": _extras(scene)}],
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"byteLength": len(body)}],
+        "meshes": [{"primitives": [primitive], "extras": extras(scene)}],
+        **buffer.content(),
     }
     if boxes:
-        body += _add_boxes(content, boxes, scene)
-        content["buffers"] = [{"byteLength": len(body)}]
-    text = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
-    chunks = _chunk(b"JSON", text, b" ") + _chunk(b"BIN\0", body, b"\0")
-    write_bytes(path, struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+        _add_boxes(content, buffer, boxes, scene)
+    write_glb(path, content, buffer)
 
 
-def _add_boxes(content: dict[str, Any], boxes: Sequence[PlacedThing], scene: SavedScene) -> bytes:
-    """Add a node for each box to the content of a file, and give what to append to its buffer: the unit cube, which all boxes share."""
-    corners, edges = (SIGNS / 2).astype("<f4"), np.array(EDGES, "<u2").reshape(-1)
-    start = content["buffers"][0]["byteLength"]
-    views, accessors = content["bufferViews"], content["accessors"]
-    position, index = len(accessors), len(accessors) + 1
-    for values, target in ((corners, _VERTICES), (edges, _INDICES)):
-        views.append({"buffer": 0, "byteOffset": start, "byteLength": values.nbytes, "target": target})
-        start += values.nbytes
-    accessors += [
-        _accessor(len(views) - 2, corners, "VEC3") | {"min": [-0.5] * 3, "max": [0.5] * 3},
-        _accessor(len(views) - 1, edges, "SCALAR"),
-    ]
+def _add_boxes(content: dict[str, Any], buffer: GlbBuffer, boxes: Sequence[PlacedThing], scene: SavedScene) -> None:
+    """Add a node for each box to the content of a file, and to its buffer the unit cube, which all boxes share."""
+    position = buffer.add((SIGNS / 2).astype("<f4"), VERTICES, bounds=True)
+    index = buffer.add(np.array(EDGES, "<u2").reshape(-1), INDICES)
     labels = sorted({one.thing.label for one in boxes})
     meshes = {label: len(content["meshes"]) + number for number, label in enumerate(labels)}
     content["materials"] = []
@@ -146,12 +118,7 @@ def _add_boxes(content: dict[str, Any], boxes: Sequence[PlacedThing], scene: Sav
         about = {"instance": thing.instance, "class": thing.name, "confidence": thing.confidence}
         content["nodes"].append(node | {"extras": about | {"distance": thing.distance}})
     content["scenes"][0]["nodes"] = list(range(len(content["nodes"])))
-    return corners.tobytes() + edges.tobytes()
-
-
-def _accessor(view: int, values: np.ndarray, kind: str) -> dict[str, Any]:
-    """How an array in a buffer view is read."""
-    return {"bufferView": view, "componentType": _COMPONENTS[values.dtype.name], "count": len(values), "type": kind}
+    content.update(buffer.content())
 
 
 def _attributes(scene: SavedScene) -> dict[str, np.ndarray]:
@@ -180,16 +147,10 @@ def _attributes(scene: SavedScene) -> dict[str, np.ndarray]:
     }
 
 
-def _extras(scene: SavedScene) -> dict[str, Any]:
+def extras(scene: SavedScene) -> dict[str, Any]:
     """What applications may read beside the attributes."""
-    extras: dict[str, Any] = {"unit": scene.unit}
+    found: dict[str, Any] = {"unit": scene.unit}
     if scene.classes is not None:
         names = zip(scene.classes.names, scene.classes.colours, strict=True)
-        extras["classes"] = [{"name": name, "colour": list(colour)} for name, colour in names]
-    return extras
-
-
-def _chunk(kind: bytes, data: bytes, padding: bytes) -> bytes:
-    """A chunk of a GLB file, padded to whole words of four bytes."""
-    data += padding * (-len(data) % 4)
-    return struct.pack("<I4s", len(data), kind) + data
+        found["classes"] = [{"name": name, "colour": list(colour)} for name, colour in names]
+    return found

@@ -27,14 +27,14 @@ import torch
 from jaxtyping import Float, Float64
 from torch import Tensor
 
+from semgs.data.ply_tables import write_ply
 from semgs.data.tables.classes import ClassTable
 from semgs.figures.class_images import UNKNOWN_GREY
-from semgs.files.atomic import write_bytes
+from semgs.files.errors import check_type
 from semgs.files.paths import typed_path
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.harmonics import DEGREE_0
 from semgs.rendering.rendering import class_numbers
-from semgs.runtime.argument_types import check_type
 from semgs.splats.plain_ply import FOOTPRINT
 
 _FULL = 15  # harmonics above degree 0, per channel, at degree 3
@@ -153,18 +153,4 @@ def _write(
         if name in columns or values.shape != (len(rows),):
             raise ValueError(f"{name} is {values.shape}; expected a further property with {len(rows)} numbers")
         columns[name] = values
-    types = {name: "uchar" if values.dtype == np.uint8 else "float" for name, values in columns.items()}
-    packed = np.empty(len(rows), [(name, {"uchar": "u1", "float": "<f4"}[kind]) for name, kind in types.items()])
-    for name, values in columns.items():
-        packed[name] = values
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        *(f"comment {' '.join(line.splitlines())}" for line in comments),
-    ]
-    header += [
-        f"element vertex {len(rows)}",
-        *(f"property {kind} {name}" for name, kind in types.items()),
-        "end_header",
-    ]
-    write_bytes(path, "\n".join(header).encode() + b"\n" + packed.tobytes())
+    write_ply(path, columns, comments)

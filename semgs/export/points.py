@@ -17,7 +17,7 @@ import torch
 from jaxtyping import Bool, Float, Int64, UInt8
 from torch import Tensor
 
-from semgs.files.atomic import write_bytes
+from semgs.data.ply_tables import packed, write_ply
 from semgs.files.bags import write_message
 from semgs.rendering.rendering import class_numbers
 from semgs.scene.confidence import class_confidences
@@ -82,11 +82,7 @@ def save_points(path: str | Path, points: Points) -> None:
         OSError: it cannot be written.
     """
     colours = dict(zip(("red", "green", "blue"), points.colours.numpy().T, strict=True))
-    rows = _rows(points, colours, prefix="scalar_")
-    types = {"f": "float", "u": "uchar"}
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]
-    header += [f"property {types[rows.dtype[name].kind]} {name}" for name in rows.dtype.names or ()] + ["end_header"]
-    write_bytes(path, "\n".join(header).encode() + b"\n" + rows.tobytes())
+    write_ply(path, _columns(points, colours, prefix="scalar_"))
 
 
 def save_bag(path: Path, points: Points) -> None:
@@ -114,7 +110,7 @@ def cloud_message(points: Points, types: Mapping[str, Any], header: Any) -> Any:
     """
     red, green, blue = points.colours.numpy().astype("<u4").T
     rgb = (red << 16 | green << 8 | blue).view("<f4")  # the bits 0x00rrggbb, as PCL packs them
-    rows = _rows(points, {"rgb": rgb})
+    rows = packed(_columns(points, {"rgb": rgb}))
     field = types["sensor_msgs/msg/PointField"]
     return types["sensor_msgs/msg/PointCloud2"](
         header=header,
@@ -129,17 +125,16 @@ def cloud_message(points: Points, types: Mapping[str, Any], header: Any) -> Any:
     )
 
 
-def _rows(points: Points, colours: dict[str, np.ndarray], prefix: str = "") -> np.recarray:
-    """A row of position, colour, label, confidence and instance for each point, packed without gaps; the last three as far as they are known.
+def _columns(points: Points, colours: dict[str, np.ndarray], prefix: str = "") -> dict[str, np.ndarray]:
+    """Position, colour, label, confidence and instance of each point; the last three as far as they are known.
 
     Args:
         points: the points.
         colours: the columns of their colours.
         prefix: of the names of the last three.
     """
-    columns = dict(zip("xyz", points.means.numpy().astype("<f4").T, strict=True)) | colours
+    columns = dict(zip("xyz", points.means.numpy().T, strict=True)) | colours
     for name in ("labels", "confidences", "instances"):
         if (values := getattr(points, name)) is not None:
-            columns[prefix + name.removesuffix("s")] = values.numpy().astype("<f4")
-    kind = np.dtype([(name, column.dtype) for name, column in columns.items()])
-    return np.rec.fromarrays(list(columns.values()), dtype=kind)
+            columns[prefix + name.removesuffix("s")] = values.numpy()
+    return columns

@@ -12,22 +12,30 @@ import numpy as np
 from jaxtyping import Bool, Int64, UInt8
 from torch import Tensor
 
+from semgs.data.tables.classes import ClassTable
 from semgs.export.colmap import copy_input_photos, image_names, photos_of, save_model, tracks_of
 from semgs.export.export_record import ExportedFile
 from semgs.export.gltf import save_gltf
 from semgs.export.map_files import IMAGE, VOXELS, save_map, save_voxels
+from semgs.export.mesh_files import MeshPart, parts_of, save_mesh_glb, save_mesh_ply
+from semgs.export.mjcf import FOLDER as MJCF_FOLDER
+from semgs.export.mjcf import Contact, save_mjcf
 from semgs.export.ply import save_ply, save_semantic_ply
 from semgs.export.points import make_points, save_bag, save_points
 from semgs.export.scene_objects import PlacedThing, file_from_scene, floor_of, occupancy_of, place_things, save_objects
 from semgs.export.usd import FILE as USD_FILE
 from semgs.export.usd import save_usd
 from semgs.files.images.pictures import write_png
+from semgs.mesh.labelled import LabelledMesh
 from semgs.rendering.rendering import UNSEEN
+from semgs.robotics.floor import NoFloorError
 from semgs.robotics.objects import Objects
-from semgs.scene.confidence import class_confidences, class_labels
+from semgs.scene.confidence import class_confidences, class_labels, part_of
 from semgs.scene.scene_file import SavedScene
-from semgs.scene.selection import part_of
 from semgs.scene.upright import Axes, FramedScene, UpDirection, in_own_frame, up_of, upright
+
+THINGS = "things"
+"""The folder of meshes of single things."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +48,7 @@ class SceneExport:
         up: the direction that is up in the scene, to turn files upright; None writes them in the scene's own frame.
         things: of the scene; None if they were not searched.
         labels: whether gaussians.ply has the class and the confidence of each Gaussian.
+        mesh: of the scene, in the frame of its Gaussians; None if none is written.
     """
 
     scene: SavedScene
@@ -47,6 +56,7 @@ class SceneExport:
     up: UpDirection | None
     things: Objects | None
     labels: bool = False
+    mesh: LabelledMesh | None = None
 
     def frame(self, axes: Axes) -> FramedScene:
         """The scene in the frame of a file in which this direction is up; with z up, the floor is at 0 if one is found."""
@@ -83,6 +93,13 @@ class SceneExport:
         """The things in the frame of a file."""
         return () if self.things is None else place_things(self.things, file_from_scene(framed, self.scene))
 
+    def _parts(self, framed: FramedScene, classes: ClassTable | None = None, split: bool = True) -> list[MeshPart]:
+        """The parts of the mesh in the frame of a file; only one if it is not split by thing."""
+        if self.mesh is None:
+            return []
+        moved = self.mesh.moved(file_from_scene(framed, self.scene).numpy())
+        return parts_of(moved, self.things.things if self.things is not None and split else (), classes)
+
     def write_ply(self, folder: Path, framed: FramedScene, colours: Collection[str]) -> list[ExportedFile]:
         """Write gaussians.ply for "photo", semantics.ply for "classes", or both."""
         part, names = part_of(framed.scene, self.keep), []
@@ -102,8 +119,42 @@ class SceneExport:
 
     def write_usd(self, folder: Path, framed: FramedScene) -> ExportedFile:
         """Write scene.usdc."""
-        save_usd(folder / USD_FILE, framed.scene, self.keep, self._boxes(framed), self._instances)
+        parts = self._parts(framed, framed.scene.classes)
+        save_usd(folder / USD_FILE, framed.scene, self.keep, self._boxes(framed), self._instances, parts)
         return ExportedFile(USD_FILE, framed, int(self.keep.sum()))
+
+    def write_mesh(self, folder: Path, endings: Collection[str], per_thing: bool) -> list[ExportedFile]:
+        """Write mesh.ply and mesh.glb, as far as these are the endings, or a file for each thing in the folder things."""
+        files = []
+        if per_thing:
+            (folder / THINGS).mkdir()
+        for ending in endings:
+            framed = self.frame("y" if ending == "glb" else "z")
+            parts = self._parts(framed, split=per_thing or ending == "glb")
+            for name, some in (
+                {f"{THINGS}/{one.name}": [one] for one in parts}.items() if per_thing else [("mesh", parts)]
+            ):
+                file = f"{name}.{ending}"
+                if ending == "glb":
+                    save_mesh_glb(folder / file, some, framed.scene)
+                else:
+                    save_mesh_ply(folder / file, some[0].mesh, self._table() if framed.scene.classes else ())
+                files.append(ExportedFile(file, framed, sum(len(one.mesh.faces) for one in some)))
+        return files
+
+    def write_mjcf(self, folder: Path, framed: FramedScene, contact: Contact) -> ExportedFile:
+        """Write the folder mujoco.
+
+        Raises:
+            NoFloorError: no floor was found.
+        """
+        floor = floor_of(framed.scene, up_of(framed.scene, "z"))
+        if floor is None:
+            raise NoFloorError("no clear floor")
+        (folder / MJCF_FOLDER).mkdir()
+        parts, things = self._parts(framed, framed.scene.classes), self._boxes(framed)
+        save_mjcf(folder / MJCF_FOLDER, parts, things, floor, contact)
+        return ExportedFile(MJCF_FOLDER, framed, len(things))
 
     def write_points(self, folder: Path, framed: FramedScene, ending: Literal["ply", "mcap"]) -> ExportedFile:
         """Write points.ply or points.mcap."""

@@ -26,9 +26,9 @@ from semgs.files.atomic import write_json
 from semgs.geometry.rotations import quaternion_from_matrix
 from semgs.rendering.rendering import class_numbers
 from semgs.robotics.boxes import SIGNS
-from semgs.robotics.floor import NoFloorError, floor_height
+from semgs.robotics.floor import FLOOR, NoFloorError, floor_height
 from semgs.robotics.objects import SURE, Objects, Thing, objects
-from semgs.robotics.occupancy import FLOOR, Occupancy, occupancy
+from semgs.robotics.occupancy import Occupancy, occupancy
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import FramedScene, UpDirection
 
@@ -66,7 +66,8 @@ class PlacedThing:
 
 
 def things_of(scene: SavedScene, up: UpDirection, **options: Any) -> Objects:
-    """The things of a scene, with distances from its first camera; options as for `semgs.objects`. Those whose class is less likely than `SURE` are unknown objects.
+    """The things of a scene, with distances from its first camera; options as for `semgs.objects`. Those whose class is less likely than `SURE` have two
+    names or are unknown objects.
 
     Args:
         scene: in metres, with classes.
@@ -85,7 +86,7 @@ def things_of(scene: SavedScene, up: UpDirection, **options: Any) -> Objects:
         up=up.direction.tolist(),
         seen_from=scene.cameras.centres[0].tolist(),
         temperature=None if scene.temperatures is None else scene.temperatures.gaussians,
-        **{"sure": SURE, **options},
+        **{"sure": SURE, "floor": floor_of(scene, up), **options},
     )
 
 
@@ -108,6 +109,7 @@ def occupancy_of(scene: SavedScene, up: UpDirection, **options: Any) -> Occupanc
         classes=scene.classes,
         depths=scene.depths,
         depth_spread=scene.depth_spread,
+        stride=scene.stride if scene.places is None else 0,
         **options,
     )
 
@@ -163,6 +165,22 @@ def file_from_scene(framed: FramedScene, scene: SavedScene) -> Float64[Tensor, "
     source_from_scene = torch.eye(4, dtype=torch.float64)
     source_from_scene[:3, 3] = torch.tensor(scene.origin, dtype=torch.float64)
     return framed.file_from_source @ source_from_scene
+
+
+def prim_names(names: Sequence[str]) -> list[str]:
+    """Names of prims for names of classes: other characters than letters of ASCII, digits and _ become _, and no two are equal in letters of any case."""
+    found: list[str] = []
+    taken: set[str] = set()
+    for name in names:
+        plain = "".join(one if one.isascii() and one.isalnum() else "_" for one in name) or "_"
+        plain = plain if not plain[0].isdigit() else f"_{plain}"
+        unique, number = plain, 1
+        while unique.lower() in taken:
+            number += 1
+            unique = f"{plain}_{number}"
+        taken.add(unique.lower())
+        found.append(unique)
+    return found
 
 
 def save_objects(path: Path, things: Sequence[PlacedThing], framed: FramedScene) -> None:

@@ -6,6 +6,7 @@ One binary file, `.usdc`: a scene has no textures or other files that a `.usdz` 
     /World/Gaussians/chair       ParticleField3DGaussianSplat, the Gaussians whose likeliest class is chair; one such prim for each class
     /World/Gaussians/unseen      those whose classes are all equally likely, without a label; `all` in a scene without classes
     /World/Objects/chair_1       Xform, a thing with its label; below it `box`, a unit cube that is scaled, as a guide that renderers leave out
+    /World/Meshes/chair          Mesh of a class, with its label; chair_1 if things were searched; only if a mesh is written too
 
 Attributes by the schemas of OpenUSD 26.03 and newer (`UsdVol`, https://openusd.org/release/user_guides/schemas/usdVol/ParticleField3DGaussianSplat.html):
 
@@ -32,8 +33,9 @@ from jaxtyping import Bool, Int64
 from torch import Tensor
 
 from semgs._version import __version__
-from semgs.export.scene_objects import PlacedThing
-from semgs.files.extras import needs_extra
+from semgs.export.mesh_files import MeshPart, normals_of
+from semgs.export.scene_objects import PlacedThing, prim_names
+from semgs.files.errors import needs_extra
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.rendering.rendering import UNSEEN
 from semgs.scene.confidence import class_confidences, class_labels
@@ -42,7 +44,7 @@ from semgs.scene.scene_file import SavedScene
 FILE = "scene.usdc"
 """The name of the file in a folder of exports."""
 
-ROOT, GAUSSIANS, OBJECTS = "/World", "/World/Gaussians", "/World/Objects"
+ROOT, GAUSSIANS, OBJECTS, MESHES = "/World", "/World/Gaussians", "/World/Objects", "/World/Meshes"
 """Paths of the prims."""
 
 TAXONOMY = "class"
@@ -71,6 +73,7 @@ def save_usd(
     keep: Bool[Tensor, " g"] | None = None,
     things: Sequence[PlacedThing] = (),
     instances: Int64[np.ndarray, " g"] | None = None,
+    parts: Sequence[MeshPart] = (),
 ) -> None:
     """Write the colour Gaussians as a USD file: a prim for each class, with its label. Within a prim they keep their order.
 
@@ -80,6 +83,7 @@ def save_usd(
         keep: the Gaussians to write; all by default.
         things: in the same frame.
         instances: the number of the thing that each Gaussian belongs to.
+        parts: of the mesh, in the same frame.
 
     Raises:
         ValueError: the path has another ending.
@@ -115,6 +119,10 @@ def save_usd(
     if things:
         UsdGeom.Scope.Define(stage, OBJECTS)
         _add_things(stage, things)
+    if parts:
+        UsdGeom.Scope.Define(stage, MESHES)
+        for part in parts:
+            _add_label(_add_mesh(stage, f"{MESHES}/{part.name}", part), part.label)
     _write(layer, path)
 
 
@@ -142,22 +150,6 @@ def _groups(scene: SavedScene) -> list[tuple[str, str | None, np.ndarray]]:
     return [(prim, label, labels == number) for prim, label, number in zip(prims, wanted, numbers, strict=True)]
 
 
-def prim_names(names: Sequence[str]) -> list[str]:
-    """Names of prims for names of classes: other characters than letters of ASCII, digits and _ become _, and no two are equal in letters of any case."""
-    found: list[str] = []
-    taken: set[str] = set()
-    for name in names:
-        plain = "".join(one if one.isascii() and one.isalnum() else "_" for one in name) or "_"
-        plain = plain if not plain[0].isdigit() else f"_{plain}"
-        unique, number = plain, 1
-        while unique.lower() in taken:
-            number += 1
-            unique = f"{plain}_{number}"
-        taken.add(unique.lower())
-        found.append(unique)
-    return found
-
-
 def _columns(scene: SavedScene, instances: Int64[np.ndarray, " g"] | None) -> dict[str, np.ndarray]:
     """What is written of each Gaussian, [g ...] each."""
     gaussians = scene.gaussians.with_footprints()
@@ -182,7 +174,7 @@ def _columns(scene: SavedScene, instances: Int64[np.ndarray, " g"] | None) -> di
 
 def _add_gaussians(stage: Any, path: str, columns: dict[str, np.ndarray]) -> Any:
     """Add a prim of Gaussians."""
-    from pxr import Sdf, UsdGeom, UsdVol, Vt
+    from pxr import UsdVol, Vt
 
     field = UsdVol.ParticleField3DGaussianSplat.Define(stage, path)
     field.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(columns["positions"]))
@@ -197,14 +189,40 @@ def _add_gaussians(stage: Any, path: str, columns: dict[str, np.ndarray]) -> Any
     low = (columns["positions"] - columns["reach"]).min(0)
     high = (columns["positions"] + columns["reach"]).max(0)
     field.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.stack((low, high))))
-    primvars = UsdGeom.PrimvarsAPI(field)
+    return _with_primvars(field, columns)
+
+
+def _with_primvars(shape: Any, columns: dict[str, np.ndarray]) -> Any:
+    """The prim of a shape, to which class, confidence and instance are added as far as they are known."""
+    from pxr import Sdf, UsdGeom, Vt
+
+    primvars = UsdGeom.PrimvarsAPI(shape)
     for name in ("class", "confidence", "instance"):
         if name in columns:
             whole = columns[name].dtype == np.int32
             kind = Sdf.ValueTypeNames.IntArray if whole else Sdf.ValueTypeNames.FloatArray
             values = (Vt.IntArray if whole else Vt.FloatArray).FromNumpy(columns[name])
             primvars.CreatePrimvar(name, kind, UsdGeom.Tokens.vertex).Set(values)
-    return field.GetPrim()
+    return shape.GetPrim()
+
+
+def _add_mesh(stage: Any, path: str, part: MeshPart) -> Any:
+    """Add a prim with a part of the mesh."""
+    from pxr import UsdGeom, Vt
+
+    mesh, shape = part.mesh, UsdGeom.Mesh.Define(stage, path)
+    points, colours = mesh.vertices.astype(np.float32), (mesh.colours / 255).astype(np.float32)
+    shape.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
+    shape.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(mesh.faces), 3, np.int32)))
+    shape.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.astype(np.int32).reshape(-1)))
+    shape.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    shape.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.stack((points.min(0), points.max(0)))))
+    shape.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals_of(mesh).astype(np.float32)))
+    shape.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    shape.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set(Vt.Vec3fArray.FromNumpy(colours))
+    found = {"class": mesh.labels, "confidence": mesh.confidences, "instance": mesh.instances}
+    kinds = {"class": np.int32, "confidence": np.float32, "instance": np.int32}
+    return _with_primvars(shape, {name: one.astype(kinds[name]) for name, one in found.items() if one is not None})
 
 
 def _add_label(prim: Any, label: str | None) -> None:

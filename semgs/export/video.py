@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
-from semgs.files.extras import needs_extra
+from semgs.files.errors import needs_extra
 from semgs.files.folders import staged
 
 CRF = "18"

@@ -12,10 +12,9 @@ import numpy as np
 from jaxtyping import UInt8
 
 from semgs.figures.class_images import UNKNOWN_GREY, LegendEntry
-from semgs.figures.number_texts import percent
 from semgs.files.images.colours import HATCH
 from semgs.files.images.pictures import jpeg_bytes, png_bytes
-from semgs.files.text import printable
+from semgs.files.text import percent, printable
 
 QUALITY = 90
 """JPEG quality in a page."""

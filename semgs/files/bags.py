@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO
 from urllib.parse import quote
 
-from semgs.files.extras import needs_extra
+from semgs.files.errors import needs_extra
 
 MOST_CHUNK = 1 << 28
 """Longest chunk or message that is inflated [bytes]: 256 MiB. Recorders make chunks of a megabyte, or of one large image."""

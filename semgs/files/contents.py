@@ -1,11 +1,16 @@
-"""The content of a file, or an error that names it."""
+"""The content of a file, or an error that names it; and hashes of content."""
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored, stored
+
+if TYPE_CHECKING:
+    import numpy as np
 
 LFS_POINTER = b"version https://git-lfs.github.com/spec/"
 """How the text begins that Git LFS leaves in place of a file that it has not fetched yet."""
@@ -79,3 +84,19 @@ def read_text(path: str | Stored, expected: str = "a text file in UTF-8") -> str
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(path, expected, f"byte {error.start}, which is not UTF-8") from error
+
+
+def sha256(path: str | Path) -> str:
+    """The SHA-256 of a file's bytes, in hexadecimal.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def sha256_of(values: np.ndarray) -> str:
+    """The SHA-256 of an array's shape, type and numbers, in hexadecimal."""
+    head = f"{values.shape} {values.dtype.str} ".encode()
+    return hashlib.sha256(head + values.tobytes()).hexdigest()

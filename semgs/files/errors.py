@@ -1,4 +1,4 @@
-"""The error for files that cannot be used."""
+"""The errors for files that cannot be used, for libraries that are not installed, and for arguments of another type."""
 
 from __future__ import annotations
 
@@ -101,3 +101,37 @@ def input_error(path: str | Stored, expected: str, key: str | None = None, advic
         raise
     except ValueError as error:
         raise InputError(path, expected, str(error), key, advice) from error
+
+
+@contextmanager
+def needs_extra(extra: str, need: str, library: str) -> Iterator[None]:
+    """Import a library in this block. If it is not installed, the error says how to install it.
+
+    Args:
+        extra: brings the library.
+        need: what needs it, in words: "videos need PyAV".
+        library: as it is imported.
+
+    Raises:
+        ImportError: it is not installed.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise ImportError(f"{need}: pip install -e '.[{extra}]' in SemGS's folder", name=library) from error
+
+
+def check_type(what: str, value: object, kind: type | tuple[type, ...], expected: str) -> None:
+    """Refuse an argument of another type.
+
+    Args:
+        what: the argument with its verb: "the encoding is".
+        value: what was given.
+        kind: the types that it may have.
+        expected: these in words, with where to get one.
+
+    Raises:
+        TypeError: it has another type.
+    """
+    if not isinstance(value, kind):
+        raise TypeError(f"{what} {type(value).__name__}; expected {expected}")

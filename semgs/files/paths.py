@@ -1,8 +1,12 @@
-"""Paths that a user typed: expanded, and checked before heavy imports."""
+"""Paths that a user typed: expanded, and checked before heavy imports.
+
+The cache folder is here too, for results that can be recomputed. It is outside the data sets, which may be read-only or shared.
+"""
 
 from __future__ import annotations
 
 import errno
+import os
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
@@ -12,6 +16,8 @@ from semgs.files.errors import InputError, readable
 
 TRAINED = "point_cloud/iteration_*/point_cloud.ply"
 """Where 3DGS, and what was made of it, put the splats of a training."""
+
+VARIABLE = "SEMGS_CACHE"
 
 
 def typed_path(path: str | Path) -> Path:
@@ -111,3 +117,11 @@ def trained_splat(folder: Path) -> Path | None:
     return max(
         (path for path, step in steps.items() if step.isdigit()), key=lambda path: int(steps[path]), default=None
     )
+
+
+def cache_folder() -> Path:
+    """The folder named by SEMGS_CACHE, else `semgs` in XDG_CACHE_HOME or `~/.cache`. It may not exist, and may be deleted at any time."""
+    named = os.environ.get(VARIABLE)
+    if named:
+        return Path(named).expanduser()
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "semgs"

@@ -1,4 +1,4 @@
-"""Records: frozen dataclasses from the content of a JSON file, with cattrs. Nothing is converted: 1 is no true, and "1" is no number."""
+"""Records: frozen dataclasses that check their values, and are made from the content of a JSON file, with cattrs. Nothing is converted: 1 is no true, and "1" is no number."""
 
 from __future__ import annotations
 
@@ -104,3 +104,21 @@ def _describe(error: BaseException, kind: object) -> str:
     if isinstance(error, TypeError | AttributeError):
         return f"expected {getattr(kind, '__name__', kind)}, found a value of another type"
     return str(error)
+
+
+def check_values(values: object, **checks: tuple[bool, str]) -> None:
+    """Refuse the first value that does not hold.
+
+    Args:
+        values: the settings, whose attributes have the names of the checks; "augmentation.roll" is one of an attribute.
+        checks: for each name whether the value holds, and what is expected otherwise.
+
+    Raises:
+        ValueError: a value does not hold.
+    """
+    for name, (holds, expected) in checks.items():
+        if not holds:
+            value = values
+            for attribute in name.split("."):
+                value = getattr(value, attribute)
+            raise ValueError(f"{name} is {value!r}; expected {expected}")

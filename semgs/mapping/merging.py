@@ -31,8 +31,7 @@ from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.fusion import LEAST, SPREAD, TOLERANCE, depth_deviation
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.scene.encoding import Encoding, per_gaussian
-from semgs.scene.nearest import inside
-from semgs.scene.overlap import PAIR, shrinkage
+from semgs.scene.overlap import PAIR, inside, shrinkage
 
 LAYERS = 4
 """A surface gets the Gaussians of this many keyframes, those that see it most sharply, unless it will be refined."""

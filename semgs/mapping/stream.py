@@ -8,8 +8,11 @@ from functools import cached_property
 from math import inf, isnan
 from time import perf_counter
 from typing import Any
+from zlib import crc32
 
 import torch
+from jaxtyping import Int64
+from torch import Tensor
 
 from semgs.data.bounds.depth_range import DepthRange
 from semgs.data.resampling import default_size, reframed
@@ -57,6 +60,13 @@ class StreamedScene:
     def gaussians(self) -> Gaussians:
         """The Gaussians of the scene so far."""
         return self.encoding.gaussians
+
+    @cached_property
+    def sources(self) -> Int64[Tensor, " g"]:
+        """A number for each Gaussian that it keeps while the scene grows: its photo's checksum and its place there. For `semgs.Ids`."""
+        rows, columns = self.encoding.grid
+        photos = torch.tensor([crc32(image.numpy().tobytes()) for image in self.views.images])
+        return (photos[self.encoding.own_views] << 31) + self.encoding.blocks % (rows * columns)
 
     def render(self, cameras: Cameras, **options) -> Rendering:
         """Render from cameras; arguments and errors as for `Encoding.render`."""

@@ -8,16 +8,14 @@ import torch
 from torch import nn
 
 from semgs.data.tables.classes import SCANNET20, ClassTable
-from semgs.model.attention.swin import MultiViewSwin
-from semgs.model.attention.transformer import CameraTransformer
+from semgs.model.attention.transformer import CameraTransformer, MultiViewSwin
 from semgs.model.classes.mobilenet import CUE_WIDTHS, MobileNetRefinement
 from semgs.model.classes.mosaic import Mosaic
 from semgs.model.classes.refinement import ClassRefinement, ResidualRefinement
 from semgs.model.classes.semantic import SHAPE, SemanticBranch
 from semgs.model.gaussians.heads import Decoder, DepthRefinement, MVSplatDecoder, PaperDecoder
 from semgs.model.gaussians.placing import LARGEST_SIGMA, SIGMA_UNIT, SMALLEST_SIGMA
-from semgs.model.layers.branch_head import Head, PlainUpsampler, Upsampler
-from semgs.model.layers.cnn import FeatureCNN
+from semgs.model.layers.cnn import FeatureCNN, Head, PlainUpsampler, Upsampler
 from semgs.model.semgs import ColourBranch, SemGS
 from semgs.model.settings import (
     MobileNet,
@@ -28,7 +26,7 @@ from semgs.model.settings import (
     TransformerSettings,
     TwoBlocks,
 )
-from semgs.model.sweep.cost_filter import CostFilter
+from semgs.model.sweep.cost_volume import CostFilter
 from semgs.model.sweep.depth import CostRegressor, PlaneSweepDepth
 from semgs.model.sweep.upsampling import ConvexUpsampling
 from semgs.scene.coarse_depth import SHRINK

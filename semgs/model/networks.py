@@ -6,9 +6,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal, get_args
 
-from semgs.model.layers.conventions import MVSPLAT, Conventions
 from semgs.model.settings import (
+    MVSPLAT,
     ColourSettings,
+    Conventions,
     DepthSettings,
     MVSplatHeads,
     NetworkSettings,

@@ -16,14 +16,11 @@ from semgs.model.classes.refinement import Cues, ViewFeatures
 from semgs.model.classes.semantic import SHAPE, ClassMaps, SemanticBranch
 from semgs.model.gaussians.heads import Decoder, coarse_disparities
 from semgs.model.gaussians.placing import Placer
-from semgs.model.layers.chunks import WHOLE, Chunks, by_chunks
-from semgs.model.layers.cnn import FeatureCNN
-from semgs.model.layers.memory_format import lay_out
-from semgs.model.layers.network_input import NetworkInput, widen
+from semgs.model.layers.cnn import FeatureCNN, lay_out
+from semgs.model.layers.network_input import WHOLE, Chunks, NetworkInput, by_chunks, widen
 from semgs.model.memory.memory_plan import MemoryPlan, memory_plan
-from semgs.model.memory.stage_memory import Work
+from semgs.model.memory.stage_memory import STAGES, Stage, Work
 from semgs.model.settings import NetworkSettings
-from semgs.model.stages import STAGES, Stage
 from semgs.model.sweep.depth import PlaneSweepDepth
 from semgs.rendering.temperatures import Temperatures
 from semgs.runtime.kernels import check_not_forked
@@ -122,7 +119,7 @@ class SemGS(nn.Module):
             views: of one scene, or of a batch of scenes.
             chunks: views to process at a time; fewer need less memory and give the same numbers. None uses
                 `memory_plan` for one scene in evaluation mode, and all views at once for a batch or in training.
-            stage: context manager around each of `semgs.model.stages.STAGES`, for example to time it.
+            stage: context manager around each of `semgs.model.memory.stage_memory.STAGES`, for example to time it.
 
         Raises:
             TypeError: it is given something else than views.

@@ -11,7 +11,7 @@ from semgs.model.settings import MobileNet, MosaicBeside, MVSplatHeads, NetworkS
 
 @dataclass(frozen=True)
 class Switches:
-    """Parts that the paper's ablation removes, readings of its text, and additions of our own."""
+    """Parts of the network that can be switched: those that the paper's ablation removes, readings of its text, and additions of our own."""
 
     shared_layers: bool = True
     """One shallow CNN for both branches (ablation Sh-Layer)."""

@@ -8,7 +8,7 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class LossWeights:
-    """How the terms are weighed; the defaults are the paper's.
+    """Weights of the losses; the defaults are the paper's.
 
     Attributes:
         semantic: of the cross-entropy L_sem.
@@ -31,7 +31,7 @@ class LossWeights:
 
 @dataclass(frozen=True)
 class DepthLossWeights:
-    """How the terms of supervision by depth are weighed; none is the paper's.
+    """Weights of the losses on depth; none is the paper's.
 
     Attributes:
         log: of the mean absolute error of log depth.

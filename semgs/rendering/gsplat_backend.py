@@ -19,12 +19,11 @@ from filelock import FileLock
 from jaxtyping import Float, Int64
 from torch import Tensor
 
-from semgs.files.cache import cache_folder
-from semgs.files.extras import needs_extra
+from semgs.files.errors import needs_extra
+from semgs.files.paths import cache_folder
 from semgs.geometry.rotations import covariance
-from semgs.rendering.pinhole import Pinhole, near_plane
 from semgs.rendering.rules import BLUR_PX2
-from semgs.rendering.splats import Layer, Splats
+from semgs.rendering.splats import Layer, Pinhole, Splats, near_plane
 
 COMPILED = "gsplat.cuda._backend"
 """The module that compiles gsplat when it is imported."""

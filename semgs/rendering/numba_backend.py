@@ -11,9 +11,8 @@ import torch
 from jaxtyping import Float, Float64, Int64
 from torch import Tensor
 
-from semgs.rendering.pinhole import Pinhole, near_plane
 from semgs.rendering.projection_kernels import project, project_backward
-from semgs.rendering.splats import Layer, Splats
+from semgs.rendering.splats import Layer, Pinhole, Splats, near_plane
 from semgs.rendering.tile_kernels import (
     SHARES,
     TILE_HEIGHT,

@@ -20,9 +20,8 @@ from torch import Tensor
 
 from semgs.geometry.cameras import pixel_centres
 from semgs.geometry.rotations import matrix_from_quaternion
-from semgs.rendering.pinhole import Pinhole, near_plane
 from semgs.rendering.rules import BLUR_PX2, MAX_ALPHA, MIN_ALPHA, MIN_TRANSMITTANCE
-from semgs.rendering.splats import Layer, Splats
+from semgs.rendering.splats import Layer, Pinhole, Splats, near_plane
 
 CHUNK = 1 << 22
 """Numbers in one pixel-by-Gaussian matrix; more pixels are rendered in several chunks."""

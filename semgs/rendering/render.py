@@ -17,10 +17,9 @@ from torch import Tensor
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.harmonics import colours_from_harmonics
-from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.rendering import Rendering
 from semgs.rendering.rules import BLUR_PX2
-from semgs.rendering.splats import Layer, Splats
+from semgs.rendering.splats import Layer, Pinhole, Splats
 from semgs.runtime.kernels import check_not_forked
 
 Result = TypeVar("Result")

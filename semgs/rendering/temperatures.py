@@ -1,7 +1,7 @@
 """Temperatures: they turn class distributions into calibrated probabilities.
 
 A temperature T takes the distribution p to softmax(log p / T) (Guo et al., "On calibration of modern neural networks", ICML 2017). It never changes the order of
-the classes, so arg max and every class metric stay as they are. `semgs.objectives.calibration` fits temperatures.
+the classes, so arg max and every class metric stay as they are. `semgs.evaluation.scoring.confidence_calibration` fits temperatures.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from semgs.runtime.argument_types import check_type
+from semgs.files.errors import check_type
 
 
 @dataclass(frozen=True)

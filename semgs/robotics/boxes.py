@@ -52,6 +52,11 @@ class Box:
         """The corners, in the order of `SIGNS` [m]."""
         return SIGNS * np.array(self.size) / 2 @ self.axes.T + self.centre
 
+    @property
+    def bottom(self) -> float:
+        """The height of the lower side [m]."""
+        return self.centre[2] - self.size[2] / 2
+
     def distance(self, point: Float64[np.ndarray, " 3"]) -> float:
         """From a point to the nearest point of the box; 0 inside [m]."""
         inside = np.abs((point - self.centre) @ self.axes) - np.array(self.size) / 2
@@ -67,7 +72,7 @@ class Box:
         mine, theirs = (box.corners[[0, 1, 3, 2], :2].astype(np.float32) for box in (self, other))
         area, _ = cv2.intersectConvexConvex(mine, theirs)
         tops = min(box.centre[2] + box.size[2] / 2 for box in (self, other))
-        bottoms = max(box.centre[2] - box.size[2] / 2 for box in (self, other))
+        bottoms = max(self.bottom, other.bottom)
         shared = area * max(tops - bottoms, 0.0)
         together = sum(float(np.prod(box.size)) for box in (self, other)) - shared
         return shared / together if together > 0 else 0.0

@@ -25,15 +25,11 @@ from semgs.geometry.cameras import Cameras, back_project
 from semgs.geometry.gaussians import Gaussians
 from semgs.rendering.render import render
 from semgs.rendering.rendering import SEEN_ALPHA, class_numbers
-from semgs.robotics.floor import NoFloorError, floor_height
-from semgs.robotics.level import level_from_world
-from semgs.scene.encoding import block_size, per_gaussian
+from semgs.robotics.floor import FLOOR, NoFloorError, floor_height, level_from_world
+from semgs.scene.encoding import per_gaussian
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 """What cells and voxels contain, as in ROS's nav_msgs/OccupancyGrid."""
-
-FLOOR = "floor"
-"""The class of the floor."""
 
 UNEVEN = 0.3
 """Points with the class of the floor are on it up to this height, as depth from images is not exact; higher ones have the wrong class [m]."""
@@ -121,39 +117,60 @@ class SightRays:
     spread: Float64[np.ndarray, " r"]
 
 
+@dataclass(frozen=True)
+class MapSettings:
+    """What a map is like.
+
+    Attributes:
+        resolution: side of cells and voxels [m].
+        step: what is lower above the floor is no obstacle [m].
+        height: of the robot; what is higher is no obstacle [m].
+        reach: of the rays; what is further from its camera is not used [m].
+        narrowest: gaps between obstacles that are not wider than this are unknown instead of free, because points on a surface can be as far apart [m].
+        min_opacity: Gaussians that are more transparent are not used.
+    """
+
+    resolution: float = 0.05
+    step: float = 0.1
+    height: float = 1.5
+    reach: float = 5.0
+    narrowest: float = 0.2
+    min_opacity: float = 0.1
+
+    def __post_init__(self) -> None:
+        positive = 0 < self.step < self.height < inf and 0 < self.resolution < inf and self.reach > 0
+        if not (positive and 0 <= self.narrowest < inf):
+            raise ValueError(
+                f"step is {self.step}, height {self.height}, resolution {self.resolution}, reach {self.reach} and narrowest {self.narrowest}; "
+                "expected 0 < step < height, positive others, and narrowest 0 or more"
+            )
+
+
 def occupancy(
     gaussians: Gaussians,
     cameras: Cameras,
     *,
-    resolution: float = 0.05,
     up: Sequence[float] = (0.0, 0.0, 1.0),
+    up_is_known: bool = False,
     classes: ClassTable | None = SCANNET20,
     depths: Float[Tensor, "v h w"] | None = None,
     depth_spread: Float[Tensor, "v h w"] | None = None,
-    step: float = 0.1,
-    height: float = 1.5,
-    reach: float = 5.0,
-    narrowest: float = 0.2,
-    min_opacity: float = 0.1,
-    up_is_known: bool = False,
+    stride: int = 0,
+    **settings: float,
 ) -> Occupancy:
     """Find free, occupied and unknown space.
 
     Args:
         gaussians: of one scene in metres.
         cameras: of the input views [v].
-        resolution: side of cells and voxels [m].
         up: the direction that is up.
-        classes: the table of the Gaussians' classes, whose "floor" is the floor; None uses no classes.
-        depths: z-depth of every pixel of the input views, 0 = unknown [m]. Used only if there is not one Gaussian for each pixel or block of
-            pixels, as in a merged scene; None renders them.
-        depth_spread: standard deviation of the logarithm of depth of every pixel. Rays stop this much earlier, so that an uncertain depth frees less.
-        step: what is lower above the floor is no obstacle [m].
-        height: of the robot; what is higher is no obstacle [m].
-        reach: of the rays; what is further from its camera is not used [m].
-        narrowest: gaps between obstacles that are not wider than this are unknown instead of free, because points on a surface can be as far apart [m].
-        min_opacity: Gaussians that are more transparent are not used.
         up_is_known: whether the user said which way is up; more Gaussians may then be below the floor.
+        classes: the table of the Gaussians' classes, whose "floor" is the floor; None uses no classes.
+        depths: z-depth of every pixel of the input views, 0 = unknown [m]. Used only without `stride`; None renders them.
+        depth_spread: standard deviation of the logarithm of depth of every pixel. Rays stop this much earlier, so that an uncertain depth frees less.
+        stride: pixels along each side of the block that a Gaussian stands for, if every block of the input views has one, as in a scene with `places` None;
+            rays then end at the Gaussians. 0 if not.
+        settings: those of `MapSettings` by name: resolution, step, height, reach, narrowest, min_opacity.
 
     Raises:
         NoFloorError: no floor was found.
@@ -161,11 +178,8 @@ def occupancy(
     """
     Gaussians.check_type(gaussians)
     Cameras.check_type(cameras)
-    if not (0 < step < height < inf and 0 < resolution < inf and reach > 0 and 0 <= narrowest < inf):
-        raise ValueError(
-            f"step is {step}, height {height}, resolution {resolution}, reach {reach} and narrowest {narrowest}; "
-            "expected 0 < step < height, positive others, and narrowest 0 or more"
-        )
+    chosen = MapSettings(**settings)
+    resolution, reach = chosen.resolution, chosen.reach
     if len(cameras.batch) != 1:
         raise ValueError(
             f"the cameras have leading axes {tuple(cameras.batch)}; expected those of the input views, [v]"
@@ -177,15 +191,15 @@ def occupancy(
     on_floor = (
         None if classes is None or FLOOR not in classes.names or labels is None else labels == classes.index(FLOOR)
     )
-    rays = rays_of(gaussians, cameras, level, depths, depth_spread)
+    rays = rays_of(gaussians, cameras, level, depths, depth_spread, stride)
     if not len(rays.origins):
         raise NoFloorError("no clear floor (the depth of every pixel of the input views is unknown)")
     floor = floor_height(points[:, 2], weights, rays.origins[:, 2], on_floor, up_is_known=up_is_known)
-    near = _near(points, cameras, level, reach) & (weights >= min_opacity)
+    near = _near(points, cameras, level, reach) & (weights >= chosen.min_opacity)
     points, weights = points[near], weights[near]
     labels, on_floor = (None if one is None else one[near] for one in (labels, on_floor))
 
-    below, above = (int(np.ceil(length / resolution - ROUNDING)) for length in (step, height))
+    below, above = (int(np.ceil(length / resolution - ROUNDING)) for length in (chosen.step, chosen.height))
     layers = below + above
     plan = np.concatenate((points[:, :2], rays.origins[:, :2]))
     low = np.floor(plan.min(0) / resolution) - 1
@@ -205,10 +219,12 @@ def occupancy(
     occupied = (hit >= FEWEST_HITS) & (hit >= HIT_SHARE * freed)
     free = (freed > 0) & ~occupied
     band = slice(2 * below, None)
-    seen_floor = np.abs(points[:, 2] - floor) <= step if on_floor is None else on_floor
+    seen_floor = np.abs(points[:, 2] - floor) <= chosen.step if on_floor is None else on_floor
     shown = np.bincount(hits[seen_floor[inside]], minlength=freed.size).reshape(shape) > 0
     blocked = np.asarray(occupied[:, :, band].any(-1))
-    clear = (free[:, :, : 2 * below] | shown[:, :, : 2 * below]).any(-1) & ~closed(blocked, narrowest / resolution)
+    clear = (free[:, :, : 2 * below] | shown[:, :, : 2 * below]).any(-1) & ~closed(
+        blocked, chosen.narrowest / resolution
+    )
     cells = np.select([blocked, clear], [OCCUPIED, FREE], UNKNOWN).astype(np.int8)
     voxels = np.select([occupied, free], [OCCUPIED, FREE], UNKNOWN).astype(np.int8)
     named = _named(hits, weights[inside], None if labels is None else labels[inside], occupied)
@@ -250,11 +266,11 @@ def rays_of(
     level: Float64[np.ndarray, "3 3"],
     depths: Float[Tensor, "v h w"] | None,
     depth_spread: Float[Tensor, "v h w"] | None,
+    stride: int = 0,
 ) -> SightRays:
-    """From each camera to its own Gaussians, or, if Gaussians do not belong to pixels, to the points at the given or rendered depths."""
-    (views,), count = cameras.batch, len(gaussians)
+    """From each camera to its own Gaussians, or, without a stride, to the points at the given or rendered depths."""
+    (views,) = cameras.batch
     spread = torch.zeros(views, *cameras.size) if depth_spread is None else depth_spread
-    stride = block_size(count, views, *cameras.size)
     if not stride:
         if depths is None:
             depths = _rendered_depths(gaussians, cameras)
@@ -263,9 +279,13 @@ def rays_of(
         origins = cameras.centres[:, None, None].expand(ends.shape)[known]
         ends, spread = ends[known], spread[known]
     else:
-        ends = gaussians.means.detach().double()
-        origins = cameras.centres.repeat_interleave(count // views, 0)
-        spread = per_gaussian(spread[:, None], stride)[:, 0]
+        ends, spread = gaussians.means.detach().double(), per_gaussian(spread[:, None], stride)[:, 0]
+        if len(ends) != len(spread):
+            raise ValueError(
+                f"there are {len(ends)} Gaussians for {len(spread)} blocks of {stride}x{stride} pixels; "
+                "expected one for each, or no stride"
+            )
+        origins = cameras.centres.repeat_interleave(len(ends) // views, 0)
     found = (one.cpu().double().numpy() for one in (origins, ends))
     origins, ends = (one @ level.T for one in found)
     return SightRays(origins, ends, spread.cpu().double().numpy())

@@ -9,8 +9,17 @@ publishes. Cameras come in as optical frames (x right, y down, z forward, as Ope
 `base_link`: its header is that of the pose or transform, with its `frame_id` and `stamp`.
 """
 
-from semgs.ros.incoming import PosedImage, frame_from_messages, pose_matrix, views_from_messages
-from semgs.ros.outgoing import detections, label_info, occupancy_grid, point_cloud, serialized
+from semgs.ros.messages import (
+    PosedImage,
+    detections,
+    frame_from_messages,
+    label_info,
+    occupancy_grid,
+    point_cloud,
+    pose_matrix,
+    serialized,
+    views_from_messages,
+)
 
 __all__ = [
     "PosedImage", "detections", "frame_from_messages", "label_info", "occupancy_grid", "point_cloud", "pose_matrix", "serialized", "views_from_messages",

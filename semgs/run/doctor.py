@@ -6,16 +6,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
 from semgs.files.folders import check_new_file
 from semgs.files.paths import existing_folder
 from semgs.files.text import aligned
 from semgs.run.options.scene_options import SceneOptions
-from semgs.run.options.types import optional
+from semgs.run.options.words import INLINE, optional, positional
 from semgs.run.outcome import Outcome, Run
 from semgs.run.usage_errors import UsageError
-from semgs.runtime.progress import Progress
+from semgs.runtime.notes import Progress
 
 if TYPE_CHECKING:
     from semgs.data.scene import Scene
@@ -44,7 +42,7 @@ class Doctor(Run):
     - semgs doctor scans/office --fix scans/office/transforms_fixed.json
     """
 
-    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+    scene: Annotated[Path, positional("SCENE")]
     """The scene: a folder, or a single file."""
     fix: Annotated[Path | None, optional("OUT.json")] = None
     """Write the corrected cameras to this transforms.json, which every semgs command reads as a scene. It lists the images and depth maps where
@@ -53,7 +51,7 @@ class Doctor(Run):
     """Write a page with the verdict, matches and epipolar lines on the images, and the cameras from above and from the side."""
     overwrite: bool = False
     """Replace the files of --fix and --page if they exist."""
-    reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
+    reading: Annotated[SceneOptions, INLINE] = field(default_factory=SceneOptions)
 
     def run(self, progress: Progress) -> Outcome:
         """Test the scene, and write the files.
@@ -68,10 +66,9 @@ class Doctor(Run):
         with progress.stage("Starting"):
             from semgs.data.scenes import open_with_details
             from semgs.doctor.diagnosis import diagnose
-            from semgs.doctor.facts import facts
+            from semgs.doctor.facts import facts, judge_unit
             from semgs.doctor.fix import check_fixable
             from semgs.doctor.quick import notes_on_sides
-            from semgs.doctor.unit import judge_unit
 
         scene = open_with_details(self.scene, self.reading.as_peers, self.reading.asked, needs_labels=False)
         if self.fix is not None:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-import tyro
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.text import aligned, did_you_mean
 from semgs.run.opened_scene import check_for_robots, open_given
-from semgs.run.options.types import Activated, Probability, at_least, one_word, optional
+from semgs.run.options.types import Activated, Probability, at_least
+from semgs.run.options.words import Words, one_word, optional, positional
 from semgs.run.outcome import Outcome, Run
 from semgs.run.usage_errors import UsageError
-from semgs.runtime.progress import Progress
+from semgs.runtime.notes import Progress
 from semgs.splats.endings import is_splat, lacks_classes
 
 if TYPE_CHECKING:
@@ -24,22 +25,29 @@ if TYPE_CHECKING:
 
     from semgs.export.export_record import ExportedFile
     from semgs.export.scene_export import SceneExport
+    from semgs.mesh.labelled import LabelledMesh
+    from semgs.robotics.objects import Objects
     from semgs.scene.opened import OpenedScene
     from semgs.scene.scene_file import SavedScene
     from semgs.scene.upright import Axes, FramedScene, UpDirection
 
-Format = Literal["ply", "points", "mcap", "gltf", "usd", "colmap", "objects", "occupancy"]
+Format = Literal["ply", "points", "mcap", "gltf", "usd", "colmap", "objects", "occupancy", "mesh", "mujoco"]
 
 UP_OF: dict[Format, Axes] = {
     "ply": "-y", "points": "z", "mcap": "z", "gltf": "y", "usd": "z", "colmap": "-y", "objects": "z", "occupancy": "z",
+    "mesh": "z", "mujoco": "z",
 }  # fmt: skip
 """The direction that is up in the files of each format, as their programs have it."""
 
-NAMES_OF_COUNTS = {"points": "points", "colmap": "points", "objects": "things", "map": "cells", "voxels": "voxels"}
+NAMES_OF_COUNTS = {
+    "points": "points", "colmap": "points", "objects": "things", "map": "cells", "voxels": "voxels", "mesh": "faces",
+    "things": "faces", "mujoco": "things",
+}  # fmt: skip
 """What the files contain, by the beginnings of their names; others contain Gaussians."""
 
 Metres = Annotated[float, one_word("METRES", at_least(0.0, more=True, finite=True))]
-
+Length = Annotated[float | None, one_word("LENGTH", at_least(0.0, more=True, finite=True)), optional()]
+Faces = Annotated[int | None, one_word("COUNT", at_least(1)), optional()]
 
 PARTLY = 3
 """The exit code if some formats are written and others cannot be."""
@@ -59,9 +67,11 @@ class Export(Run):
     - objects.json (--as objects): things with class, upright box and distance; the other files then have the number of the thing that each
     Gaussian belongs to, and gltf and usd have the boxes; needs pip install -e '.[objects]'
     - map.pgm, map.yaml and voxels.npz (--as occupancy): free floor and obstacles for ROS's map_server, and voxels with classes
+    - mesh.ply, mesh.glb (--as mesh): triangles with colour, class and confidence, for Blender, MeshLab and game engines; usd then has them too. Needs pip install -e '.[mesh]'
+    - mujoco/ (--as mujoco): scene.xml for MuJoCo, with a body for each thing, the floor and walls; needs pip install -e '.[mesh,objects]'
     - export.json: for each file, the matrix from its coordinates to those of the scene's poses; and the class table
 
-    docs/export.md says how to open each, docs/robots.md how to use things and maps.
+    docs/export.md says how to open each, docs/robots.md how to use things and maps, docs/mesh.md how to use meshes.
 
     Examples
     - semgs export out/office --out office
@@ -69,14 +79,26 @@ class Export(Run):
     - semgs export out/office --as points --classes chair table --min-confidence 0.5 --out chairs
     - semgs export out/office --as colmap --frame scene --out training
     - semgs export out/office --as objects occupancy --frame scene --out map
+    - semgs export out/office --as mesh objects --per-thing --out office-mesh
+    - semgs export out/office --as mujoco --contact hull --out office-mujoco
     - semgs export office.spz --as ply gltf --up z --out office
     """
 
-    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+    only_with: ClassVar = {
+        "--as ply": ("--colour", "--labels"),
+        "--colour photo": ("--labels",),
+        "--frame upright": ("--up",),
+        "--as occupancy": ("--resolution", "--step-height", "--robot-height"),
+        "--as mesh": ("--mesh-format", "--per-thing"),
+        "--as mesh mujoco": ("--voxel", "--faces"),
+        "--as mujoco": ("--contact",),
+    }
+
+    scene: Annotated[Path, positional("SCENE")]
     """Folder from semgs reconstruct, a scene file, or a splat."""
-    out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
+    out: Annotated[Path, Words(metavar="OUT")]
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
-    formats: Annotated[tuple[Format, ...], tyro.conf.arg(name="as")] = ("ply",)
+    formats: Annotated[tuple[Format, ...], Words(name="as")] = ("ply",)
     """What to write; several are possible."""
     frame: Literal["upright", "scene"] = "upright"
     """upright turns the scene so that up is -Y in ply and colmap, +Y in gltf, and +Z in all others, and puts its middle at the origin. scene keeps the
@@ -98,13 +120,23 @@ class Export(Run):
     min_confidence: Probability = 0.0
     """Leave out Gaussians whose likeliest class is less likely than this. For scenes without classes, it is the confidence of the depth."""
     classes: Annotated[tuple[str, ...], optional("NAME [NAME ...]")] = ()
-    """Write only Gaussians whose likeliest class is one of these. By default, all. Maps always use all Gaussians."""
+    """Write only Gaussians whose likeliest class is one of these. By default, all. Meshes have only faces of these classes. Maps always use all Gaussians."""
     resolution: Metres = 0.05
     """Side of the cells of --as occupancy, in metres."""
     step_height: Metres = 0.1
     """Things lower than this above the floor are no obstacle for the robot, in metres."""
     robot_height: Metres = 1.5
     """Things higher than this above the floor are no obstacle for the robot, in metres."""
+    voxel: Length = None
+    """Side of the voxels of --as mesh and mujoco, in the scene's unit. By default 0.02 in scenes in metres, and a 150th of the median depth in others."""
+    mesh_format: tuple[Literal["ply", "glb"], ...] = ("ply", "glb")
+    """Files of --as mesh."""
+    per_thing: bool = False
+    """Write a mesh for each thing, such as things/chair_4.ply, and one for the rest."""
+    faces: Faces = None
+    """Simplify the mesh to about this number of faces. By default, it keeps all."""
+    contact: Literal["box", "hull"] = "box"
+    """What things are for contact in --as mujoco: their box or their convex hull."""
     overwrite: bool = False
     """Replace OUT from an earlier run, once the new one is complete."""
 
@@ -116,23 +148,6 @@ class Export(Run):
             UsageError: an option is invalid, or nothing would be written.
             ImportError: a format needs a library that is not installed.
         """
-        if not self.formats:
-            raise UsageError("--as is empty; expected ply, points, mcap, gltf, usd, colmap, objects or occupancy")
-        if not self.colour:
-            raise UsageError("--colour is empty; expected photo or classes")
-        if "ply" not in self.formats and self.colour != ("photo",):
-            raise UsageError("--colour is for --as ply; points have both colours and classes")
-        if self.labels and ("ply" not in self.formats or "photo" not in self.colour):
-            raise UsageError("--labels is for gaussians.ply, that is --as ply with --colour photo")
-        if self.frame == "scene" and self.up != "auto":
-            raise UsageError("--up is for --frame upright; --frame scene turns nothing")
-        for_maps = {
-            "--resolution": self.resolution != Export.resolution,
-            "--step-height": self.step_height != Export.step_height,
-            "--robot-height": self.robot_height != Export.robot_height,
-        }
-        if "occupancy" not in self.formats and (stray := [option for option, given in for_maps.items() if given]):
-            raise UsageError(f"{stray[0]} is for --as occupancy")
         if self.step_height >= self.robot_height:
             raise UsageError(
                 f"--step-height is {self.step_height:g} and --robot-height {self.robot_height:g}; expected a smaller step"
@@ -146,6 +161,7 @@ class Export(Run):
             from semgs.export.scene_objects import things_of
             from semgs.export.usd import check_usd_library
             from semgs.files.bags import check_bag_library
+            from semgs.mesh.surface import check_mesh_libraries
             from semgs.robotics.object_libraries import check_object_libraries
             from semgs.scene.upright import up_of
 
@@ -153,12 +169,14 @@ class Export(Run):
                 check_bag_library()
             if "usd" in self.formats:
                 check_usd_library()
-            if "objects" in self.formats:
+            if self._with_things:
                 check_object_libraries()
+            if self._surfaces:
+                check_mesh_libraries(self.faces is not None)
             opened = open_given(self.scene, self.cameras, self.up, self.activated)
             scene = opened.scene
             keep = self._selected(scene)
-            for_robots = bool({"objects", "occupancy"} & set(self.formats))
+            for_robots = self._with_things or "occupancy" in self.formats
             found_up = up_of(scene, opened.up) if self.frame == "upright" or for_robots else None
             missing: dict[str, InputError] = {}
             if for_robots:
@@ -167,11 +185,15 @@ class Export(Run):
                 raise next(iter(missing.values()))
         notes = [] if found_up is None or found_up.certain else [found_up.warning]
         things = None
-        if "objects" in self.formats and "objects" not in missing and found_up is not None:
+        if set(self._with_things) - set(missing) and found_up is not None:
             with progress.stage("Finding things"):
                 things = things_of(scene, found_up)
                 things = things.only(classes=self.classes, min_confidence=self.min_confidence)
-        export = SceneExport(scene, keep, found_up if self.frame == "upright" else None, things, self.labels)
+        mesh = None
+        if set(self._surfaces) - set(missing):
+            with progress.stage("Fusing depth"):
+                mesh = self._mesh(scene, things)
+        export = SceneExport(scene, keep, found_up if self.frame == "upright" else None, things, self.labels, mesh)
         with own_folder(self.out, "export", self.overwrite) as folder, progress.stage("Writing"):
             files = []
             for name in dict.fromkeys(one for one in self.formats if one not in missing):
@@ -186,12 +208,50 @@ class Export(Run):
         lacking = tuple(f"--as {name} is not written: {why}" for name, why in missing.items())
         return Outcome(lines, tuple(notes), lacking, PARTLY if missing else 0)
 
+    @property
+    def _surfaces(self) -> list[Format]:
+        """The given formats that have a mesh."""
+        return [name for name in self.formats if name in ("mesh", "mujoco")]
+
+    @property
+    def _with_things(self) -> list[Format]:
+        """The given formats that need things."""
+        return [name for name in self.formats if name in ("objects", "mujoco") or (name == "mesh" and self.per_thing)]
+
+    @staticmethod
+    def _option(name: Format) -> str:
+        """The option that makes a format need things or metres."""
+        return "--per-thing" if name == "mesh" else f"--as {name}"
+
+    def _mesh(self, scene: SavedScene, things: Objects | None) -> LabelledMesh:
+        """The mesh to write."""
+        import numpy as np
+
+        from semgs.mesh.labelled import mesh_of
+
+        try:
+            mesh = mesh_of(scene, voxel=self.voxel, instances=None if things is None else things.instances)
+        except ValueError as error:
+            raise UsageError(f"{self.scene}: {error}") from error
+        if mesh.labels is not None and scene.classes is not None and mesh.confidences is not None:
+            wanted = mesh.confidences >= self.min_confidence
+            if self.classes:
+                wanted &= np.isin(mesh.labels, [scene.classes.index(name) for name in self.classes])
+            mesh = mesh.only(wanted[mesh.faces].all(1))
+        if not len(mesh.faces):
+            raise UsageError("no face is left; relax --min-confidence or --classes")
+        return mesh if self.faces is None else mesh.simplified(self.faces)
+
     def _check_splat(self) -> None:
         """Check what a splat of another program can never give, before it is read and up is searched."""
-        if given := [*(["--as objects"] if "objects" in self.formats else []), *self._for_classes()]:
+        if given := [*map(self._option, self._with_things), *self._for_classes()]:
             raise lacks_classes(self.scene, given[0])
         if self.cameras is None and "colmap" in self.formats:
             raise UsageError("--as colmap is for training on photos; give the scene that has them with --cameras")
+        if self.cameras is None and self._surfaces:
+            raise UsageError(
+                f"--as {self._surfaces[0]} needs views with depth; give the scene that has them with --cameras"
+            )
         if self.cameras is None and "occupancy" in self.formats:
             raise UsageError(
                 "--as occupancy needs metres, which a splat has not; give a scene in metres with --cameras"
@@ -225,31 +285,45 @@ class Export(Run):
             return [file]
         if name == "objects":
             return [export.write_objects(folder, framed)]
+        if name == "mesh":
+            return export.write_mesh(folder, self.mesh_format, self.per_thing)
+        if name == "mujoco":
+            with self._floor_is_needed():
+                return [export.write_mjcf(folder, framed, self.contact)]
         if name == "occupancy":
             return self._write_occupancy(folder, framed, export)
         return [export.write_points(folder, framed, "mcap" if name == "mcap" else "ply")]
 
     def _write_occupancy(self, folder: Path, framed: FramedScene, export: SceneExport) -> list[ExportedFile]:
         """Write the map and the voxels."""
-        from semgs.robotics.floor import NoFloorError
-
         try:
-            return export.write_occupancy(
-                folder,
-                framed,
-                resolution=self.resolution,
-                step=self.step_height,
-                height=self.robot_height,
-                up_is_known=self.up != "auto",
-            )
-        except NoFloorError as error:
-            raise InputError(self.scene, "a scene that shows the floor", str(error)) from error
+            with self._floor_is_needed():
+                return export.write_occupancy(
+                    folder,
+                    framed,
+                    resolution=self.resolution,
+                    step=self.step_height,
+                    height=self.robot_height,
+                    up_is_known=self.up != "auto",
+                )
+        except InputError:
+            raise
         except ValueError as error:  # the grid is too large, or the scene has neither grid nor depth
             raise UsageError(str(error)) from error
 
+    @contextmanager
+    def _floor_is_needed(self) -> Iterator[None]:
+        """Say of a scene in which no floor is found that it cannot be used."""
+        from semgs.robotics.floor import NoFloorError
+
+        try:
+            yield
+        except NoFloorError as error:
+            raise InputError(self.scene, "a scene that shows the floor", str(error)) from error
+
     def _selected(self, scene: SavedScene) -> Bool[Tensor, " g"]:
         """The Gaussians to write."""
-        from semgs.scene.selection import selected
+        from semgs.scene.confidence import selected
 
         if scene.classes is None and (given := self._for_classes()):
             raise InputError(self.scene, f"a scene with classes for {given[0]}", "one with colour and depth only")
@@ -266,13 +340,13 @@ class Export(Run):
     def _lacks_for_robots(self, opened: OpenedScene, up: UpDirection | None) -> dict[str, InputError]:
         """Why a scene has not what things and maps need, by the format."""
         found: dict[str, InputError] = {}
-        for name in ("objects", "occupancy"):
-            if name in self.formats:
+        for name in dict.fromkeys(self.formats):
+            if name in self._with_things or name == "occupancy":
                 try:
-                    check_for_robots(self.scene, opened, f"--as {name}", classes=name == "objects")
+                    check_for_robots(self.scene, opened, self._option(name), classes=name != "occupancy")
                 except InputError as error:
                     found[name] = error
-        if "occupancy" in self.formats and self.frame == "scene":
+        if {"occupancy", "mujoco"} & set(self.formats) and self.frame == "scene":
             self._check_z_is_up(up)
         return found
 
@@ -283,7 +357,7 @@ class Export(Run):
         if up is not None and up.direction[2] < Z_IS_UP:
             direction = ", ".join(f"{side:.2f}" for side in up.direction.tolist())
             raise UsageError(
-                f"a map in --frame scene needs poses with z up; here up is ({direction}); leave out --frame to turn the scene upright"
+                f"a map or a simulation in --frame scene needs poses with z up; here up is ({direction}); leave out --frame to turn the scene upright"
             )
 
     def _lines(self, files: list[ExportedFile], notes: list[str]) -> list[str]:
@@ -292,7 +366,7 @@ class Export(Run):
 
         rows = []
         for file in files:
-            what = NAMES_OF_COUNTS.get(file.name.split(".")[0], "Gaussians")
+            what = NAMES_OF_COUNTS.get(file.name.split(".")[0].split("/")[0], "Gaussians")
             up = "in the scene's coordinates" if file.framed.axes is None else f"up is {file.framed.axes.upper()}"
             rows.append((str(self.out / file.name), f"{file.count:,} {what}, {up}"))
         rows.append((str(self.out / FILE_NAME), "the matrices back to the scene's coordinates"))

@@ -6,16 +6,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
 from semgs._version import __version__
 from semgs.files.paths import existing_folder
 from semgs.run.options.scene_options import SceneOptions
 from semgs.run.options.segmenter_options import AnswerOptions
-from semgs.run.options.types import BY_POSITION, Count, Probability, Size, optional
+from semgs.run.options.types import Count, Probability, Size
+from semgs.run.options.words import INLINE, LAST_WORD, Words, optional, positional
 from semgs.run.outcome import Outcome, Run
 from semgs.run.prepare import prepared
-from semgs.runtime.progress import Progress
+from semgs.runtime.notes import Progress
 
 
 @dataclass(frozen=True)
@@ -39,13 +38,13 @@ class Label(Run):
     - semgs label scans --out data/own --segmenter maps --classes own --confidence 0.7
     """
 
-    src: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SRC")]
+    src: Annotated[Path, positional("SRC")]
     """A scene, or a folder of scenes."""
-    out: Annotated[Path, tyro.conf.arg(metavar="OUT"), BY_POSITION]
+    out: Annotated[Path, Words(metavar="OUT"), LAST_WORD]
     """Output folder: new, empty, or one with the same settings to resume."""
-    segmenter: Annotated[str, tyro.conf.arg(metavar="SEGMENTER")]
+    segmenter: Annotated[str, Words(metavar="SEGMENTER")]
     """What labels the photos."""
-    answers: Annotated[AnswerOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=AnswerOptions)
+    answers: Annotated[AnswerOptions, INLINE] = field(default_factory=AnswerOptions)
     confidence: Probability = 0.5
     """Pixels get no label if no class is this likely, from 0 to 1."""
     size: Size = (240, 320)
@@ -54,7 +53,7 @@ class Label(Run):
     """Keep each n-th frame."""
     scenes: Annotated[str, optional("LIST")] = ""
     """Only the scenes of a list, as for semgs prepare."""
-    reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
+    reading: Annotated[SceneOptions, INLINE] = field(default_factory=SceneOptions)
 
     def run(self, progress: Progress) -> Outcome:
         """Label the scenes.

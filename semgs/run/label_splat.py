@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-import tyro
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from semgs._version import __version__
 from semgs.files.errors import InputError
@@ -25,11 +23,11 @@ from semgs.run.options.types import (
     Probability,
     WeightsOrRandom,
     at_least,
-    one_word,
 )
+from semgs.run.options.words import INLINE, Words, one_word, positional
 from semgs.run.outcome import Outcome, Run
 from semgs.run.usage_errors import UsageError, what_the_user_gave
-from semgs.runtime.progress import Progress
+from semgs.runtime.notes import Progress
 from semgs.runtime.stopwatch import Stages
 from semgs.viewer.server import check_viewer_library
 
@@ -56,11 +54,13 @@ class LabelSplat(Run):
     - semgs label-splat office.ply --cameras scans/office --out out/office --segmenter hf:CIDAS/clipseg-rd64-refined --words mug laptop
     """
 
-    splat: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SPLAT")]
+    excludes: ClassVar = {"--segmenter": ("--weights",)}
+
+    splat: Annotated[Path, positional("SPLAT")]
     """The splat."""
-    cameras: Annotated[Path, tyro.conf.arg(metavar="SCENE")]
+    cameras: Annotated[Path, Words(metavar="SCENE")]
     """The photos and their cameras."""
-    out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
+    out: Annotated[Path, Words(metavar="OUT")]
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
     every: Count = 1
     """Classify each n-th photo."""
@@ -68,7 +68,7 @@ class LabelSplat(Run):
     """Hold out one of this many photos, to compare renderings with; 0 holds out none."""
     size: AutoSize = None
     """Height x width at which photos are classified and rendered; by default at most 76,800 pixels, as for semgs reconstruct."""
-    weights: Annotated[WeightsOrRandom, tyro.conf.arg(help_behavior_hint="(default: small)")] = None
+    weights: Annotated[WeightsOrRandom, Words(shown="small")] = None
     """The weights that classify photos, as for semgs reconstruct; --segmenter is used instead of them."""
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto"
     """The direction that is up in the scene's coordinates."""
@@ -84,8 +84,8 @@ class LabelSplat(Run):
     """Also write scene.html, which shows the scene in 3D. Needs the extra viewer."""
     overwrite: bool = False
     """Replace OUT from an earlier run, once the new result is complete."""
-    segmenting: Annotated[SegmenterOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SegmenterOptions)
-    reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
+    segmenting: Annotated[SegmenterOptions, INLINE] = field(default_factory=SegmenterOptions)
+    reading: Annotated[SceneOptions, INLINE] = field(default_factory=SceneOptions)
 
     def run(self, progress: Progress) -> Outcome:
         """Label the splat, and write the folder.
@@ -119,14 +119,15 @@ class LabelSplat(Run):
                     scene,
                     moved.gaussians,
                     labelling,
-                    GivenSplat(self.splat.name, splat.format, len(voting)),
+                    GivenSplat(
+                        self.splat.name, splat.format, len(voting), tuple(filter(None, (*splat.notes, moved.note)))
+                    ),
                     [self.every * place for place in voting],
                     [self.every * place for place in held],
                     self.size,
                     up=self.up,
                     min_confidence=self.min_confidence,
                     stages=stages,
-                    notes=tuple(filter(None, (*splat.notes, moved.note))),
                 )
             except InputError:
                 raise
@@ -157,8 +158,6 @@ class LabelSplat(Run):
             raise UsageError(
                 "--with-own-classes is for semgs reconstruct; here --segmenter is used instead of the weights"
             )
-        if self.segmenting.segmenter is not None and self.weights is not None:
-            raise UsageError("--weights and --segmenter both say the classes; leave one out")
         if self.hold_out == 1:
             raise UsageError("--hold-out 1 holds out every photo; expected 0 for none, or 2 or more")
         if self.html:
@@ -168,7 +167,7 @@ class LabelSplat(Run):
         """What says the classes of photos, and its origin for the report."""
         from semgs.model.weights.load import load
         from semgs.run.output.report import Provenance
-        from semgs.run.steps.network_classes import NetworkClasses
+        from semgs.run.steps.splat_labelling import NetworkClasses
         from semgs.runtime.kept import kept
         from semgs.segmenters.labelling import Labelling
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-from semgs.runtime.progress import Progress
+from semgs.runtime.notes import Progress
 
 
 @dataclass(frozen=True)

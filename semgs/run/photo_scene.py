@@ -12,12 +12,11 @@ from semgs.data.scene_details import SceneDetails
 from semgs.data.scenes import open_with_details
 from semgs.files.errors import readable
 from semgs.files.folders import staged
-from semgs.run.options.posing_options import PosingOptions
+from semgs.run.options.scene_options import PosingOptions
 from semgs.run.usage_errors import UsageError, what_the_user_gave
-from semgs.runtime.progress import Progress
+from semgs.runtime.notes import Progress
 from semgs.sfm.photos import has_only_photos
-from semgs.sfm.scene_folder import write_photo_scene
-from semgs.sfm.writing import IMAGES
+from semgs.sfm.scene_folder import IMAGES, write_photo_scene
 
 CAMERAS = "cameras"
 """The folder in the output with the photos and their cameras."""

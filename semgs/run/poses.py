@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-import tyro
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.paths import existing_folder
-from semgs.run.options.posing_options import PosingOptions
-from semgs.run.options.types import BY_POSITION, optional
+from semgs.run.options.scene_options import PosingOptions
+from semgs.run.options.words import INLINE, LAST_WORD, Words, optional, positional
 from semgs.run.outcome import Outcome, Run
-from semgs.run.usage_errors import UsageError, what_the_user_gave
-from semgs.runtime.progress import Progress
+from semgs.run.usage_errors import what_the_user_gave
+from semgs.runtime.notes import Progress
 
 if TYPE_CHECKING:
     from semgs.sfm.solving import Solution
@@ -36,17 +34,19 @@ class Poses(Run):
     - semgs poses photos --out scans/kitchen --predictions predictions.npz
     """
 
-    photos: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PHOTOS")]
+    excludes: ClassVar = {"--predictions": ("--as colmap", "--focal", "--clip-frames")}
+
+    photos: Annotated[Path, positional("PHOTOS")]
     """A folder of photos, or a video."""
-    out: Annotated[Path, tyro.conf.arg(metavar="OUT"), BY_POSITION]
+    out: Annotated[Path, Words(metavar="OUT"), LAST_WORD]
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
-    form: Annotated[Literal["transforms", "colmap"], tyro.conf.arg(name="as")] = "transforms"
+    form: Annotated[Literal["transforms", "colmap"], Words(name="as")] = "transforms"
     """transforms.json with sparse_pc.ply, as nerfstudio has them, or a COLMAP model in sparse/0. A COLMAP model does not say that its unit is metres."""
     predictions: Annotated[Path | None, optional("FILE")] = None
     """Take the cameras from this file of Depth Anything 3, VGGT, MapAnything or DUSt3R instead of COLMAP. PHOTOS are those that it was made from."""
     overwrite: bool = False
     """Replace an OUT from an earlier run, once the new one is complete."""
-    posing: Annotated[PosingOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=PosingOptions)
+    posing: Annotated[PosingOptions, INLINE] = field(default_factory=PosingOptions)
 
     def run(self, progress: Progress) -> Outcome:
         """Estimate the cameras, and write the folder.
@@ -78,10 +78,8 @@ class Poses(Run):
     def _predicted(self, predictions: Path, progress: Progress) -> Solution:
         """Write the scene with the cameras of a file."""
         known = self.posing.known()
-        if self.form == "colmap" or self.posing != replace(PosingOptions(), scale_from=self.posing.scale_from):
-            raise UsageError("--as colmap, --focal and --clip-frames are for COLMAP; leave them out with --predictions")
         with progress.stage("Starting"):
-            from semgs.sfm.predicted_cameras import write_predicted_scene
+            from semgs.sfm.scene_folder import write_predicted_scene
 
         with own_folder(self.out, "poses", self.overwrite) as folder, what_the_user_gave():
             return write_predicted_scene(self.photos, predictions, folder, known.distance)

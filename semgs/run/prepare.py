@@ -7,17 +7,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import tyro
-
 from semgs._version import __version__
 from semgs.files.paths import existing_folder
 from semgs.files.text import counted
 from semgs.run.options.scene_options import SceneOptions
-from semgs.run.options.types import BY_POSITION, Count, Size, WorkersOrCores, optional
+from semgs.run.options.types import Count, Size, WorkersOrCores
+from semgs.run.options.words import INLINE, LAST_WORD, Words, optional, positional
 from semgs.run.outcome import Outcome, Run
 from semgs.run.usage_errors import UsageError, what_the_user_gave
 from semgs.runtime.cores import usable_cores
-from semgs.runtime.progress import Progress
+from semgs.runtime.notes import Progress
 
 if TYPE_CHECKING:
     from semgs.data.preparation.archive import Preparation
@@ -43,9 +42,9 @@ class Prepare(Run):
     - semgs prepare recording --out data/robot --camera /camera/color --world map
     """
 
-    src: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SRC")]
+    src: Annotated[Path, positional("SRC")]
     """A scene, or a folder of scenes."""
-    out: Annotated[Path, tyro.conf.arg(metavar="OUT"), BY_POSITION]
+    out: Annotated[Path, Words(metavar="OUT"), LAST_WORD]
     """Output folder: new, empty, or one with the same settings to resume."""
     size: Size = (240, 320)
     """Height x width of the images, in pixels; swapped for portrait images. Other aspect ratios are centre-cropped."""
@@ -55,7 +54,7 @@ class Prepare(Run):
     """Only the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line; see docs/reproduce.md."""
     workers: Annotated[WorkersOrCores, optional()] = None
     """Worker processes; by default one per core, 0 for none."""
-    reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
+    reading: Annotated[SceneOptions, INLINE] = field(default_factory=SceneOptions)
 
     def run(self, progress: Progress) -> Outcome:
         """Prepare the scenes.

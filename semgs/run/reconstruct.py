@@ -5,19 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import tyro
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from semgs.files.folders import check_apart, check_folder, check_new_file, own_folder
 from semgs.files.paths import check_utf8, existing_folder, files_among
-from semgs.model.networks import NAMES, NetworkName
+from semgs.model.networks import NetworkName
 from semgs.run.device import chosen_device, chosen_precision
 from semgs.run.options.depth_options import DepthOptions
-from semgs.run.options.feature_options import FeatureOptions
-from semgs.run.options.posing_options import PosingOptions
-from semgs.run.options.scene_options import SceneOptions
-from semgs.run.options.segmenter_options import SegmenterOptions
+from semgs.run.options.scene_options import PosingOptions, SceneOptions
+from semgs.run.options.segmenter_options import FeatureOptions, SegmenterOptions
 from semgs.run.options.types import (
     AutoSize,
     Device,
@@ -28,13 +24,12 @@ from semgs.run.options.types import (
     Probability,
     Views,
     WeightsOrRandom,
-    optional,
 )
+from semgs.run.options.words import INLINE, Words, optional, positional
 from semgs.run.outcome import Outcome, Run
 from semgs.run.output.rerun_library import rerun_library
 from semgs.run.usage_errors import UsageError, what_fits, what_the_user_gave
-from semgs.runtime.notes import Kind, Note
-from semgs.runtime.progress import Progress
+from semgs.runtime.notes import Kind, Note, Progress
 from semgs.runtime.stopwatch import Stages
 from semgs.viewer.server import check_viewer_library
 
@@ -97,9 +92,11 @@ class Reconstruct(Run):
     - semgs reconstruct recording --out out/flat --all --rerun flat.rrd
     """
 
-    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+    excludes: ClassVar = {"--all": ("--context", "--views"), "--refine-poses": ("--keep-poses",)}
+
+    scene: Annotated[Path, positional("SCENE")]
     """The scene: a folder, or a single file."""
-    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    out: Annotated[Path, Words(metavar="DIR")]
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
     views: Annotated[Views | None, optional()] = None
     """Use only so many input views, 2 or more, which are chosen by overlap and baseline. By default, up to 12 are used: every frame that adds
@@ -115,10 +112,10 @@ class Reconstruct(Run):
     depth_range: NearFar = None
     """Depth bounds for the network, in the scene's unit. By default they come from the scene; most metric scenes get 0.5 10. For a camera that is
     nearer to things, state them, such as 0.25 5."""
-    weights: Annotated[WeightsOrRandom, tyro.conf.arg(help_behavior_hint="(default: small)")] = None
+    weights: Annotated[WeightsOrRandom, Words(shown="small")] = None
     """"small" for the included weights, a weights file, hf://OWNER/NAME[@REVISION] to download from the Hugging Face hub, or "random".
     A file says which network it is for; MVSplat's checkpoints give colour and depth only."""
-    model: Annotated[NetworkName | None, optional(f"{{{','.join(NAMES)}}}")] = None
+    model: Annotated[NetworkName | None, optional()] = None
     """Network for --weights random, or base to fill it from MVSplat's checkpoint. Otherwise the weights decide. small runs on a laptop,
     base has the paper's sizes, mvsplat has colour and depth only."""
     exposure: Exposure = "auto"
@@ -150,11 +147,11 @@ class Reconstruct(Run):
     """Do not keep photos without poses, with their estimated cameras, in DIR/cameras."""
     overwrite: bool = False
     """Replace a DIR from an earlier run, once the new result is complete, and the FILE of --rerun."""
-    placing: Annotated[DepthOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=DepthOptions)
-    segmenting: Annotated[SegmenterOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SegmenterOptions)
-    featuring: Annotated[FeatureOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=FeatureOptions)
-    posing: Annotated[PosingOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=PosingOptions)
-    reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
+    placing: Annotated[DepthOptions, INLINE] = field(default_factory=DepthOptions)
+    segmenting: Annotated[SegmenterOptions, INLINE] = field(default_factory=SegmenterOptions)
+    featuring: Annotated[FeatureOptions, INLINE] = field(default_factory=FeatureOptions)
+    posing: Annotated[PosingOptions, INLINE] = field(default_factory=PosingOptions)
+    reading: Annotated[SceneOptions, INLINE] = field(default_factory=SceneOptions)
 
     def run(self, progress: Progress) -> Outcome:
         """Reconstruct, and write the folder.
@@ -198,9 +195,8 @@ class Reconstruct(Run):
             with what_fits(), what_the_user_gave():
                 result = reconstruct(
                     scene,
-                    choice,
+                    replace(choice, size=self.size),
                     network,
-                    self.size,
                     depth=depth,
                     exposure=self.exposure,
                     labelling=labelling,
@@ -208,8 +204,8 @@ class Reconstruct(Run):
                     min_confidence=self.min_confidence,
                     passes=self._passes(choice),
                     stages=stages,
-                    notes=[*notes, *self._notes()],
                 )
+                result = replace(result, notes=(*notes, *self._notes(), *result.notes))
             write_results(folder, result, origin, stages, self.html)
             if photos is not None and photos.kept:
                 photos.move_to(folder)
@@ -292,12 +288,6 @@ class Reconstruct(Run):
             check_viewer_library()
         if self.rerun is not None:
             self._check_rerun_file(self.rerun)
-        if self.all and self.context:
-            raise UsageError("--context names the frames to use and --all uses all that add something; leave one out")
-        if self.all and self.views is not None:
-            raise UsageError(f"--all uses every frame that adds something and --views {self.views}; leave one out")
-        if self.refine_poses and self.keep_poses:
-            raise UsageError("--refine-poses corrects the cameras and --keep-poses keeps them; leave one out")
         if len(self.context) == 1:
             raise UsageError("--context has one frame; expected two or more that overlap")
         if self.context and self.views not in (None, len(self.context)):

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-import tyro
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from semgs.files.errors import InputError
 from semgs.files.folders import FILE_ENDINGS, check_folder, check_new_file, own_folder
 from semgs.files.paths import found_at, typed_path
 from semgs.files.text import counted, did_you_mean
 from semgs.run.opened_scene import open_given
-from semgs.run.options.types import Activated, Count, Probability, Size, optional
+from semgs.run.options.types import Activated, Count, Probability, Size
+from semgs.run.options.words import Words, optional, positional
 from semgs.run.outcome import Outcome, Run
 from semgs.run.usage_errors import UsageError, what_the_user_gave
-from semgs.runtime.progress import Progress
+from semgs.runtime.notes import Progress
 from semgs.splats.endings import is_splat
 
 if TYPE_CHECKING:
@@ -54,26 +53,26 @@ class Render(Run):
     - semgs render office.spz --out office.mp4 --cameras scans/office --path inputs
     """
 
-    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+    only_with: ClassVar = {"--path orbit": ("--degrees",), "--path orbit inputs": ("--frames",)}
+
+    scene: Annotated[Path, positional("SCENE")]
     """Folder from semgs reconstruct, a scene file, or a splat."""
-    out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
+    out: Annotated[Path, Words(metavar="OUT")]
     """Output: a video (.mp4) or a folder, new or, with --overwrite, one from an earlier run."""
-    path: Annotated[str, tyro.conf.arg(metavar="orbit|inputs|FILE")] = "orbit"
+    path: Annotated[str, Words(metavar="orbit|inputs|FILE")] = "orbit"
     """orbit swings around what the first input view looks at, or circles a splat without --cameras; inputs goes from the first input view to the last and back; FILE is a camera path of
     nerfstudio or a transforms.json, in the coordinates of the scene's poses."""
     show: Annotated[
         tuple[Literal["colour", "classes", "overlay", "depth", "confidence", "alpha", "rgba"], ...],
-        tyro.conf.arg(help_behavior_hint="(default: colour classes; without classes, colour depth)"),
+        Words(shown="colour classes; without classes, colour depth"),
     ] = ()
     """What to show. overlay is colour tinted by class, confidence the probability of the likeliest class, alpha the opacity, and rgba colour with
     transparency, for images only."""
-    frames: Annotated[
-        Count | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: 120; a FILE has its own)")
-    ] = None
+    frames: Annotated[Count | None, Words(metavar="INT", shown="120; a FILE has its own")] = None
     """Number of images along the path."""
     degrees: Annotated[
         float | None,
-        tyro.conf.arg(metavar="FLOAT", help_behavior_hint="(default: 24; 360 for a splat without --cameras)"),
+        Words(metavar="FLOAT", shown="24; 360 for a splat without --cameras"),
     ] = None
     """Angle of the orbit: half of it to each side, or 360 for a full circle. The further from the input views, the more holes there are."""
     size: Annotated[Size | None, optional("HxW")] = None
@@ -107,10 +106,6 @@ class Render(Run):
             raise UsageError(f"--degrees is {self.degrees:g}; expected more than 0, at most 360")
         if video and "rgba" in self.show:
             raise UsageError("--show rgba is for images; a video has no transparency")
-        if self.frames is not None and self.path not in OWN_PATHS:
-            raise UsageError(f"--frames is for orbit and inputs; {self.path} has its own cameras")
-        if self.degrees is not None and self.path != "orbit":
-            raise UsageError(f"--degrees is for orbit; --path is {self.path}")
         self._check_path()
         if self.fps != Render.fps and not video:
             raise UsageError(f"--fps is for a video; {self.out} does not end with {VIDEO}")

@@ -1,8 +1,12 @@
-"""What a user should know, as data: a kind with values. A kind has words for the command line, and for a page that shows no options."""
+"""What long work tells whoever waits for it: its progress, and notes.
+
+A note is data: a kind with values. A kind has words for the command line, and for a page that shows no options.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from string import Formatter
 from typing import Any
@@ -70,3 +74,26 @@ def for_page(sentences: Iterable[str]) -> list[str]:
 def _places(words: str) -> set[str]:
     """The names of the values in words."""
     return {name for _, name, _, _ in Formatter().parse(words) if name}
+
+
+class Progress:
+    """Shows what is being done. This one shows nothing; the command line and the app have their own.
+
+    Titles and lines may be a `Note`, so that each can use its own words.
+    """
+
+    @contextmanager
+    def stage(self, title: str) -> Iterator[None]:
+        """Show a stage as long as the block runs."""
+        yield
+
+    @contextmanager
+    def steps(self, title: str, count: int) -> Iterator[Callable[[int], None]]:
+        """Show a stage of counted steps. Call the yielded function with the number of steps so far."""
+        yield lambda steps: None
+
+    def announce(self, line: str) -> None:
+        """Say what is about to start."""
+
+    def compiling(self) -> None:
+        """Say that kernels are compiled, once on this machine."""

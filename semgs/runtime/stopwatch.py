@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
 
-from semgs.runtime.progress import Progress
+from semgs.runtime.notes import Progress
 
 COMPILE = "compile"
 """The stage for compiling kernels, in whichever stage it happens. It is absent if all kernels are cached on disk."""

@@ -355,11 +355,3 @@ def _lower_median(maps: Float[Tensor, "*batch v h w"], stride: int) -> Float[Ten
     rows, columns = (side // stride for side in padded.shape[-2:])
     blocks = padded.reshape(*maps.shape[:-2], rows, stride, columns, stride).transpose(-3, -2)
     return blocks.flatten(-2).nanmedian(-1).values
-
-
-def block_size(gaussians: int, views: int, height: int, width: int) -> int:
-    """Pixels along each side of a Gaussian's block, from how many there are of both; 0 if the Gaussians are on no grid of the views."""
-    for stride in range(1, min(height, width) + 1):
-        if views * -(-height // stride) * -(-width // stride) == gaussians:
-            return stride
-    return 0

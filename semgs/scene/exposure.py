@@ -22,7 +22,7 @@ from semgs.geometry.cameras import Cameras, back_project
 from semgs.geometry.fusion import see_again
 from semgs.geometry.harmonics import basis
 from semgs.scene.encoding import Encoding
-from semgs.scene.nearest import inside
+from semgs.scene.overlap import inside
 
 ExposureChoice = Literal["auto", "fitted", "as-taken"]
 """Whether photos come to a common exposure: if they differ in exposure, always, or never."""

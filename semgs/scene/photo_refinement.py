@@ -16,9 +16,9 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from semgs.data.views import Views
+from semgs.files.errors import check_type
 from semgs.geometry.fusion import see_again
 from semgs.geometry.gaussians import Gaussians
-from semgs.runtime.argument_types import check_type
 from semgs.scene.encoding import Encoding
 
 PASSES, WALK_PASSES = 15, 7

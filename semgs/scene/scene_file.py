@@ -1,21 +1,20 @@
 """The scene file: a complete reconstruction in one safetensors file; writing and reading.
 
-Format, version 1. One metadata key, `semgs`, holds JSON: `format` ("semgs.scene"), `version`, `unit`, `image_size`
+One metadata key, `semgs`, holds JSON: `format` ("semgs.scene"), `version` (3), `unit`, `image_size`
 [height, width], `frames` (names of the context frames in the source), `source`, `model`, `classes` (null, or `name`,
-`names`, `colours`, `raw_ids`), `applied_transform` and `applied_scale` (nerfstudio's, null if the source has none). If the class distributions
-can be calibrated, `temperatures` has two numbers, `rendered` and `gaussians` (absent in files of semgs 0.1.0 and earlier).
-If the source is far from the origin of its coordinates, the version is 2 and `origin` contains three numbers: `means` are relative to that
+`names`, `colours`, `raw_ids`), `applied_transform` and `applied_scale` (nerfstudio's, null if the source has none), and `stride`, the side of the block of
+pixels that a Gaussian stands for. If the class distributions can be calibrated, `temperatures` has two numbers, `rendered` and `gaussians`.
+If the source is far from the origin of its coordinates, `origin` contains three numbers: `means` are relative to that
 point, in float32; `cameras.world_from_camera` is in the source's coordinates.
-If the scene was merged from several windows (`semgs reconstruct --all`) or has hidden pixels, not every pixel has a Gaussian: the version is 3, `stride` is the side of
-a block of pixels, and `places` [g] int64 are the blocks of the Gaussians, counted by view, row and column.
 Tensors are float32 unless noted; g Gaussians, v context views:
 
     means [g 3]  opacities [g]
     colour.quaternions [g 4]  colour.scales [g 3]  colour.features [g k 3]      (w, x, y, z; harmonics, 3DGS basis)
     semantic.quaternions [g 4]  semantic.scales [g 3]  semantic.features [g class]      (absent without classes)
-    footprints [g]      (absent in labelled splats of other programs, and in files of semgs 0.1.0 and earlier)
+    footprints [g]      (absent in labelled splats of other programs)
+    places [g] int64      (their blocks, counted by view, row and column; absent if every block has a Gaussian)
     cameras.world_from_camera [v 4 4] float64  cameras.intrinsics [v 3 3] float64  depth_range [v 2] float64
-    depths [v h w]  confidences [v h w]  depth_spread [v h w]      (depth_spread: absent in files of semgs 0.1.0 and earlier)
+    depths [v h w]  confidences [v h w]  depth_spread [v h w]      (depth_spread: absent if unknown)
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
 from semgs.files.atomic import write_bytes
 from semgs.files.contents import refuse_checkpoint
-from semgs.files.errors import InputError, input_error
+from semgs.files.errors import InputError, check_type, input_error
 from semgs.files.paths import typed_path
 from semgs.files.records import make_record
 from semgs.files.strict_json import parse_json
@@ -46,16 +45,16 @@ from semgs.geometry.summaries import describe
 from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
 from semgs.rendering.temperatures import Temperatures
-from semgs.runtime.argument_types import check_type
-from semgs.scene.encoding import Encoding, block_size, per_gaussian
+from semgs.scene.encoding import Encoding, per_gaussian
 
 FILE_NAME = "scene.safetensors"
 """Name of the scene file in an output folder of `semgs reconstruct`."""
 
-FORMAT = "semgs.scene"
-VERSION, FAR_VERSION, MERGED_VERSION = 1, 2, 3
-"""Version for scenes in the source's own coordinates, for scenes with an origin, and for merged scenes."""
+FORMAT, VERSION = "semgs.scene", 3
+AGAIN = "make it again with `semgs reconstruct --out`, or `semgs label-splat --out` for a splat"
+"""What to do about a file of an older version."""
 
+_APPEARANCE = ("quaternions", "scales", "features")
 _FLOAT64 = ("cameras.world_from_camera", "cameras.intrinsics", "depth_range")
 
 
@@ -80,8 +79,7 @@ class SavedScene:
         depth_spread: standard deviation of log depth: 0.1 is about 10 % of the depth; None if unknown.
         temperatures: calibrate the class distributions; None if unknown.
         origin: add it to a position to get the source's coordinates; (0, 0, 0) unless the source is far from its own origin.
-        stride: pixels along each side of the block that a Gaussian stands for; if it is not given, it follows from how many there are of
-            both, and is 0 if the Gaussians are on no grid of the views.
+        stride: pixels along each side of the block that a Gaussian stands for.
         places: of each Gaussian the number of its block, in the order view, row, column, in merged scenes and those with
             hidden pixels; None if every block has a Gaussian.
 
@@ -105,7 +103,7 @@ class SavedScene:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     depth_spread: Float[Tensor, "v h w"] | None = None
     temperatures: Temperatures | None = None
-    stride: int = 0
+    stride: int = 1
     places: Int64[Tensor, " g"] | None = None
 
     def __post_init__(self) -> None:
@@ -129,10 +127,7 @@ class SavedScene:
             raise ValueError(
                 f"the Gaussians have {held} classes and the table is {self.classes}; expected both or none"
             )
-        if self.places is None and not self.stride:
-            object.__setattr__(self, "stride", block_size(len(self.gaussians), *maps))
-        if self.places is not None:
-            _check_places(self.places, self.stride, len(self.gaussians), maps)
+        _check_blocks(self.places, self.stride, len(self.gaussians), maps)
         self.gaussians.checked()
         near, far = self.depth_range.unbind(-1)
         spread = torch.zeros(()) if self.depth_spread is None else self.depth_spread
@@ -206,23 +201,20 @@ class SavedScene:
 
     @property
     def grid(self) -> tuple[int, int, int]:
-        """(views, rows, columns) of the blocks of pixels that Gaussians stand for.
-
-        Raises:
-            ValueError: they stand for none.
-        """
-        if not self.stride:
-            raise ValueError("expected a scene with a Gaussian for each pixel or block of pixels")
+        """(views, rows, columns) of the blocks of pixels that Gaussians stand for."""
         rows, columns = (-(-side // self.stride) for side in self.cameras.size)
         return len(self.frames), rows, columns
 
     @property
+    def blocks(self) -> Int64[Tensor, " g"]:
+        """The block of each Gaussian: `places`, also where every block has a Gaussian."""
+        return torch.arange(len(self.gaussians)) if self.places is None else self.places
+
+    @property
     def own_views(self) -> Int64[Tensor, " g"]:
         """The input view of each Gaussian."""
-        if self.places is not None:
-            _, rows, columns = self.grid
-            return self.places // (rows * columns)
-        return torch.arange(len(self.frames)).repeat_interleave(len(self.gaussians) // len(self.frames))
+        _, rows, columns = self.grid
+        return self.blocks // (rows * columns)
 
     def per_gaussian(self, maps: Float[Tensor, "v h w"]) -> Float[Tensor, " g"]:
         """For each Gaussian the mean over the pixels that it stands for.
@@ -260,32 +252,27 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
     gaussians, in_source = scene.gaussians, scene.cameras
     if any(scene.origin):
         in_source = in_source.relative_to([-side for side in scene.origin])
-    tensors = {"means": gaussians.means, "opacities": gaussians.opacities}
+    given = {"means": gaussians.means, "opacities": gaussians.opacities, "footprints": gaussians.footprints}
+    given |= {"depths": scene.depths, "confidences": scene.confidences, "depth_spread": scene.depth_spread}
     for branch, appearance in (("colour", gaussians.colour), ("semantic", gaussians.semantic)):
         if appearance is not None:
-            tensors[f"{branch}.quaternions"] = appearance.quaternions
-            tensors[f"{branch}.scales"] = appearance.scales
-            tensors[f"{branch}.features"] = appearance.features
-    if gaussians.footprints is not None:
-        tensors["footprints"] = gaussians.footprints
-    tensors |= {"depths": scene.depths, "confidences": scene.confidences}
-    if scene.depth_spread is not None:
-        tensors["depth_spread"] = scene.depth_spread
+            given |= {f"{branch}.{name}": getattr(appearance, name) for name in _APPEARANCE}
     # Colour and semantic Gaussians may share their shapes; the file stores each tensor by itself.
     tensors = {
-        name: tensor.detach().to("cpu", torch.float32, copy=True).contiguous() for name, tensor in tensors.items()
+        name: tensor.detach().to("cpu", torch.float32, copy=True).contiguous()
+        for name, tensor in given.items()
+        if tensor is not None
     }
     tensors |= {
         "cameras.world_from_camera": in_source.world_from_camera.contiguous(),
         "cameras.intrinsics": scene.cameras.intrinsics.contiguous(),
         "depth_range": scene.depth_range.contiguous(),
     }
-    version = FAR_VERSION if any(scene.origin) else VERSION
     if scene.places is not None:
-        tensors["places"], version = scene.places.contiguous(), MERGED_VERSION
+        tensors["places"] = scene.places.contiguous()
     header = {
         "format": FORMAT,
-        "version": version,
+        "version": VERSION,
         "unit": scene.unit,
         "image_size": list(scene.cameras.size),
         "frames": list(scene.frames),
@@ -296,7 +283,7 @@ def save_scene(path: str | Path, scene: SavedScene) -> None:
         "applied_scale": scene.applied_scale,
         **({"temperatures": asdict(scene.temperatures)} if scene.temperatures else {}),
         **({"origin": list(scene.origin)} if any(scene.origin) else {}),
-        **({"stride": scene.stride} if scene.places is not None else {}),
+        "stride": scene.stride,
     }
     write_bytes(path, save(tensors, metadata={"semgs": json.dumps(header, allow_nan=False)}))
 
@@ -305,7 +292,7 @@ def load_scene(path: str | Path) -> SavedScene:
     """Read a scene file, or the one in an output folder of `semgs reconstruct`.
 
     Raises:
-        InputError: it is missing, incomplete, no scene file, of a newer version, or its contents are not a valid `SavedScene`.
+        InputError: it is missing, incomplete, no scene file, of another version, or its contents are not a valid `SavedScene`.
     """
     path = typed_path(path)
     file = path / FILE_NAME if path.is_dir() else path
@@ -326,18 +313,16 @@ def load_scene(path: str | Path) -> SavedScene:
 
 
 def _header(file: Path, text: str | None) -> dict:
-    """The JSON header of a scene file, if this version can read it."""
+    """The JSON header of a scene file of this version."""
     with input_error(file, "JSON", key="metadata.semgs"):
         header = parse_json(text or "null")
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise InputError(file, f"a scene file (format {FORMAT})", "another safetensors file")
-    if not isinstance(header.get("version"), int) or header["version"] > MERGED_VERSION:
-        raise InputError(
-            file,
-            f"version {MERGED_VERSION} or older",
-            f"version {header.get('version')}",
-            advice="upgrade semgs to read it",
-        )
+    version = header.get("version")
+    if version != VERSION:
+        newer = isinstance(version, int) and version > VERSION
+        advice = "upgrade semgs to read it" if newer else AGAIN
+        raise InputError(file, f"version {VERSION}", f"version {version}", advice=advice)
     return header
 
 
@@ -345,7 +330,7 @@ def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
     """The scene of a header and its tensors; KeyError, ValueError or TypeError if they are invalid."""
 
     def appearance(branch: str) -> Appearance:
-        return Appearance(*(tensors[f"{branch}.{name}"] for name in ("quaternions", "scales", "features")))
+        return Appearance(*(tensors[f"{branch}.{name}"] for name in _APPEARANCE))
 
     for name, tensor in tensors.items():
         expected = torch.float64 if name in _FLOAT64 else torch.int64 if name == "places" else torch.float32
@@ -381,13 +366,13 @@ def _scene(header: dict, tensors: dict[str, Tensor]) -> SavedScene:
         origin=(x, y, z),
         depth_spread=tensors.get("depth_spread"),
         temperatures=None if temperatures is None else Temperatures(**temperatures),
-        stride=header["stride"] if "places" in tensors else 0,
+        stride=header["stride"],
         places=tensors.get("places"),
     )
 
 
-def _check_places(places: Int64[Tensor, " _"], stride: int, gaussians: int, maps: tuple[int, ...]) -> None:
-    """Check that places are blocks of pixels of (views, height, width), one for each Gaussian.
+def _check_blocks(places: Int64[Tensor, " _"] | None, stride: int, gaussians: int, maps: tuple[int, ...]) -> None:
+    """Check that each Gaussian has a block of pixels of (views, height, width), and each block a Gaussian if there are no places.
 
     Raises:
         ValueError: they are not.
@@ -395,5 +380,8 @@ def _check_places(places: Int64[Tensor, " _"], stride: int, gaussians: int, maps
     if not isinstance(stride, int) or not 1 <= stride <= min(maps[1:]):
         raise ValueError(f"stride is {stride!r}; expected 1 to {min(maps[1:])} pixels")
     blocks = maps[0] * -(-maps[1] // stride) * -(-maps[2] // stride)
-    if places.shape != (gaussians,) or (len(places) and not 0 <= int(places.min()) <= int(places.max()) < blocks):
+    if places is None:
+        if gaussians != blocks:
+            raise ValueError(f"there are {gaussians} Gaussians for {blocks} blocks of pixels; expected one for each")
+    elif places.shape != (gaussians,) or (len(places) and not 0 <= int(places.min()) <= int(places.max()) < blocks):
         raise ValueError(f"places are {tuple(places.shape)}; expected ({gaussians},) with numbers of 0 to {blocks - 1}")

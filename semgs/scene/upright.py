@@ -21,7 +21,7 @@ from jaxtyping import Bool, Float64
 from torch import Tensor
 
 from semgs.geometry.cameras import inverse_rigid
-from semgs.geometry.rigid import move_cameras, move_gaussians
+from semgs.geometry.gaussians import move_cameras, move_gaussians
 from semgs.scene.own_views import lines, own_labels, own_points
 from semgs.scene.scene_file import SavedScene
 

@@ -1,4 +1,4 @@
-"""Class maps in files, from whatever segmented the photos.
+"""Class maps in files, from whatever segmented the photos, and those of a network, which may be saved in such files.
 
     DIR/classes.json            the table: names, colours and the numbers that stand for them (docs/train.md)
     DIR/color/0.png             class numbers of the photo color/0.jpg, 8 bits, or
@@ -16,12 +16,12 @@ import io
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any, final
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Float32
+from jaxtyping import Float, Float32, UInt8
 from torch import Tensor
 
 from semgs.data.frames import Frame
@@ -30,54 +30,26 @@ from semgs.data.resampling import Fit
 from semgs.data.scene import Scene
 from semgs.data.tables.class_files import LabelSet, class_file, read_class_file
 from semgs.data.tables.classes import SCANNET20, ClassTable
-from semgs.files.archives import members
-from semgs.files.arrays import read_array
 from semgs.files.atomic import write_bytes, write_json
+from semgs.files.contents import sha256_of
 from semgs.files.errors import InputError
 from semgs.files.strict_json import read_json
-from semgs.segmenters.photo_maps import normalised, one_hot, to_view
+from semgs.segmenters.class_source import ClassSource, Segmenter
+from semgs.sources.photo_maps import file_of, needed_file, normalised, one_hot, only_array, place_of, stems_of, to_view
+from semgs.sources.source import BOUNDS, Cost, MadeBy, cost_of_photos
 
 TABLE = "classes.json"
 RECORD = "segmenter.json"
 RECORDED = ("name", "digest", "licence")
+ENDINGS = (".png", ".npz")
 
 SUMS_TO_1 = 0.02
 """Probabilities in files sum to 1 up to this: they are often stored in half precision."""
 
-BOUNDS = (0.1, 10.0)
-"""Near and far that a frame is read with for its labels alone, which do not depend on them."""
-
-
-@dataclass(frozen=True)
-class MadeBy:
-    """Which network maps are from.
-
-    Attributes:
-        name: of the network: a file name or a hub id.
-        digest: a hash of its weights.
-        licence: of the network; "unknown" if it does not say.
-        revision: the commit of the hub that it was; empty for files and folders. Another one with the same weights is the same network.
-    """
-
-    name: str
-    digest: str
-    licence: str = "unknown"
-    revision: str = field(default="", compare=False)
-
-    @property
-    def title(self) -> str:
-        """Name and licence."""
-        return f"{self.name} (licence {self.licence})"
-
-    @property
-    def pinned(self) -> str:
-        """The name; of a model of the hub with its commit, as hf:OWNER/NAME@COMMIT."""
-        return f"{self.name.partition('@')[0]}@{self.revision}" if self.revision else self.name
-
 
 @final
 @dataclass(frozen=True)
-class MapFiles:
+class MapFiles(ClassSource):
     """A folder of class maps for the frames of one scene.
 
     Attributes:
@@ -125,11 +97,6 @@ class MapFiles:
         """The table of the distributions."""
         return self.labels.table
 
-    @property
-    def known(self) -> Bool[np.ndarray, " class"]:
-        """All of the table."""
-        return np.ones(len(self.classes), bool)
-
     def of(self, frame: Frame, size: tuple[int, int], fit: Fit = "crop") -> Float[Tensor, "class h w"]:
         """The distribution over the classes of every pixel of a frame; even where a number means no label.
 
@@ -137,11 +104,7 @@ class MapFiles:
             InputError: there is no map of the frame, or it is damaged, has another aspect than the photo, a number outside the table, another
                 number of classes, or probabilities that do not sum to 1.
         """
-        path = self.path_of(frame)
-        if path is None:
-            name = PurePosixPath(frame.name)
-            wanted = f"a map of frame {frame.name}: {name.with_suffix('.png')} or {name.with_suffix('.npz')}"
-            raise InputError(self.folder, wanted, "none")
+        path = needed_file(self.folder, frame, self.stems, ENDINGS, "a map")
         if path.suffix == ".npz":
             return to_view(self.probabilities(path, frame), frame, size, fit, undistorted=self.made_by is not None)
         labelled = replace(frame, labels=ClassMap(path, self.classes, self.labels.meaning), depth=None, mask=None)
@@ -151,7 +114,7 @@ class MapFiles:
 
     def path_of(self, frame: Frame) -> Path | None:
         """The file with the map of a frame; None if there is none."""
-        return file_of(self.folder, frame, self.stems, (".png", ".npz"))
+        return file_of(self.folder, frame, self.stems, ENDINGS)
 
     def probabilities(self, path: Path, frame: Frame) -> Float32[np.ndarray, "class rows columns"]:
         """The probabilities in a `.npz` file.
@@ -167,62 +130,6 @@ class MapFiles:
         if self.made_by is None and abs(rows * width / (columns * height) - 1) > ASPECT_TOLERANCE:
             raise InputError(path, f"{width}x{height} pixels (width x height), as its photo", f"{columns}x{rows}")
         return values
-
-
-def stems_of(scene: Scene) -> Counter[str]:
-    """How many frames of a scene have each file name, without folders and ending.
-
-    Raises:
-        InputError: the names of two frames differ only in their endings, so one map would belong to both.
-    """
-    frames: dict[PurePosixPath, str] = {}
-    for frame in scene.frames:
-        other = frames.setdefault(place_of(frame).with_suffix(""), frame.name)
-        if other != frame.name:
-            expected = "frames whose names differ in more than their endings, as each has a map of its own"
-            raise InputError(scene.path, expected, f"{other} and {frame.name}")
-    return Counter(PurePosixPath(frame.name).stem for frame in scene.frames)
-
-
-def file_of(folder: Path, frame: Frame, stems: Counter[str], endings: Sequence[str]) -> Path | None:
-    """The file in a folder that belongs to a frame; None if there is none.
-
-    Args:
-        folder: has the same folders as the names of frames, or contains the files itself.
-        frame: the frame.
-        stems: of the scene, as from `stems_of`. Files in the folder itself count for names that are unique.
-        endings: that the file may have, the preferred one first.
-    """
-    name = place_of(frame)
-    places = [folder / name.parent / name.stem]
-    if stems[name.stem] == 1:
-        places.append(folder / name.stem)
-    candidates = (place.parent / f"{place.name}{ending}" for place in places for ending in endings)
-    return next((path for path in candidates if path.is_file()), None)
-
-
-def place_of(frame: Frame) -> PurePosixPath:
-    """The name of a frame as a path inside a folder: `_` replaces a root and each step up, as scenes may list photos outside their folder."""
-    parts = PurePosixPath(frame.name).parts
-    return PurePosixPath(*("_" if part == ".." or part.startswith("/") else part for part in parts))
-
-
-def only_array(path: Path, expected: str) -> np.ndarray:
-    """The only array of a `.npz` file, or that of a `.npy` file.
-
-    Args:
-        path: the file.
-        expected: what it should be, for errors.
-
-    Raises:
-        InputError: it is missing or damaged, or has several arrays.
-    """
-    if path.suffix == ".npy":
-        return read_array(path)
-    found = list(members(path).values())
-    if len(found) != 1:
-        raise InputError(path, expected, f"{len(found)} arrays")
-    return read_array(found[0])
 
 
 def read_probabilities(path: Path) -> Float32[np.ndarray, "class rows columns"]:
@@ -292,3 +199,65 @@ def _record(folder: Path) -> dict[str, Any]:
     if not isinstance(found.get("photos", {}), dict):
         raise InputError(path, "an object", f"{found['photos']!r:.60}", key="photos")
     return found
+
+
+@final
+@dataclass(frozen=True)
+class Photos(ClassSource):
+    """What a network says about the undistorted photos of a scene, each at its own size.
+
+    Attributes:
+        segmenter: the network.
+        save: folder to write its maps to; None for nowhere.
+        earlier: maps from an earlier run of the same network, which are not computed again for the same photos; None if there are none.
+    """
+
+    segmenter: Segmenter
+    save: Path | None = None
+    earlier: MapFiles | None = field(default=None, repr=False)
+
+    @property
+    def made_by(self) -> MadeBy:
+        """The network."""
+        return self.segmenter.made_by
+
+    @property
+    def classes(self) -> ClassTable:
+        """The table of the network."""
+        return self.segmenter.classes
+
+    def of(self, frame: Frame, size: tuple[int, int], fit: Fit = "crop") -> Float[Tensor, "class h w"]:
+        """The distribution over the network's classes of every pixel of a frame.
+
+        Raises:
+            InputError: the photo cannot be read, or an earlier map is damaged.
+        """
+        image = frame.read_undistorted()
+        stored = self._stored(frame, image)
+        if stored is not None and self.earlier is not None:
+            found = self.earlier.probabilities(stored, frame)
+        else:
+            found = self.segmenter(image)
+        if self.save is not None:
+            save_class_map(self.save, frame, found, sha256_of(image))
+        return to_view(found, frame, size, fit, undistorted=True)
+
+    def cost(self, frames: Sequence[Frame]) -> Cost | None:
+        """What the network takes for the frames without an earlier map: that of a grey image of the largest size, for each of them.
+
+        Raises:
+            InputError: the network cannot take the image, or a photo cannot be read.
+        """
+        left = [frame for frame in frames if self.earlier is None or not self._stored(frame, frame.read_undistorted())]
+        return cost_of_photos(self.segmenter, left) if left else None
+
+    def _stored(self, frame: Frame, image: UInt8[np.ndarray, "h w 3"]) -> Path | None:
+        """The earlier map of a frame; None if there is none, or if the photo was another one then.
+
+        Args:
+            frame: the frame.
+            image: its undistorted photo.
+        """
+        if self.earlier is None or self.earlier.photos.get(frame.name) != sha256_of(image):
+            return None
+        return self.earlier.path_of(frame)

@@ -8,7 +8,7 @@ from typing import Protocol, final, runtime_checkable
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Float32, UInt8
 from torch import Tensor
 
 from semgs.data.frames import Frame
@@ -16,24 +16,13 @@ from semgs.data.resampling import Fit
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import ClassTable
 from semgs.geometry.cameras import checked_size
-from semgs.segmenters.class_map_files import MadeBy
 from semgs.segmenters.names import Correspondence
-from semgs.segmenters.networks.cost import Cost, cost_of
+from semgs.sources.source import Cost, MadeBy, Source, cost_of
 
 
 @runtime_checkable
-class ClassSource(Protocol):
+class ClassSource(Source, Protocol):
     """Where the class distributions of frames come from."""
-
-    @property
-    def title(self) -> str:
-        """What it is, with its licence if that is known."""
-        ...
-
-    @property
-    def made_by(self) -> MadeBy | None:
-        """The network that gives them; None if that is unknown."""
-        ...
 
     @property
     def classes(self) -> ClassTable:
@@ -42,8 +31,8 @@ class ClassSource(Protocol):
 
     @property
     def known(self) -> Bool[np.ndarray, " class"]:
-        """The classes of the table that it can say."""
-        ...
+        """The classes of the table that it can say: all, if it does not say otherwise."""
+        return np.ones(len(self.classes), bool)
 
     def of(self, frame: Frame, size: tuple[int, int], fit: Fit = "crop") -> Float[Tensor, "class h w"]:
         """The distribution over the classes of every pixel of a frame, as `Scene.read` reads it with that size and fit.
@@ -54,9 +43,32 @@ class ClassSource(Protocol):
         ...
 
 
+@runtime_checkable
+class Segmenter(Protocol):
+    """A network that gives every pixel of a single image a distribution over classes."""
+
+    @property
+    def classes(self) -> ClassTable:
+        """The network's own table."""
+        ...
+
+    @property
+    def made_by(self) -> MadeBy:
+        """Which network it is."""
+        ...
+
+    def __call__(self, image: UInt8[np.ndarray, "h w 3"]) -> Float32[np.ndarray, "class rows columns"]:
+        """The distribution over the classes, at any resolution; it covers the whole image and sums to 1.
+
+        Args:
+            image: RGB.
+        """
+        ...
+
+
 @final
 @dataclass(frozen=True)
-class Translated:
+class Translated(ClassSource):
     """A source in another class table.
 
     Attributes:

@@ -14,8 +14,8 @@ from semgs.data.scene import Scene
 from semgs.data.views import Views
 from semgs.geometry.fusion import LEAST, fuse_classes
 from semgs.scene.encoding import Encoding
+from semgs.segmenters.class_map_files import Photos
 from semgs.segmenters.class_source import ClassSource, Translated, notes_of, read_distributions
-from semgs.segmenters.networks.network_source import Photos
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Opens segmenters: folders of class maps, exported networks, and models of the Hugging Face hub."""
+"""Opens segmenters: folders of class maps, exported networks, and models of the Hugging Face hub. A file may say what their classes mean in ours, and how much a segmenter and the network should each vote."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, final
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -16,21 +17,25 @@ from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
 from semgs.files.errors import InputError, input_error
 from semgs.files.paths import typed_path
+from semgs.files.records import make_record
+from semgs.files.strict_json import read_json
 from semgs.geometry.cameras import writable
 from semgs.runtime.kept import kept
-from semgs.segmenters.class_map_files import RECORD, TABLE, MapFiles, save_table, stems_of
-from semgs.segmenters.class_source import ClassSource, Translated
-from semgs.segmenters.correspondence_files import StatedMeaning, read_correspondence
+from semgs.segmenters.class_map_files import RECORD, TABLE, MapFiles, Photos, save_table
+from semgs.segmenters.class_source import ClassSource, Segmenter, Translated
+from semgs.segmenters.exported import open_exported
+from semgs.segmenters.huggingface import open_transformers_model
+from semgs.segmenters.labelling import ClassVotes
 from semgs.segmenters.names import Correspondence, scannet20_of
-from semgs.segmenters.networks.exported import open_exported
-from semgs.segmenters.networks.huggingface import open_transformers_model
-from semgs.segmenters.networks.network_files import ENDINGS
-from semgs.segmenters.networks.network_source import Photos, Segmenter
-from semgs.segmenters.networks.transformers_models import is_model
-from semgs.segmenters.photo_maps import resized_map
+from semgs.sources.network_files import ENDINGS
+from semgs.sources.photo_maps import resized_map, scene_folder, stems_of
+from semgs.sources.transformers_models import is_model
 
 Table = Literal["scannet20", "own"]
 """Whether to translate class names to ScanNet's 20 classes, or to keep the segmenter's own table."""
+
+FORMAT = "semgs.correspondence"
+VERSION = 1
 
 
 @final
@@ -143,7 +148,7 @@ def open_class_sources(
     stated = None if correspondence is None else read_correspondence(correspondence)
     path = typed_path(name)
     if is_map_folder(path) and not words:
-        return lambda scene: _open_files(find_map_folder(path, scene), scene, classes, stated)
+        return lambda scene: _open_files(scene_folder(path, scene), scene, classes, stated)
     network = kept(open_network, name, tuple(words))
     table: Table = "own" if words else classes or "scannet20"
     return lambda scene: _translate(ViewSegmenter(network).source(scene, save, earlier), name, table, stated)
@@ -152,11 +157,6 @@ def open_class_sources(
 def is_map_folder(path: Path) -> bool:
     """Whether a path is a folder of class maps, or of such folders for several scenes."""
     return path.is_dir() and not (path / "config.json").is_file()
-
-
-def find_map_folder(folder: Path, scene: Scene) -> Path:
-    """The folder with the maps of a scene."""
-    return folder / scene.name if (folder / scene.name).is_dir() else folder
 
 
 def _open_files(folder: Path, scene: Scene, classes: Table | None, stated: StatedMeaning | None) -> ClassSource:
@@ -184,3 +184,46 @@ def _match_names(name: str | Path, classes: ClassTable) -> Correspondence:
     """
     with input_error(str(name), "class names of ADE20K, COCO or NYU40", advice="use --classes own"):
         return scannet20_of(classes.names)
+
+
+@dataclass(frozen=True)
+class StatedMeaning:
+    """What a file says about a segmenter.
+
+    Attributes:
+        segmenter: name of it.
+        theirs: its class names, in order.
+        correspondence: from its classes to ours.
+        votes: of it and a network; None if the file does not say.
+    """
+
+    segmenter: str
+    theirs: tuple[str, ...]
+    correspondence: Correspondence
+    votes: ClassVotes | None = None
+
+
+def read_correspondence(path: Path) -> StatedMeaning:
+    """Read a file; docs/segmenters.md shows how one is made.
+
+    Raises:
+        InputError: it is missing or damaged.
+    """
+    expected = "a correspondence of classes, as in docs/segmenters.md"
+    content = read_json(path, expected)
+    if not isinstance(content, dict) or content.get("format") != FORMAT or content.get("version") != VERSION:
+        raise InputError(path, expected, "another file")
+    try:
+        classes = make_record(ClassTable, content["classes"])
+        table = np.array(content["table"], dtype=np.float32)
+        theirs = tuple(str(name) for name in content["theirs"])
+        if table.shape != (len(theirs), len(classes)) or not np.isfinite(table).all() or table.min() < 0:
+            raise ValueError(f"table is {table.shape}")
+        votes = content["votes"] and ClassVotes(
+            **{key: tuple(map(float, row)) for key, row in content["votes"].items()}
+        )
+        if votes and any(len(row) != len(classes) for row in (votes.theirs, votes.own, votes.bias)):
+            raise ValueError(f"votes are not of {len(classes)} classes")
+        return StatedMeaning(str(content["segmenter"]), theirs, Correspondence(table, classes), votes)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(path, expected, f"{type(error).__name__}: {error}") from error

@@ -14,13 +14,13 @@ from torch import Tensor
 
 from semgs.data.frames import Frame
 from semgs.data.maps import Pixels
-from semgs.data.origin.labeller import Labeller
+from semgs.data.origin.terms import Labeller
 from semgs.data.preparation.prepared_set import Reading, SceneSource
 from semgs.data.resampling import nearest
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import IGNORE
+from semgs.files.contents import sha256
 from semgs.files.errors import InputError
-from semgs.files.hashes import sha256
 from semgs.files.paths import typed_path
 from semgs.segmenters.class_source import ClassSource
 from semgs.segmenters.opening import Table, is_map_folder, open_class_sources

@@ -15,8 +15,14 @@ from semgs.files.errors import InputError
 from semgs.files.images.pictures import MOST_PIXELS, jpeg_bytes
 from semgs.files.paths import check_utf8
 from semgs.runtime.notes import Kind
-from semgs.sfm.clip_containers import check_container, only_this_file
-from semgs.sfm.clip_sizes import check_clip_size, is_mirrored, limit_frames, read_clip_sizes
+from semgs.sfm.clip_headers import (
+    check_clip_size,
+    check_container,
+    is_mirrored,
+    limit_frames,
+    only_this_file,
+    read_clip_sizes,
+)
 from semgs.sfm.photos import BLANK, QUALITY, PhotoSet, UprightPhoto, is_panorama, sharpness_of, small_grey
 
 MIRRORED = "The clip's header says that it is mirrored; its frames were mirrored, as players show them."

@@ -21,11 +21,10 @@ from semgs.files.errors import InputError
 from semgs.files.paths import check_utf8
 from semgs.files.text import listed
 from semgs.runtime.notes import Kind, Note
-from semgs.sfm.certainty import MOST_DEG, TURNED, direction_error_deg, matches_of, parallax_px
 from semgs.sfm.lens_groups import BETTER, copy_with_cameras, describe_groups, group_by_focal, may_be_several
 from semgs.sfm.photos import PhotoSet, UprightPhoto
 from semgs.sfm.pycolmap_library import pycolmap
-from semgs.sfm.reasons import why_not
+from semgs.sfm.reasons import MOST_DEG, TURNED, direction_error_deg, matches_of, parallax_px, why_not
 
 ALL_PLACED = Kind("The cameras of {placed} of {count} photos were estimated from the photos.", "")
 SOME_PLACED = Kind(

@@ -21,8 +21,7 @@ from torch import Tensor
 from semgs.data.bounds.sift import mutual_matches, sift
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras
-from semgs.geometry.gaussians import Gaussians
-from semgs.geometry.rigid import move_gaussians
+from semgs.geometry.gaussians import Gaussians, move_gaussians
 from semgs.rendering.rendering import SEEN_ALPHA, Rendering
 from semgs.splats.splat_cameras import cameras_around
 from semgs.splats.splat_scene import render_plain

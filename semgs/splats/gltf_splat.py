@@ -20,12 +20,11 @@ import torch
 from jaxtyping import Float64
 
 from semgs.files.errors import InputError
-from semgs.geometry.gaussians import Appearance, Gaussians
+from semgs.files.gltf_container import Container, open_container
+from semgs.geometry.gaussians import Appearance, Gaussians, move_gaussians
 from semgs.geometry.harmonics import MAX_DEGREE
-from semgs.geometry.rigid import move_gaussians
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.runtime.notes import Kind
-from semgs.splats.gltf_container import Container, open_container
 from semgs.splats.plain_ply import FEWEST
 from semgs.splats.splat import Splat, Usable, check_count, make_gaussians, note_left_out, without_footprints
 
@@ -36,6 +35,9 @@ WIDTHS = {"POSITION": 3, f"{EXTENSION}:ROTATION": 4, SCALE: 3, OPACITY: 1}
 
 FOOTPRINT = "_FOOTPRINT"
 """The attribute of our own files with the footprints that their scales contain, which are taken away here."""
+
+SMALLEST = 6
+"""Bytes of a position of three 16-bit integers."""
 
 SIMILAR = 1e-3
 """How far the axes of a node may be from a rotation times a scale."""
@@ -104,7 +106,9 @@ def read_gltf(path: Path, data: bytes, activated: bool | None = None) -> Splat:
         )
     count = sum(file.count(part.attributes.get("POSITION"), part.place) for part in parts)
     check_count(path, count)
-    file.check_size(count)
+    size = file.size()
+    if count * SMALLEST > size:  # objects that are used again and again would need any amount of memory
+        raise InputError(path, f"at most {size // SMALLEST:,} Gaussians in {size:,} bytes", f"{count:,}")
     stored = _look(file, parts) if activated is None else StoredAs(not activated, not activated)
     read = [_gaussians(file, part, stored) for part in parts]
     kept = np.concatenate([one.kept for one in read])

@@ -7,8 +7,8 @@ from pathlib import Path
 from semgs.data.ply_tables import MAGIC, read_tables
 from semgs.files.contents import read_bytes, refuse_checkpoint
 from semgs.files.errors import InputError
+from semgs.files.gltf_container import is_gltf
 from semgs.files.paths import trained_splat, typed_path
-from semgs.splats import gltf_container
 from semgs.splats.compressed_ply import is_compressed, read_compressed_ply
 from semgs.splats.endings import OTHERS
 from semgs.splats.gltf_splat import read_gltf
@@ -46,7 +46,7 @@ def load_splat(path: str | Path, activated: bool | None = None) -> Splat:
         return read_compressed_ply(file, ply) if is_compressed(ply) else read_plain_ply(file, ply, activated)
     if is_spz(data):
         return read_spz(file, data)
-    if gltf_container.is_gltf(data):
+    if is_gltf(data):
         return read_gltf(file, data, activated)
     kind = OTHERS.get(file.suffix.lower()) if data else None
     advice = None if kind is None else f"convert it first: splat-transform {file.name} {file.stem}.ply"

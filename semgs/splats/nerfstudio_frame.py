@@ -19,8 +19,7 @@ from torch import Tensor
 
 from semgs.files.errors import InputError
 from semgs.files.strict_json import read_json
-from semgs.geometry.gaussians import Gaussians
-from semgs.geometry.rigid import move_gaussians
+from semgs.geometry.gaussians import Gaussians, move_gaussians
 
 FILE_NAME = "dataparser_transforms.json"
 TOLERANCE = 1e-3

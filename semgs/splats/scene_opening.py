@@ -22,8 +22,7 @@ from semgs.files.errors import InputError
 from semgs.files.paths import typed_path
 from semgs.files.strict_json import read_json
 from semgs.geometry.cameras import Cameras
-from semgs.geometry.gaussians import Gaussians
-from semgs.geometry.rigid import move_gaussians
+from semgs.geometry.gaussians import Gaussians, move_gaussians
 from semgs.objectives.metrics import psnr_seen
 from semgs.rendering.rendering import SEEN_ALPHA, Rendering
 from semgs.scene.opened import OpenedScene

@@ -29,8 +29,7 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.files.errors import InputError
-from semgs.files.extras import needs_extra
+from semgs.files.errors import InputError, needs_extra
 from semgs.splats.splat import Splat, check_count, make_gaussians, note_left_out, with_largest
 
 MAGIC, GZIP = b"NGSP", b"\x1f\x8b"

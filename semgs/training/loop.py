@@ -32,20 +32,16 @@ from rich.console import Console
 
 from semgs.data.views import Batch
 from semgs.files.atomic import remove_parts
-from semgs.files.errors import input_error
+from semgs.files.errors import check_type, input_error
 from semgs.files.images.pictures import write_png
 from semgs.files.paths import typed_path
-from semgs.runtime.argument_types import check_type
 from semgs.training.data.batches import Portion, training_batches, validation_batches
 from semgs.training.data.data_check.data_check import check_data
-from semgs.training.data.data_settings import DataSettings
 from semgs.training.data.room_source import room_source
 from semgs.training.data.teacher import Teacher
-from semgs.training.engine import launch
 from semgs.training.presets import preset_changes
 from semgs.training.run.checkpoints import Checkpoint, newest_checkpoint, save_checkpoint
-from semgs.training.run.execution import Execution
-from semgs.training.run.faults import TOLERATED_IN_A_ROW, BadScenes, save_broken_batch
+from semgs.training.run.execution import Execution, launch
 from semgs.training.run.log import RunLog, print_lines
 from semgs.training.run.run_folder import (
     ROOMS_POOL,
@@ -60,13 +56,10 @@ from semgs.training.run.run_folder import (
     start_network,
     start_run,
 )
-from semgs.training.run.session import Session, Stopped, time_waiting
-from semgs.training.schedule import Schedule
-from semgs.training.state import TrainingState
-from semgs.training.step import training_step
-from semgs.training.supervision.rates import Rates, relative_rates, what_learns
+from semgs.training.run.session import TOLERATED_IN_A_ROW, BadScenes, Session, Stopped, save_broken_batch, time_waiting
+from semgs.training.schedule import Schedule, relative_rates, what_learns
+from semgs.training.state import TrainingState, training_step
 from semgs.training.supervision.supervision import make_supervision
-from semgs.training.supervision.supervision_settings import SupervisionSettings
 from semgs.training.training_settings import TrainingSettings
 
 
@@ -152,7 +145,7 @@ def train(
         left = None if execution.minutes is None else execution.minutes - (time.monotonic() - began) / 60
         session = Session(left, execution.save_minutes, state.seconds)
         outcome = fit(
-            state, settings.part(Schedule), out, feed, session,
+            state, settings, out, feed, session,
             validate_every=settings.validate_every, validate_start=settings.init != "random", console=console,
         )  # fmt: skip
         has_checkpoint = outcome.step > 0
@@ -168,30 +161,28 @@ def _prepare(
     settings: TrainingSettings, out: Path, execution: Execution, fabric: Any, console: Console | None
 ) -> tuple[TrainingState, Feed]:
     """The network with its optimiser, resumed from the newest checkpoint, and the batches from there on."""
-    sampling, schedule = settings.part(DataSettings), settings.part(Schedule)
-    learning = settings.part(SupervisionSettings)
     checkpoint = newest_checkpoint(out / "checkpoints")
     network = start_network(out, settings) if checkpoint is None else empty_network(out, settings)
-    data = check_data(sampling, learning, settings.init, out)
+    data = check_data(settings, settings, settings.init, out)
     device = execution.device if fabric.world_size == 1 else f"{execution.device}, {fabric.world_size} processes"
     print_lines(console, [*data.notes, f"{settings.model}: {network.origin}", f"on {device}"])
-    teacher = Teacher.open(learning.teacher) if learning.teacher else None
+    teacher = Teacher.open(settings.teacher) if settings.teacher else None
     state = TrainingState.begin(
         network.to(fabric.device),
-        make_supervision(learning, data.class_weights, 0 if teacher is None else teacher.classes),
-        schedule.learning_rate,
-        schedule.average_decay,
+        make_supervision(settings, data.class_weights, 0 if teacher is None else teacher.classes),
+        settings.learning_rate,
+        settings.average_decay,
         fabric,
-        rates=relative_rates(network, settings.part(Rates)),
+        rates=relative_rates(network, settings),
     )
     print_lines(console, [what_learns(network)])
     resume(state, out, checkpoint, console)
     batches = training_batches(
-        sampling, data, schedule.steps, state.step, pool=out / ROOMS_POOL, workers=execution.workers,
+        settings, data, settings.steps, state.step, pool=out / ROOMS_POOL, workers=execution.workers,
         cache=round(execution.cache_gib * 2**30), share=execution.share(fabric.global_rank),
-        single_images=learning.single_images, teacher=teacher,
+        single_images=settings.single_images, teacher=teacher,
     )  # fmt: skip
-    validation = validation_batches(sampling, data.classes, learning.single_images) if fabric.is_global_zero else []
+    validation = validation_batches(settings, data.classes, settings.single_images) if fabric.is_global_zero else []
     return state, Feed(batches, validation, data.scenes, data.bad)
 
 

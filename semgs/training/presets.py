@@ -6,8 +6,7 @@ from dataclasses import replace
 
 from semgs.model.networks import named_switches
 from semgs.objectives.loss_weights import LossWeights
-from semgs.training.run.differences import describe, differences
-from semgs.training.training_settings import TrainingSettings
+from semgs.training.training_settings import TrainingSettings, describe, differences
 
 
 def small() -> TrainingSettings:

@@ -1,11 +1,15 @@
-"""The optimiser's schedule: how many steps, and how fast the weights change in each."""
+"""How fast the network learns: the optimiser's schedule over the steps, and rates of layers relative to one another. No torch."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
-from semgs.training.setting_checks import check_values
+from semgs.files.records import check_values
+
+if TYPE_CHECKING:
+    from semgs.model.semgs import SemGS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,3 +53,59 @@ class Schedule:
 def _cosine(start: float, end: float, share: float) -> float:
     """From start to end along half a cosine."""
     return end + (start - end) * (1 + math.cos(math.pi * share)) / 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rates:
+    """Learning rates of layers, relative to that of the others. A layer in several groups gets the product; 0 freezes."""
+
+    backbone_rate: float = 0.1
+    """Learning rate of the class backbone, relative to the other layers; 0 freezes it. Where depth takes cues from it, as in the preset small,
+    it is a shared layer, too, so it learns only if --shared-rate is above 0."""
+    class_rate: float = 1.0
+    """Learning rate of all layers that classify each view by itself, backbone included, relative to the other layers; 0 freezes them."""
+    sweep_rate: float = 1.0
+    """Learning rate of all layers that depth by plane sweep depends on, relative to the other layers; 0 freezes them. Use 0.1 in a rendered
+    stage after --supervision depth, so that colours and opacities adapt and depth stays good."""
+    upsampling_rate: float = 1.0
+    """Learning rate of the convex upsampling of depth, relative to the other layers; 0 freezes it."""
+    shared_rate: float = 1.0
+    """Learning rate of the layers that both branches share, relative to the other layers; 0 freezes them. With supervision by labels or
+    pictures, 0 keeps depth and colour as they are; without it, a rendered stage has to restore them. With supervision by depth, 0 keeps the
+    classes as they are."""
+
+    def __post_init__(self) -> None:
+        names = [field.name for field in fields(Rates)]
+        check_values(self, **{name: (0 <= getattr(self, name) <= 1, "a share in 0..1") for name in names})
+
+
+def relative_rates(network: SemGS, rates: Rates) -> dict[str, float]:
+    """Learning rates of parameters by name, relative to the schedule's, for those that differ from 1."""
+    groups = (
+        (network.depth_parameters(), rates.sweep_rate),
+        (network.upsampling_parameters(), rates.upsampling_rate),
+        (network.semantic_parameters(shared=False, alone=True) | network.pretrained_parameters(), rates.class_rate),
+        (network.pretrained_parameters(), rates.backbone_rate),
+        (network.parts()["shared"], rates.shared_rate),
+    )
+    relative: dict[str, float] = {}
+    for names, rate in groups:
+        relative |= {name: rate * relative.get(name, 1.0) for name in names}
+    return {name: rate for name, rate in relative.items() if rate != 1}
+
+
+def what_learns(network: SemGS) -> str:
+    """One line that says which parts of a network learn (have parameters that want a gradient) and which keep their weights."""
+    parameters, second = dict(network.named_parameters()), network.second_parameters()
+    named = {"the class backbone": network.pretrained_parameters() - second, "MOSAIC": second}
+    learning = {name for name, parameter in parameters.items() if parameter.requires_grad}
+    told: dict[str, list[str]] = {"learns": [], "keeps its weights": []}
+    for part, names in network.parts().items():
+        own = names & parameters.keys()
+        inside = [name for name, layers in named.items() if layers & own and part != "classes"]
+        title = f"{part} with {' and '.join(inside)}" if inside else part
+        if own & learning:
+            told["learns"].append(title if own <= learning else f"part of {title}")
+        elif own:
+            told["keeps its weights"].append(title)
+    return "; ".join(f"{what}: {', '.join(parts)}" for what, parts in told.items() if parts)

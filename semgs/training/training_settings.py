@@ -1,18 +1,17 @@
-"""Settings: everything that decides the numbers of a training, in one frozen dataclass."""
+"""Settings: everything that decides the numbers of a training, in one frozen dataclass; and how two trainings differ, in words."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import PurePath
-from typing import Any, Literal, TypeVar, get_args
+from typing import Any, Literal, get_args
 
-from semgs.files.records import make_record
+from semgs.data.tables.classes import ClassTable
+from semgs.files.records import check_values, make_record
 from semgs.model.switches import Switches
-from semgs.training.data.data_settings import DataSettings
-from semgs.training.data.data_sources import ROOMS
-from semgs.training.schedule import Schedule
-from semgs.training.setting_checks import check_values
-from semgs.training.supervision.rates import Rates
+from semgs.training.data.data_settings import ROOMS, DataSettings
+from semgs.training.schedule import Rates, Schedule
 from semgs.training.supervision.supervision_settings import SupervisionSettings
 
 SemanticBranch = Literal["kept", "drawn"]
@@ -26,12 +25,10 @@ WEIGHTS, BEST = "weights.safetensors", "best.safetensors"
 PARTS = (DataSettings, Schedule, SupervisionSettings, Rates)
 """The parts of a training that have settings of their own."""
 
-Part = TypeVar("Part", bound=DataSettings | Schedule | SupervisionSettings | Rates)
-
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingSettings(Rates, SupervisionSettings, Schedule, DataSettings):
-    """What a training computes: the settings of its `PARTS`, the network and where it starts. Two runs with equal settings give exactly the
+    """What a training computes: the settings of all its `PARTS`, the network and where it starts. Two runs with equal settings give exactly the
     same result in one process on one CPU.
 
     How it runs (device, processes, precision, minutes, workers, how often it saves) is not included: it changes numbers by rounding at
@@ -56,8 +53,8 @@ class TrainingSettings(Rates, SupervisionSettings, Schedule, DataSettings):
     """The preset that these began as; it decides nothing."""
 
     def __post_init__(self) -> None:
-        for kind in PARTS:
-            self.part(kind)
+        for part in PARTS:
+            part.__post_init__(self)
         by_labels, by_depth = self.supervision in ("labels", "pictures"), self.supervision == "depth"
         factors, classes = self.class_weights, len(self.table)
         check_values(
@@ -94,14 +91,6 @@ class TrainingSettings(Rates, SupervisionSettings, Schedule, DataSettings):
                 "validate_every": (self.validate_every >= 1, "at least 1"),
             },
         )
-
-    def part(self, kind: type[Part]) -> Part:
-        """The settings of one of `PARTS` alone.
-
-        Raises:
-            ValueError: they cannot be used.
-        """
-        return kind(**{setting.name: getattr(self, setting.name) for setting in fields(kind)})
 
     def check_complete(self) -> None:
         """Refuse settings that lack what a preset cannot know.
@@ -143,3 +132,39 @@ def name_place(place: str) -> str:
     path = PurePath(place)
     run = path.parent.name if path.name in (WEIGHTS, BEST) else ""
     return place if "://" in place else f"{run}/{path.name}" if run else path.name
+
+
+def differences(settings: TrainingSettings, reference: TrainingSettings) -> dict[str, tuple[object, object]]:
+    """The fields that differ: name to (value, value in the reference)."""
+    names = [setting.name for setting in fields(settings) if setting.compare]
+    pairs = {name: (getattr(settings, name), getattr(reference, name)) for name in names}
+    return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
+
+
+def find_changes(settings: TrainingSettings, reference: TrainingSettings) -> dict[str, tuple[object, object]]:
+    """The fields that differ; the same file or folder in another place is no difference."""
+    return {
+        name: pair
+        for name, pair in differences(settings, reference).items()
+        if name not in PLACES or not _same_name(*pair)
+    }
+
+
+def _same_name(one: object, other: object) -> bool:
+    """Whether two places may be of the same file or folder; weights of a run may lack its name."""
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(_same_name, one, other))
+    short, long = sorted((name_place(str(one)), name_place(str(other))), key=len)
+    return short == long or (short in (WEIGHTS, BEST) and long.endswith(f"/{short}"))
+
+
+def list_changes(changes: Mapping[str, tuple[object, object]], here: str) -> str:
+    """Differences from an existing run in one phrase; `here` names the other values, such as "requested"."""
+    return ", ".join(f"{name} = {describe(run)} there, {describe(own)} {here}" for name, (own, run) in changes.items())
+
+
+def describe(value: object) -> str:
+    """A setting's value in words; "none" if it is empty."""
+    if value in ("", (), None):
+        return "none"
+    return f"{value.name} ({', '.join(value.names)})" if isinstance(value, ClassTable) else str(value)

@@ -10,9 +10,8 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import UInt8
 
-from semgs.figures.number_texts import percent
 from semgs.files.images.colours import Colour
-from semgs.files.text import printable
+from semgs.files.text import percent, printable
 from semgs.robotics.objects import Objects
 from semgs.viewer.pick import Hit
 from semgs.viewer.splat_groups import Group, Mode

@@ -11,10 +11,9 @@ from torch import Tensor
 
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance
-from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.reference import alphas_and_light, depth_order, project
 from semgs.rendering.rendering import SEEN_ALPHA, UNKNOWN, UNSEEN, Rendering, class_numbers, confidence_maps, label_maps
-from semgs.rendering.splats import Splats
+from semgs.rendering.splats import Pinhole, Splats
 from semgs.scene.scene_file import SavedScene
 from semgs.viewer.splat_groups import UNKNOWN_NAME
 

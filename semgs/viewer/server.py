@@ -15,8 +15,7 @@ from math import inf
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
-from semgs.files.errors import InputError
-from semgs.files.extras import needs_extra
+from semgs.files.errors import InputError, needs_extra
 from semgs.viewer.access import HOST_NAME, PAGE_POLICY, Access, Refusal
 from semgs.viewer.failures import quieten_libraries, tell_failure
 from semgs.viewer.viewer_messages import MOST_BYTES, is_plain, take_known_messages

@@ -14,8 +14,7 @@ import numpy as np
 from jaxtyping import Int64, UInt8
 
 from semgs.export.scene_objects import place_things
-from semgs.figures.number_texts import percent
-from semgs.files.text import printable
+from semgs.files.text import percent, printable
 from semgs.robotics.objects import Objects
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import Up, UpDirection, up_of
@@ -146,5 +145,5 @@ def _per_gaussian(splats: SceneSplats, order: Int64[np.ndarray, " n"]) -> dict[s
     """What a click needs beside the splats, of each Gaussian in this order, in base64: confidence (0..255), thing."""
     arrays = {"confidences": np.rint(255 * splats.confidences.clip(0, 1)).astype(np.uint8)}
     if splats.instances is not None:
-        arrays["things"] = splats.instances.astype("<u2")
+        arrays["things"] = splats.instances.astype("<u4")
     return {name: base64.b64encode(array[order].tobytes()).decode() for name, array in arrays.items()}

@@ -16,16 +16,14 @@ from jaxtyping import UInt8
 from semgs.export.scene_objects import place_things
 from semgs.export.stills import Stills
 from semgs.figures.class_images import overlay
-from semgs.figures.depth_images import depth_bar, depth_ticks
-from semgs.figures.number_texts import length
-from semgs.figures.view_images import as_bytes
+from semgs.figures.view_images import as_bytes, depth_bar, depth_ticks
 from semgs.files.images.colours import heat_picture
-from semgs.files.text import printable
+from semgs.files.text import length, printable
 from semgs.geometry.cameras import Cameras
 from semgs.rendering.rendering import label_maps
 from semgs.robotics.objects import Objects
+from semgs.scene.confidence import part_of
 from semgs.scene.scene_file import SavedScene
-from semgs.scene.selection import part_of
 from semgs.scene.upright import Up, UpDirection, up_of
 from semgs.viewer import panel_texts as texts
 from semgs.viewer.access import Access

@@ -22,7 +22,7 @@ from semgs.app.jobs import BUG, KILLED, NO_WORKER, TOO_LARGE, TOO_MUCH, UPLOAD_S
 from semgs.app.limits import Limits
 from semgs.app.requests import Request, RoomOptions
 from semgs.app.uploads import UnusableUploadError, Upload, content_of
-from semgs.runtime.process_groups import group_bytes
+from semgs.runtime.free_memory import group_bytes
 
 WORKER = """
 import json, os, pathlib, sys, tempfile, time

@@ -6,8 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from semgs.app.page_errors import in_names_of_user, page_error
-from semgs.app.requests import Request
+from semgs.app.requests import Request, in_names_of_user, page_error
 from semgs.app.uploads import UnusableUploadError
 from semgs.files.errors import InputError
 from semgs.run.usage_errors import UsageError

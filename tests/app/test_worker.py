@@ -20,17 +20,17 @@ from semgs.app.limits import Limits
 from semgs.app.requests import Request, RoomOptions
 from semgs.app.uploads import Prepared
 from semgs.data.confined import VARIABLE
-from semgs.files.cache import VARIABLE as CACHE
-from semgs.files.cache import cache_folder
+from semgs.files.paths import VARIABLE as CACHE
+from semgs.files.paths import cache_folder
 from semgs.run.export import Export
 from semgs.run.options.depth_options import DepthOptions
-from semgs.run.options.posing_options import PosingOptions
+from semgs.run.options.scene_options import PosingOptions
 from semgs.run.options.segmenter_options import AnswerOptions, SegmenterOptions
 from semgs.run.outcome import Outcome
 from semgs.run.reconstruct import CHOOSING, Reconstruct
 from semgs.run.steps.notes import UNKNOWN_SCALE
 from semgs.run.usage_errors import UsageError
-from semgs.runtime.progress import Progress
+from semgs.runtime.notes import Progress
 from semgs.sfm.solving import FOCAL_LENGTH
 
 PHOTOS = (".jpg", ".png")

@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 
 from semgs.batch.cluster import run_on_cluster
-from semgs.batch.demands import Demands
 from semgs.batch.records import Record
-from semgs.batch.tasks import Task
+from semgs.batch.tasks import Demands, Task
 from semgs.cli.main import main
 from semgs.run.export import Export
 

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from semgs.batch.demands import Demands
-from semgs.batch.tasks import fingerprint, scene_names
-from semgs.runtime.stamps import stamps
+from semgs.batch.tasks import Demands, fingerprint, scene_names
+from semgs.runtime.kept import stamps
 
 
 def test_a_name_takes_as_many_folders_as_tell_it_from_others():

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 from paper_commands import COMMANDS as WORKSHOP
 from paper_commands import main
 
-from semgs.cli.arguments import paragraphs
+from semgs.cli.command_help import paragraphs
 from semgs.cli.main import COMMANDS
 from semgs.training.presets import PRESETS
 
@@ -52,13 +53,14 @@ def test_no_help_shows_an_empty_default_or_a_banned_phrase(arguments: list[str],
 
 
 @pytest.mark.parametrize("arguments", HELPS, ids=" ".join)
-def test_a_flag_that_switches_off_stands_beside_the_one_whose_help_it_has(
+def test_a_flag_that_switches_off_stands_below_the_one_whose_help_it_has(
     arguments: list[str], capsys: pytest.CaptureFixture[str]
 ):
     """Alone, --no-x would have the help of what x does, as if it switched that on."""
-    text = text_of([word for name in arguments for word in name.split()], capsys)
-    negative = re.findall(r"(\S+) (--(?:[\w-]+\.)?no-[\w-]+)", text)
-    assert [(before, flag) for before, flag in negative if before != flag.replace("no-", "", 1) + ","] == []
+    assert main([*(word for name in arguments for word in name.split()), "--help"]) == 0
+    flags = re.findall(r"^[│| ]+(--[\w.-]+)", capsys.readouterr().out, re.MULTILINE)
+    negative = [(before, flag) for before, flag in pairwise(flags) if re.search(r"(^--|\.)no-", flag)]
+    assert [(before, flag) for before, flag in negative if before != flag.replace("no-", "", 1)] == []
     assert bool(negative) == (len(arguments) == 2)
 
 

@@ -32,7 +32,7 @@ def test_the_help_of_reconstruct_explains_every_file_and_option(capsys: pytest.C
 @pytest.mark.parametrize("name", sorted(COMMANDS))
 def test_every_command_has_help(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([name, "--help"]) == 0
-    assert f"usage: semgs {name}" in capsys.readouterr().out
+    assert f"Usage: semgs {name}" in capsys.readouterr().out
 
 
 def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
@@ -42,4 +42,4 @@ def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_nothing_at_all_gives_the_help_and_code_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([]) == 2
-    assert "usage: semgs COMMAND" in capsys.readouterr().err
+    assert "Usage: semgs COMMAND" in capsys.readouterr().err

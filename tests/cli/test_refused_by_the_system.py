@@ -249,7 +249,7 @@ def test_a_signal_during_the_first_imports_ends_without_a_traceback(
     tmp_path: Path, sent: str, code: int, line: bytes
 ) -> None:
     """What parses arguments is imported first of what takes time: here a module of its name interrupts instead."""
-    (tmp_path / "tyro.py").write_text(
+    (tmp_path / "cyclopts.py").write_text(
         "import os, signal\n"
         "if signal.getsignal(signal.SIGINT) is signal.SIG_IGN: signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         f"os.kill(os.getpid(), signal.{sent})\n"
@@ -267,13 +267,13 @@ def test_a_request_to_end_while_arguments_are_parsed_is_none_of_the_arguments(
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(10)
 
-    monkeypatch.setattr("semgs.cli.arguments.tyro.cli", asked_to_end)
+    monkeypatch.setattr("semgs.cli.options.typed_options.cyclopts.App", asked_to_end)
     assert main(["demo"]) == 143
     assert capsys.readouterr().err == ""
 
     def left(*_: object, **__: object) -> None:
         raise SystemExit(143)
 
-    monkeypatch.setattr("semgs.cli.arguments.tyro.cli", left)
+    monkeypatch.setattr("semgs.cli.options.typed_options.cyclopts.App", left)
     with pytest.raises(SystemExit, match="143"):
         parse(Demo, "semgs demo", [])

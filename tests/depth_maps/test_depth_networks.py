@@ -16,13 +16,17 @@ from known_scenes import write_scene
 
 from semgs.data.scenes import open_scene
 from semgs.depth_maps.alignment import Reference, align
-from semgs.depth_maps.opening import PredictedMaps, open_depth_maps, open_exported_network
-from semgs.depth_maps.transformers_network import TransformersNetwork, open_transformers_network
+from semgs.depth_maps.opening import (
+    PredictedMaps,
+    TransformersNetwork,
+    open_depth_maps,
+    open_exported_network,
+    open_transformers_network,
+)
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import write_png
 from semgs.geometry.cameras import Cameras
-from semgs.segmenters.class_map_files import MadeBy
-from semgs.segmenters.networks.cost import cost_of
+from semgs.sources.source import MadeBy, cost_of
 
 SIZE = (40, 60)
 A, B = 0.2, 0.01

@@ -39,7 +39,7 @@ from semgs.depth_maps.map_folder import MapRecord
 from semgs.depth_maps.opening import read_depth_network
 from semgs.evaluation.frames.frame_plan import read_plan
 from semgs.files.records import make_record
-from semgs.segmenters.networks.exported import read_segmenter
+from semgs.segmenters.exported import read_segmenter
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = (ROOT / "README.md", *sorted(path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts))

@@ -17,6 +17,9 @@ RUNS = {
     "calibrate_mixture": (("small", "{out}.safetensors", "{rooms}", "{photos}"), "\ngaussians photos: temperature "),
     "depth_maps": (("small", "{rooms}", "--bends", "0.1", "--rooms", "2"), "| 2 | inverse 10% | 0."),
     "depth_spread": (("small", "{rooms}"), " | 4 | "),
+    "heights_of_things": (("{rooms}", "--out", "{out}.json"), "limits for "),
+    "mesh_error": (("small", "{rooms}", "--frames", "2", "--rooms", "1"), "\n| true | true | 0."),
+    "ids_over_time": (("small", "{rooms}"), "\n| one map | Gaussians and voxels | "),
     "teach": (("{shared}/pretrained/mosaic_ade32.tflite", "{out}", "{rooms}"), "12 images, "),
     "things_oracles": (("small", "{rooms}", "--every", "4"), "\n| own | own | join 0.8 | "),
     "train_mosaic": (

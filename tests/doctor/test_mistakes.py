@@ -12,8 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from semgs.doctor.diagnosis import Diagnosis, Evidence
 from semgs.doctor.diagnosis import judge_cameras as judged_on
-from semgs.doctor.disparity import fit_disparity
-from semgs.doctor.misses import miss, misses, pair_misses, triangulated_depth
+from semgs.doctor.misses import fit_disparity, miss, misses, pair_misses, triangulated_depth
 from semgs.doctor.mistakes import ALONG_RAY, BAD_DEPTH, INVERSE_DEPTH, MILLIMETRES
 from semgs.doctor.rig import FileConvention, Rig, inverse
 from semgs.sfm.matches import Matches

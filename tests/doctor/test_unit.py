@@ -12,8 +12,8 @@ from semgs.data.demo_scene import demo_scene
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.doctor.diagnosis import Diagnosis, Evidence, judge_cameras
+from semgs.doctor.facts import UnitVerdict, judge_unit
 from semgs.doctor.rig import rig_of
-from semgs.doctor.unit import UnitVerdict, judge_unit
 from semgs.sfm.matches import Matches, find_matches
 
 

@@ -15,7 +15,7 @@ from PIL import Image
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import SCANNET20
 from semgs.data.views import Views
-from semgs.depth_maps.frame_maps import FrameMaps
+from semgs.depth_maps.depth_source import FrameMaps
 from semgs.evaluation.frames.frame_plan import FramePlan, make_plan
 from semgs.evaluation.frames.network_method import Handling, NetworkMethod
 from semgs.evaluation.frames.predictions import Inputs, Prediction
@@ -47,7 +47,7 @@ from semgs.files.errors import InputError
 from semgs.model.encode import encode
 from semgs.model.weights.load import load
 from semgs.scene.encoding import Encoding
-from semgs.scene.nearest import NearestViews
+from semgs.scene.overlap import NearestViews
 
 MakeScene = Callable[..., Scene]
 
@@ -233,17 +233,24 @@ def test_depth_maps_halve_the_error_of_a_bent_network(plan: FramePlan):
             bend = self.most * torch.linspace(-1, 1, contexts.size[1])
             return small(contexts).with_depths(truth * bend.exp(), contexts.cameras, depth_spread=0 * truth + 0.2)
 
-    def rendered_depth(most: float, depth: Callable[[Scene], FrameMaps] | None) -> torch.Tensor:
-        predicted = NetworkMethod(Bent(most), "cpu", "bent", Handling(depth=depth)).predict(inputs)  # type: ignore[arg-type]
+    def rendered_depth(
+        most: float, depth: Callable[[Scene], FrameMaps] | None = None, sensor: bool = False
+    ) -> torch.Tensor:
+        handling = Handling(depth=depth, sensor=sensor)  # type: ignore[arg-type]
+        predicted = NetworkMethod(Bent(most), "cpu", "bent", handling).predict(inputs)  # type: ignore[arg-type]
         assert predicted.depths is not None
         return predicted.depths.clamp(min=0.1).log()
 
     inputs = make_inputs(task, views)
     assert inputs.contexts.depths is None
     exact, bent, helped = (
-        rendered_depth(0, None), rendered_depth(0.2, None), rendered_depth(0.2, lambda scene: FrameMaps()),
+        rendered_depth(0), rendered_depth(0.2), rendered_depth(0.2, lambda scene: FrameMaps()),
     )  # fmt: skip
     assert float((helped - exact).abs().mean()) < float((bent - exact).abs().mean()) / 2
+    # A sensor is believed, whatever the network says.
+    torch.testing.assert_close(rendered_depth(0.2, sensor=True), rendered_depth(0, sensor=True), rtol=0, atol=2e-3)
+    with pytest.raises(InputError, match="expected measured depth in each input view for --depth sensor"):
+        NetworkMethod(Bent(0), "cpu", "bent", Handling(sensor=True)).predict(replace(inputs, measured=None))  # type: ignore[arg-type]
 
 
 @pytest.mark.long

@@ -32,8 +32,8 @@ from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_uint8
 from semgs.model.semgs import SemGS
 from semgs.rendering.temperatures import Temperatures
-from semgs.segmenters.class_map_files import MadeBy
-from semgs.segmenters.networks.network_source import Photos
+from semgs.segmenters.class_map_files import Photos
+from semgs.sources.source import MadeBy
 
 SUBJECT = EvaluatedMethod("by colour", "weights", "known by heart", "0" * 64, 1)
 

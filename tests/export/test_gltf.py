@@ -35,6 +35,7 @@ def scene_of(gaussians: Gaussians) -> SavedScene:
         frames=("a.jpg",),
         source="office",
         model="small",
+        places=torch.arange(len(gaussians)),
     )
 
 

@@ -21,8 +21,7 @@ from semgs.cli.main import main
 from semgs.export.gltf import save_gltf
 from semgs.export.ply import DEGREE_0, save_ply, save_semantic_ply
 from semgs.geometry.cameras import Cameras
-from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.rigid import move_cameras, move_gaussians
+from semgs.geometry.gaussians import Appearance, Gaussians, move_cameras, move_gaussians
 from semgs.rendering.render import Rendering, render
 from semgs.scene.scene_file import SavedScene, load_scene
 from semgs.scene.upright import upright

@@ -15,8 +15,8 @@ from semgs.export.gltf import save_gltf
 from semgs.export.ply import save_semantic_ply
 from semgs.export.points import FRAME, TOPIC, make_points, save_bag, save_points
 from semgs.geometry.harmonics import basis
+from semgs.scene.confidence import selected
 from semgs.scene.own_views import own_labels
-from semgs.scene.selection import selected
 from semgs.splats.load import load_splat
 
 

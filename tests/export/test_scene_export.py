@@ -10,6 +10,7 @@ from blocks import room_of_blocks, turned
 from semgs.export.scene_export import SceneExport
 from semgs.export.scene_objects import floor_of
 from semgs.geometry.rotations import matrix_from_quaternion
+from semgs.scene.confidence import part_of
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import UpDirection
 
@@ -47,9 +48,7 @@ def test_without_a_floor_or_a_unit_the_height_is_centred_too() -> None:
     scene, up = raised()
     for other in (
         replace(scene, unit="unknown"),
-        replace(
-            scene, gaussians=scene.gaussians.map(lambda one: one[scene.gaussians.semantic.features.argmax(-1) == 0])
-        ),
+        part_of(scene, scene.gaussians.semantic.features.argmax(-1) == 0),
     ):
         assert floor_of(other, up) is None
         assert export_of(other, up).frame("z").scene.gaussians.means.median(0).values.abs().max() < 1e-5

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semgs.figures.depth_images import WORST_ERROR, depth_bar, depth_error_bar, depth_error_picture, depth_ticks
+from semgs.figures.view_images import WORST_ERROR, depth_bar, depth_error_bar, depth_error_picture, depth_ticks
 from semgs.files.images.colours import NOTHING, depth_limits, depth_picture
 
 

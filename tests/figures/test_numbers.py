@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from semgs.figures.number_texts import decibels, duration, length, percent
+from semgs.files.text import decibels, duration, length, percent
 
 
 def test_numbers_have_two_digits_after_the_point() -> None:

@@ -16,8 +16,7 @@ from paper.ablate.validation_plot import validation_picture
 from paper.figure.comparison import FigureBlock, PictureRow, comparison
 from semgs.figures import plotting
 from semgs.figures.class_images import LegendEntry
-from semgs.figures.reliability import ReliabilityPlot, reliability_png
-from semgs.figures.risk_coverage_plot import RiskCurve, risk_coverage_picture
+from semgs.figures.plotting import ReliabilityPlot, RiskCurve, reliability_png, risk_coverage_picture
 
 
 @pytest.fixture

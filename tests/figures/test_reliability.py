@@ -5,10 +5,10 @@ import io
 import numpy as np
 from PIL import Image
 
-from semgs.figures.reliability import COLOURS, ReliabilityPlot, reliability_png
+from semgs.figures.plotting import RELIABILITY_COLOURS, ReliabilityPlot, reliability_png
 
 BINS = ((0.5, 0.25, 0.4), (0.4999, 0.75, 0.6), (0.0001, 0.9, 0.1))
-RED = tuple(bytes.fromhex(COLOURS[0][1:]))
+RED = tuple(bytes.fromhex(RELIABILITY_COLOURS[0][1:]))
 
 
 def drawn(plots: list[ReliabilityPlot]) -> np.ndarray:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from semgs.files.contents import sha256, sha256_of
 from semgs.files.errors import InputError
-from semgs.files.hashes import sha256, sha256_of
 
 
 def test_the_hash_of_abc_is_that_of_the_standard(tmp_path: Path):

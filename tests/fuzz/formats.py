@@ -74,7 +74,7 @@ FORMATS = {
             read_scene, (f"{LAYOUTS}/predictions/*.py", "semgs/files/arrays.py"),
         ),
         Format(
-            "archives", (transforms_in_a_zip, prepared), ("*.zip",), read_prepared, ("semgs/files/archives.py", "semgs/data/origin/prepared_record.py"), sealed=True
+            "archives", (transforms_in_a_zip, prepared), ("*.zip",), read_prepared, ("semgs/files/archives.py", "semgs/data/origin/licences.py"), sealed=True
         ),
         Format("pictures", (pictures,), ("*",), read_pictures, ("semgs/files/images/pictures.py", "semgs/files/images/heic.py", "semgs/files/arrays.py")),
         Format(
@@ -87,11 +87,11 @@ FORMATS = {
         ),
         Format("splats-ply", PLAIN, ("*",), read_splat, ("semgs/splats/*ply*.py", "semgs/data/ply_tables.py", "semgs/splats/splat.py")),
         Format("splats-spz", SPZ, ("*",), read_splat, ("semgs/splats/spz.py", "semgs/splats/splat.py")),
-        Format("splats-gltf", GLTF, ("*",), read_splat, ("semgs/splats/gltf_*.py", "semgs/splats/nerfstudio_frame.py")),
+        Format("splats-gltf", GLTF, ("*",), read_splat, ("semgs/splats/gltf_*.py", "semgs/files/gltf_container.py", "semgs/splats/nerfstudio_frame.py")),
         Format("scenes", (saved_scene,), ("*",), read_saved_scene, ("semgs/scene/scene_file.py", "semgs/files/tensor_files.py")),
         Format(
             "weights", (weights, weights, weights, shipped_weights), ("*",), read_weights,
-            ("semgs/model/weights/weights_file.py", "semgs/model/weights/load.py", "semgs/model/weights/header_scores.py", "semgs/model/weights/header_temperatures.py", "semgs/model/weights/pretrained.py"), 2_000,
+            ("semgs/model/weights/weights_file.py", "semgs/model/weights/load.py", "semgs/model/weights/header.py", "semgs/model/weights/pretrained.py"), 2_000,
         ),
         Format(
             "training", (training_run,), ("*.json", "*.jsonl", "*.safetensors"), read_training_run,
@@ -103,11 +103,11 @@ FORMATS = {
         ),
         Format(
             "segmenters", (segmenter,), ("maps/*", "*.json", "features/*", "scene/transforms.json"), read_segmenter,
-            ("semgs/segmenters/class_map_files.py", "semgs/segmenters/correspondence_files.py", "semgs/segmenters/features/feature_files.py"),
+            ("semgs/segmenters/class_map_files.py", "semgs/segmenters/opening.py", "semgs/segmenters/features/feature_files.py"),
         ),
         Format(
             "depth-maps", (depth_maps,), ("maps/*", "*.json"), read_depth_maps,
-            ("semgs/depth_maps/map_folder.py", "semgs/depth_maps/opening.py", "semgs/segmenters/networks/network_files.py"),
+            ("semgs/depth_maps/map_folder.py", "semgs/depth_maps/opening.py", "semgs/sources/network_files.py"),
         ),
         Format(
             "small-files", (small_files,), ("*",), read_small_files,

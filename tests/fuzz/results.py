@@ -49,8 +49,9 @@ def weights(folder: Path) -> Path:
 
     from semgs.data.tables.classes import SCANNET20
     from semgs.model import networks
+    from semgs.model.weights.header import CHECKSUM
     from semgs.model.weights.load import shipped
-    from semgs.model.weights.weights_file import CHECKSUM, checksum, read_header
+    from semgs.model.weights.weights_file import checksum, read_header
 
     tensors = {"a": torch.arange(6.0).reshape(2, 3), "b": torch.zeros(4, dtype=torch.bfloat16)}
     said = read_header(shipped("small")).metadata
@@ -74,10 +75,15 @@ def shipped_weights(folder: Path) -> Path:
 def read_weights(path: Path, out: Path, changed: Sequence[str]) -> None:
     """Everything that a file of weights is asked, and that the network is built for it."""
     from semgs.files.errors import InputError
-    from semgs.model.weights.header_scores import read_scores
-    from semgs.model.weights.header_temperatures import read_temperatures
     from semgs.model.weights.load import data_terms, find, load, table_of, trained_scenes
-    from semgs.model.weights.weights_file import count_parameters, is_ours, read_header, read_tensors
+    from semgs.model.weights.weights_file import (
+        count_parameters,
+        is_ours,
+        read_header,
+        read_scores,
+        read_temperatures,
+        read_tensors,
+    )
 
     refused: InputError | None = None
     is_ours(path)
@@ -251,10 +257,11 @@ def segmenter(folder: Path) -> Path:
 
 
 def read_segmenter(path: Path, out: Path, changed: Sequence[str]) -> None:
-    from semgs.segmenters.class_map_files import MadeBy, MapFiles, save_class_map, save_table
-    from semgs.segmenters.correspondence_files import read_correspondence
+    from semgs.segmenters.class_map_files import MapFiles, save_class_map, save_table
+    from semgs.segmenters.exported import read_segmenter
     from semgs.segmenters.features.feature_files import FeatureFiles
-    from semgs.segmenters.networks.exported import read_segmenter
+    from semgs.segmenters.opening import read_correspondence
+    from semgs.sources.source import MadeBy
 
     for name in changed:
         if name == "network.json":

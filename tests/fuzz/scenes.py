@@ -98,7 +98,7 @@ def prepared(folder: Path) -> Path:
 
 
 def read_prepared(path: Path, out: Path, changed: Sequence[str]) -> None:
-    from semgs.data.origin.prepared_record import read_record
+    from semgs.data.origin.licences import read_record
 
     read_record(path)
     read_scene(path, out, changed)

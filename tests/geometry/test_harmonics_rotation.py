@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from semgs.geometry.harmonics import basis
-from semgs.geometry.harmonics_rotation import rotate_harmonics
+from semgs.geometry.harmonics import basis, rotate_harmonics
 from semgs.geometry.rotations import matrix_from_quaternion
 
 

@@ -3,8 +3,7 @@ from __future__ import annotations
 import torch
 from posed import posed_cameras
 
-from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.rigid import move_cameras, move_gaussians
+from semgs.geometry.gaussians import Appearance, Gaussians, move_cameras, move_gaussians
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.rendering.render import render
 

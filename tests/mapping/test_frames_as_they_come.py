@@ -66,6 +66,18 @@ def test_the_scene_grows_along_the_wall_and_lies_on_it():
     assert scenes[-1].saved.frames == scenes[-1].names
 
 
+def test_gaussians_keep_their_sources_while_the_scene_grows():
+    """Each has another; those that two scenes share are in the same place of the wall. Photos differ, as those of a camera do."""
+    before, after = streamed([(image(0.5 + 0.02 * k), *frame[1:]) for k, frame in enumerate(walk(12))], voxel=None)[-2:]
+    for scene in (before, after):
+        assert len(scene.sources.unique()) == len(scene.gaussians) == len(scene.sources)
+    shared = set(before.sources.tolist()) & set(after.sources.tolist())
+    assert len(shared) > len(before.sources) / 2
+    places = [dict(zip(one.sources.tolist(), one.gaussians.means, strict=True)) for one in (before, after)]
+    for source in sorted(shared)[::50]:
+        torch.testing.assert_close(places[0][source], places[1][source])
+
+
 def test_frames_that_cannot_be_used_are_counted_and_the_walk_goes_on():
     frames = [(*frame, float(number)) for number, frame in enumerate(walk(14))]
     broken = frames[8][1].clone()

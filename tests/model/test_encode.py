@@ -15,7 +15,7 @@ from semgs.evaluation.frames.network_method import NetworkMethod
 from semgs.evaluation.frames.protocols import TargetSample
 from semgs.evaluation.frames.reading import make_inputs, read_views
 from semgs.model.encode import Network, encode
-from semgs.model.layers.chunks import Chunks
+from semgs.model.layers.network_input import Chunks
 from semgs.model.memory import memory_plan as planning
 from semgs.model.weights.load import load
 

@@ -7,8 +7,7 @@ from dataclasses import replace
 from networks import preset
 
 from semgs.model import networks
-from semgs.model.layers.conventions import Conventions
-from semgs.model.settings import MVSplatHeads, PaperHeads
+from semgs.model.settings import Conventions, MVSplatHeads, PaperHeads
 from semgs.model.switches import switched
 from semgs.model.weights.load import shipped
 from semgs.model.weights.weights_file import read_header

@@ -19,7 +19,7 @@ from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance
 from semgs.geometry.rotations import covariance, matrix_from_quaternion
 from semgs.model.attention.camera_attention import token_transforms
-from semgs.model.attention.swin import Windows
+from semgs.model.attention.transformer import Windows
 from semgs.model.semgs import SemGS
 from semgs.scene.encoding import Encoding
 

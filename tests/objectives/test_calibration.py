@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from semgs.objectives.calibration import (
+from semgs.evaluation.scoring.confidence_calibration import (
     expected_calibration_error,
     fitted_temperature,
     reliability,

@@ -6,9 +6,15 @@ from planted.mutant import Mutant
 
 CLI = (
     Mutant(
-        "a request to end counts as wrong arguments", "semgs/cli/arguments.py",
-        "if leaving.code != REFUSED:", "if leaving.code in (None, 0):",
-        ("tests/cli/test_refused_by_the_system.py::test_a_request_to_end_while_arguments_are_parsed_is_none_of_the_arguments",),
+        "a word that names no preset is one", "semgs/cli/arguments.py",
+        "if preset and preset not in presets:", "if not preset:",
+        ("tests/cli/test_arguments.py::test_what_was_mistyped_is_named_with_the_nearest_that_there_is",),
+    ),
+    Mutant(
+        "only the first option that is missing is named", "semgs/cli/arguments.py",
+        "missing = [one.named for one in found if one.default is MISSING and one.path not in values]",
+        "missing = [one.named for one in found if one.default is MISSING and one.path not in values][:1]",
+        ("tests/cli/test_arguments.py::test_missing_arguments_are_named_without_their_help",),
     ),
     Mutant(
         "names reach the terminal as they are", "semgs/cli/main.py",

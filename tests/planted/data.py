@@ -207,7 +207,7 @@ DATA = (
         of_scannetpp("of_objects_that_share_a_vertex_the_smallest_counts_even_if_it_has_no_label"),
     ),
     Mutant(
-        "rays are cast through the corners of pixels", "semgs/data/layouts/parts/triangles.py",
+        "rays are cast through the corners of pixels", "semgs/data/layouts/parts/mesh_maps.py",
         "np.stack((column + 0.5, row + 0.5,", "np.stack((column, row,", of_scannetpp("the_phones_frames_are_read_as_they_were_written"),
     ),
     Mutant(
@@ -224,7 +224,7 @@ DATA = (
         "(cx + HALF, cy + HALF)", "(cx, cy)", of_layout("rgbd/tum", "a_point_is_where_the_benchmarks_formula_puts_it"),
     ),
     Mutant(
-        "association takes the first in time, not the nearest", "semgs/data/layouts/parts/association.py",
+        "association takes the first in time, not the nearest", "semgs/data/layouts/parts/trajectories.py",
         "(abs(first[i] - second[j]), i, int(j))", "(second[j], i, int(j))",
         of_layout("rgbd/tum", "association_takes_the_nearest_first_and_each_once"),
     ),

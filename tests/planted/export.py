@@ -134,7 +134,7 @@ EXPORT = (
         ("tests/export/test_maps_for_robots.py::test_map_server_gets_our_grid_back_cell_for_cell",),
     ),
     Mutant(
-        "labels are floats", "semgs/export/ply.py",
+        "labels are floats", "semgs/data/ply_tables.py",
         '"uchar" if values.dtype == np.uint8 else "float"', '"float"',
         ("tests/export/test_ply.py::test_further_columns_follow_those_of_3dgs_and_comments_come_before_them",),
     ),

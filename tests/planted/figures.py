@@ -10,7 +10,7 @@ FIGURES = (
         "if entry.share < RARE)", "if entry.share <= RARE)", ("tests/figures/test_page.py",),
     ),
     Mutant(
-        "a percentage is a share", "semgs/figures/number_texts.py",
+        "a percentage is a share", "semgs/files/text.py",
         'f"{100 * share:.0f} %"', 'f"{share:.0f} %"', ("tests/figures/test_numbers.py",),
     ),
 )  # fmt: skip

@@ -68,7 +68,7 @@ GEOMETRY = (
         "return (0.5 + torch.einsum(", "return (torch.einsum(", OF_HARMONICS,
     ),
     Mutant(
-        "harmonics are turned the other way", "semgs/geometry/harmonics_rotation.py",
+        "harmonics are turned the other way", "semgs/geometry/harmonics.py",
         "turned = directions @ rotations ", "turned = directions @ rotations.mT ",
         ("tests/geometry/test_harmonics_rotation.py",),
     ),

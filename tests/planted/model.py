@@ -5,13 +5,12 @@ from __future__ import annotations
 from planted.mutant import Mutant
 
 ATTENTION = "semgs/model/attention/camera_attention.py"
-SWIN = "semgs/model/attention/swin.py"
+SWIN = "semgs/model/attention/transformer.py"
 COST = "semgs/model/sweep/cost_volume.py"
 HEADS = "semgs/model/gaussians/heads.py"
 PLACING = "semgs/model/gaussians/placing.py"
 SCENE = "semgs/model/layers/network_input.py"
 OVERLAP = "semgs/scene/overlap.py"
-NEAREST = "semgs/scene/nearest.py"
 CORRELATION = "semgs/model/sweep/correlation_kernels.py"
 OF_ATTENTION = ("tests/model/attention/test_camera_attention.py",)
 OF_SWIN = ("tests/model/attention/test_swin.py",)
@@ -176,15 +175,15 @@ MODEL = (
         "PAIR / seen.clamp(min=PAIR)", "PAIR / seen", OF_OVERLAP,
     ),
     Mutant(
-        "targets take the farthest input views", NEAREST,
+        "targets take the farthest input views", OVERLAP,
         "distances.argsort(stable=True)", "distances.argsort(descending=True, stable=True)", OF_NEAREST,
     ),
     Mutant(
-        "Gaussians of the nearest views keep the sizes of all views", NEAREST,
+        "Gaussians of the nearest views keep the sizes of all views", OVERLAP,
         "scales=gaussians.colour.scales * growth[:, None]", "scales=gaussians.colour.scales", OF_NEAREST,
     ),
     Mutant(
-        "a Gaussian of the nearest views is not seen by its own view", NEAREST,
+        "a Gaussian of the nearest views is not seen by its own view", OVERLAP,
         "within[:, chosen] |= _own(gaussians.means, len(chosen))", "within[:, chosen] &= ~_own(gaussians.means, len(chosen))", OF_NEAREST,
     ),
     Mutant(
@@ -280,7 +279,7 @@ MODEL = (
         ("tests/scene/test_fused_classes.py::test_the_network_fuses_outside_training_only_and_scene_by_scene",),
     ),
     Mutant(
-        "the filtered cost is the correction alone", "semgs/model/sweep/cost_filter.py",
+        "the filtered cost is the correction alone", "semgs/model/sweep/cost_volume.py",
         "return cost + correction", "return correction",
         ("tests/model/sweep/test_cost_filter.py",),
     ),

@@ -98,7 +98,7 @@ OBJECTIVES = (
         "np.abs(sums).sum(-1)", "np.abs(sums.sum(-1))", OF_SELECTIVE,
     ),
     Mutant(
-        "classes over the seen pixels are over all", "semgs/objectives/map_scores.py",
+        "classes over the seen pixels are over all", "semgs/objectives/metrics.py",
         "truth.labels.masked_fill(~seen, IGNORE)", "truth.labels", OF_VIEW_SCORES,
     ),
     Mutant(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from planted.mutant import Mutant
 
-RVL = "semgs/data/layouts/ros/rvl.py"
+RVL = "semgs/data/layouts/ros/image_messages.py"
 METASHAPE = "semgs/data/layouts/metashape.py"
 LLFF = "semgs/data/layouts/llff.py"
 SPARSE = "semgs/data/layouts/parts/sparse_points.py"
@@ -12,7 +12,7 @@ GROUPS = "semgs/sfm/lens_groups.py"
 RANGE = "semgs/data/bounds/depth_range.py"
 TRANSFORMS = "semgs/data/layouts/transforms_json.py"
 COLMAP = "semgs/data/layouts/colmap/colmap_scene.py"
-UNIT = "semgs/doctor/unit.py"
+UNIT = "semgs/doctor/facts.py"
 WINDOWS = "semgs/mapping/windows.py"
 
 OF_BAGS = "tests/data/layouts/ros/test_ros_bag.py::test_"
@@ -109,7 +109,7 @@ OTHER_TOOLS = (
         "focal=(across * fx, down * fy)", "focal=(fx, fy)", (f"{OF_COLMAP}reduced_images_have_a_reduced_lens_of_any_kind",),
     ),
     Mutant(
-        "times in nanoseconds are in seconds", "semgs/data/layouts/parts/association.py",
+        "times in nanoseconds are in seconds", "semgs/data/layouts/parts/trajectories.py",
         "(NANOSECONDS, 1e9), ", "", ("tests/data/layouts/rgbd/test_tum.py::test_times_in_parts_of_a_second_are_those_in_seconds",),
     ),
     Mutant(

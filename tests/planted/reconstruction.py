@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from planted.mutant import Mutant
 
-VIEW_SCORES = "semgs/run/steps/scores.py"
+VIEW_SCORES = "semgs/objectives/metrics.py"
 OF_VIEW_SCORES = ("tests/run/test_scores.py",)
 
 ALIGNMENT = "semgs/depth_maps/alignment.py"
@@ -16,12 +16,12 @@ RECONSTRUCTION = (
         "perf_counter() - start - compiled()", "perf_counter() - start", ("tests/runtime/test_stopwatch.py",),
     ),
     Mutant(
-        "percent of confidence are rounded to the nearest", "semgs/run/output/renders.py",
+        "percent of confidence are rounded to the nearest", "semgs/run/output/files.py",
         "np.floor(100 *", "np.rint(100 *", ("tests/run/output/test_renders.py",),
     ),
     Mutant(
         "errors of depth are averaged over views, not pixels", VIEW_SCORES,
-        "getattr(view, weights[name]) if name in weights else 1)", "1)", OF_VIEW_SCORES,
+        "sum(getattr(one, part) * one.pixels for one in known)", "sum(getattr(one, part) * pixels / len(known) for one in known)", OF_VIEW_SCORES,
     ),
     Mutant(
         "depth maps are aligned in depth instead of its inverse", ALIGNMENT,
@@ -51,7 +51,7 @@ RECONSTRUCTION = (
         ("tests/depth_maps/test_map_folder.py::test_counts_are_millimetres_or_in_the_stated_unit",),
     ),
     Mutant(
-        "DepthPro's field of view is in radians", "semgs/depth_maps/transformers_network.py",
+        "DepthPro's field of view is in radians", "semgs/depth_maps/opening.py",
         "torch.tan(torch.deg2rad(found.field_of_view.float()) / 2)", "torch.tan(found.field_of_view.float() / 2)",
         ("tests/depth_maps/test_depth_networks.py::test_depth_pro_takes_its_field_of_view_for_the_focal_length",),
     ),

@@ -6,7 +6,7 @@ from planted.mutant import Mutant
 
 REFERENCE = "semgs/rendering/reference.py"
 RENDER = "semgs/rendering/render.py"
-PINHOLE = "semgs/rendering/pinhole.py"
+PINHOLE = "semgs/rendering/splats.py"
 RULES = "semgs/rendering/rules.py"
 PROJECTION = "semgs/rendering/projection_kernels.py"
 GSPLAT = "semgs/rendering/gsplat_backend.py"
@@ -139,7 +139,7 @@ RENDERING = (
         ("tests/figures/test_classes_picture.py",),
     ),
     Mutant(
-        "the spread of rendered depth forgets that depths are apart", "semgs/rendering/depth_spread.py",
+        "the spread of rendered depth forgets that depths are apart", "semgs/rendering/render_features.py",
         "torch.stack((log, log.square() + depth_spread.square()), 1)", "torch.stack((0 * log, depth_spread.square()), 1)",
         ("tests/rendering/test_rendered_depth_spread.py::test_a_pixel_of_two_depths_has_the_spread_of_both_and_that_between_them",),
     ),

@@ -54,4 +54,19 @@ ROBOTICS = (
         "with classes the floor is the lowest level", "semgs/robotics/floor.py",
         "peak = int(np.argmax(full))", "peak = int(np.argmax(full >= LOWEST_PEAK * full.max()))", ("tests/robotics/test_floor.py::test_a_step_below_the_floor_is_not_the_floor",),
     ),
+    Mutant(
+        "things that are least alike continue one another", "semgs/robotics/tracking.py",
+        "linear_sum_assignment(ious, maximize=True)", "linear_sum_assignment(ious)",
+        ("tests/robotics/test_tracking.py::test_things_keep_their_numbers_whatever_order_they_are_found_in_and_new_ones_get_the_next",),
+    ),
+    Mutant(
+        "the larger thing decides how much must be shared", "semgs/robotics/tracking.py",
+        "np.minimum(mine, theirs)", "np.maximum(mine, theirs)",
+        ("tests/robotics/test_tracking.py::test_a_quarter_of_the_smaller_thing_must_be_shared",),
+    ),
+    Mutant(
+        "things that are not found are forgotten", "semgs/robotics/tracking.py",
+        "np.concatenate((before[~np.isin(before[:, 0], numbers)], ", "np.concatenate((before[:0], ",
+        ("tests/robotics/test_tracking.py::test_what_was_forgotten_and_is_mapped_anew_is_known_by_its_place",),
+    ),
 )  # fmt: skip

@@ -21,7 +21,7 @@ ROOMS = (
         ("tests/rooms/sets/test_cameras_of_rooms.py::test_close_cameras_are_within_90_cm_of_their_subject_and_fill_the_frame_with_it",),
     ),
     Mutant(
-        "patterns lose their contrast in close-ups", "packages/semgs-rooms/semgs_rooms/plans/closeup.py",
+        "patterns lose their contrast in close-ups", "packages/semgs-rooms/semgs_rooms/plans/worlds.py",
         "ratio * np.array(base)", "np.array(base)",
         ("tests/rooms/plans/test_closeup.py::test_a_pattern_keeps_its_contrast_and_an_image_its_structure_in_another_colour",),
     ),

@@ -7,7 +7,7 @@ from planted.mutant import Mutant
 REFINEMENT = "semgs/scene/photo_refinement.py"
 OF_REFINEMENT = "tests/scene/test_photo_refinement.py::test_"
 
-VOTES = "semgs/scene/pixel_votes.py"
+VOTES = "semgs/run/steps/splat_labelling.py"
 OF_VOTES = "tests/scene/test_pixel_votes.py::test_"
 
 SCENE = (
@@ -77,7 +77,7 @@ SCENE = (
         "start.colour.scales) * factors", "start.colour.scales)", ("tests/scene/test_photo_refinement.py::test_colour_gaussians_that_move_to_twice_the_depth_are_twice_as_large",),
     ),
     Mutant(
-        "photos with almost no weight vote", "semgs/scene/pixel_votes.py",
+        "photos with almost no weight vote", "semgs/run/steps/splat_labelling.py",
         "LEAST_WEIGHT = 0.001", "LEAST_WEIGHT = 0.00001", ("tests/scene/test_pixel_votes.py::test_less_than_a_thousandth_of_a_pixel_is_no_vote",),
     ),
     Mutant(

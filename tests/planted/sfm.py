@@ -114,7 +114,7 @@ SFM = (
         (f"{OF_SFM}solving.py::test_colmaps_pixels_and_axes_are_ours_and_its_poses_are_inverted",),
     ),
     Mutant(
-        "estimated cameras are written with OpenCV's axes", "semgs/sfm/writing.py",
+        "estimated cameras are written with OpenCV's axes", "semgs/sfm/scene_folder.py",
         "(photo.world_from_camera @ OPENGL_FROM_OPENCV)", "photo.world_from_camera",
         (f"{OF_SFM}solving.py::test_three_photos_get_their_relative_poses_and_metres",),
     ),
@@ -129,7 +129,7 @@ SFM = (
         (f"{OF_SFM}solving.py::test_three_photos_get_their_relative_poses_and_metres",),
     ),
     Mutant(
-        "FFmpeg may read lists of other files", "semgs/sfm/clip_containers.py",
+        "FFmpeg may read lists of other files", "semgs/sfm/clip_headers.py",
         "|format_whitelist;mov,avi,matroska", "", (f"{OF_SFM}clip_containers.py::test_ffmpeg_itself_opens_no_list",),
     ),
 )  # fmt: skip

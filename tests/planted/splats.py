@@ -115,7 +115,7 @@ SPLATS = (
         "LOW, HIGH = 0.05, 0.95", "LOW, HIGH = 0.0, 1.0", OF_SCENES,
     ),
     Mutant(
-        "splats: -128 of a normalised byte is less than -1", "semgs/splats/gltf_container.py",
+        "splats: -128 of a normalised byte is less than -1", "semgs/files/gltf_container.py",
         "np.maximum(values / np.iinfo(values.dtype).max, -1)", "values / np.iinfo(values.dtype).max", ("tests/splats/test_gltf_splats.py::test_a_byte_of_minus_128_is_minus_one",),
     ),
     Mutant(

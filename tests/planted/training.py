@@ -20,16 +20,16 @@ TRAINING = (
         "counts if confusion is None else confusion + counts", "counts", ("tests/training/supervision/test_validation.py",),
     ),
     Mutant(
-        "gradients of pieces are summed for averaged", "semgs/training/step.py",
+        "gradients of pieces are summed for averaged", "semgs/training/state.py",
         'terms["total"] / len(pieces)', 'terms["total"]', ("tests/training/test_processes.py",),
     ),
     Mutant(
-        "processes exchange gradients after their first piece", "semgs/training/step.py",
+        "processes exchange gradients after their first piece", "semgs/training/state.py",
         "enabled=piece is not pieces[-1]", "enabled=piece is not pieces[0]",
         ("tests/training/test_processes.py::test_processes_exchange_the_gradient_of_all_pieces_and_once",),
     ),
     Mutant(
-        "the moving average moves on a skipped step", "semgs/training/step.py",
+        "the moving average moves on a skipped step", "semgs/training/state.py",
         "        state.average.update_parameters(state.model)\n    elif statistics:",
         "    state.average.update_parameters(state.model)\n    if not report.moved:",
         ("tests/training/test_step.py::test_a_step_that_is_not_finite_leaves_the_weights_and_is_counted",),
@@ -81,7 +81,7 @@ TRAINING = (
         ("tests/training/data/test_augmentation.py",),
     ),
     Mutant(
-        "a scene may end one round and begin the next", "semgs/training/data/image_schedule.py",
+        "a scene may end one round and begin the next", "semgs/training/data/samples.py",
         "range(gap - 1 if before else 0)", "range(0)", ("tests/training/data/test_single_pictures.py",),
     ),
     Mutant(
@@ -121,7 +121,7 @@ TRAINING = (
         "    if damaged:\n", "    if False:\n", ("tests/training/run/test_damage.py",),
     ),
     Mutant(
-        "losses compare clamped images", "semgs/training/supervision/objective.py",
+        "losses compare clamped images", "semgs/training/supervision/supervision.py",
         "encoding.render(target.cameras, clamp=False)", "encoding.render(target.cameras)",
         ("tests/training/supervision/test_supervision.py::test_a_pixel_that_is_too_bright_is_compared_as_bright_as_it_is",),
     ),

@@ -17,7 +17,7 @@ WEIGHTS = (
     ),
     Mutant(
         "a network from the hub forgets its provenance", "semgs/model/weights/pretrained.py",
-        "dict(header.metadata), read_checksum(path)", "{}, read_checksum(path)", OF_PRETRAINED,
+        "dict(header.metadata), header.checksum", "{}, header.checksum", OF_PRETRAINED,
     ),
     Mutant(
         "a network from the hub has gradients", "semgs/model/weights/pretrained.py",

@@ -8,10 +8,9 @@ import torch
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.rendering import reference
-from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.render import render
 from semgs.rendering.render_features import LEAST_ALPHA, gather_maps, render_features
-from semgs.rendering.splats import Splats
+from semgs.rendering.splats import Pinhole, Splats
 
 NEAR = 1.0
 

@@ -18,8 +18,7 @@ from semgs.data.demo_scene import demo_scene
 from semgs.export.gltf import save_gltf
 from semgs.export.ply import save_ply, save_semantic_ply
 from semgs.geometry.cameras import Cameras
-from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.rigid import move_gaussians
+from semgs.geometry.gaussians import Appearance, Gaussians, move_gaussians
 from semgs.mapping.voxels import join_in_voxels
 from semgs.rendering.render import render
 from semgs.scene.scene_file import load_scene, save_scene

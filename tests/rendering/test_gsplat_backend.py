@@ -15,10 +15,9 @@ from semgs.geometry.gaussians import Gaussians
 from semgs.geometry.rotations import quaternion_from_matrix
 from semgs.rendering import gsplat_backend, numba_backend, reference
 from semgs.rendering import render as door
-from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.render import render
 from semgs.rendering.rendering import Rendering
-from semgs.rendering.splats import Splats
+from semgs.rendering.splats import Pinhole, Splats
 
 FIELDS = ("images", "semantics", "depths", "alphas")
 BACKGROUND = (0.2, 0.7, 0.1)

@@ -11,8 +11,8 @@ from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.rendering import numba_backend
 from semgs.rendering.numba_backend import _stable_order
-from semgs.rendering.pinhole import Pinhole
 from semgs.rendering.render import render
+from semgs.rendering.splats import Pinhole
 from semgs.rendering.tile_kernels import TILE_HEIGHT, TILE_WIDTH
 
 FIELDS = ("images", "semantics", "depths", "alphas")

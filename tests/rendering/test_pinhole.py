@@ -6,7 +6,7 @@ import pytest
 import torch
 from posed import posed_cameras
 
-from semgs.rendering.pinhole import Pinhole, near_plane
+from semgs.rendering.splats import Pinhole, near_plane
 
 SIZE = (20, 35)
 

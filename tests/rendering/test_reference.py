@@ -10,8 +10,7 @@ import torch
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.rotations import covariance, matrix_from_quaternion, quaternion_from_matrix
 from semgs.rendering import numba_backend, reference
-from semgs.rendering.pinhole import Pinhole
-from semgs.rendering.splats import Layer, Splats
+from semgs.rendering.splats import Layer, Pinhole, Splats
 
 BACKENDS = pytest.mark.parametrize("drawing", [reference, numba_backend], ids=["reference", "numba"])
 HEIGHT, WIDTH = 20, 35

@@ -10,7 +10,7 @@ from saved_scenes import wall
 
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.rendering.depth_spread import render_depth_spread
+from semgs.rendering.render_features import render_depth_spread
 
 
 def test_a_pixel_of_two_depths_has_the_spread_of_both_and_that_between_them() -> None:

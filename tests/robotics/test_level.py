@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from semgs.robotics.level import level_from_world
+from semgs.robotics.floor import level_from_world
 
 
 @pytest.mark.parametrize(

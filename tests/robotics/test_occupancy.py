@@ -37,7 +37,7 @@ def voxel(found: Occupancy, x: float, y: float, z: float) -> tuple[int, int, int
 @pytest.fixture(scope="module")
 def found() -> Occupancy:
     scene = room_of_blocks()
-    return occupancy(scene.gaussians, scene.cameras)
+    return occupancy(scene.gaussians, scene.cameras, stride=1)
 
 
 def test_the_floor_is_free_the_wall_and_the_chair_are_occupied_and_their_shadows_are_unknown(found: Occupancy) -> None:
@@ -75,10 +75,10 @@ def test_voxels_know_their_class_and_have_one_only_if_they_are_occupied(found: O
 def test_what_is_below_the_step_or_above_the_robot_is_no_obstacle() -> None:
     plate = ("table", (1.4, -0.4, 0.0), (1.8, 0.4, 0.08))
     scene = room_of_blocks((*BLOCKS[:2], plate))
-    assert at(occupancy(scene.gaussians, scene.cameras), 1.6, 0.0) != OCCUPIED
-    assert at(occupancy(scene.gaussians, scene.cameras, step=0.05), 1.6, 0.0) == OCCUPIED
+    assert at(occupancy(scene.gaussians, scene.cameras, stride=1), 1.6, 0.0) != OCCUPIED
+    assert at(occupancy(scene.gaussians, scene.cameras, stride=1, step=0.05), 1.6, 0.0) == OCCUPIED
     scene = room_of_blocks()
-    low = occupancy(scene.gaussians, scene.cameras, step=0.05, height=0.4)
+    low = occupancy(scene.gaussians, scene.cameras, stride=1, step=0.05, height=0.4)
     assert at(low, 2.03, 0.5) == OCCUPIED
     assert not (low.labels[low.voxels == OCCUPIED][:, None] == SCANNET20.index("floor")).all()
 
@@ -88,7 +88,7 @@ def test_a_world_that_lies_on_its_side_gives_the_same_plan_with_its_up(found: Oc
     side = torch.eye(4, dtype=torch.float64)
     side[:3, :3] = matrix_from_quaternion(torch.tensor([0.6, 0.5, -0.2, 0.3], dtype=torch.float64))
     moved = turned(scene, side)
-    again = occupancy(moved.gaussians, moved.cameras, up=side[:3, 2].tolist())
+    again = occupancy(moved.gaussians, moved.cameras, stride=1, up=side[:3, 2].tolist())
     assert again.floor == pytest.approx(0, abs=1e-5)
     for content, within in (
         (FREE, 0.08),
@@ -100,7 +100,7 @@ def test_a_world_that_lies_on_its_side_gives_the_same_plan_with_its_up(found: Oc
 def test_uncertain_depth_frees_less_and_gaussians_in_no_order_need_no_depths(found: Occupancy) -> None:
     scene = room_of_blocks()
     spread = torch.full_like(scene.depths, 0.5)
-    less = occupancy(scene.gaussians, scene.cameras, depth_spread=spread)
+    less = occupancy(scene.gaussians, scene.cameras, stride=1, depth_spread=spread)
     assert (less.voxels == FREE).sum() < 0.6 * (found.voxels == FREE).sum()
     order = torch.randperm(len(scene.gaussians), generator=torch.Generator().manual_seed(1))[:-7]
     merged = scene.gaussians.map(lambda tensor: tensor[order])
@@ -148,7 +148,7 @@ def test_lengths_that_are_whole_numbers_of_cells_but_for_rounding_are_whole() ->
     """In floating point 0.28 / 0.04 is above 7 and 0.6 / 0.1 below 6. A disc of 6 cells is one of radius 3, which fits into no gap of five."""
     assert 0.28 / 0.04 > 7
     scene = room_of_blocks()
-    found = occupancy(scene.gaussians, scene.cameras, resolution=0.04, step=0.28, height=0.4)
+    found = occupancy(scene.gaussians, scene.cameras, stride=1, resolution=0.04, step=0.28, height=0.4)
     assert found.voxels.shape[0] == 7 + 10
     assert found.origin[2] == pytest.approx(-0.28, abs=1e-6)
     assert 0.6 / 0.1 < 6
@@ -159,7 +159,7 @@ def test_lengths_that_are_whole_numbers_of_cells_but_for_rounding_are_whole() ->
 
 def test_a_scene_without_classes_and_the_public_name_work() -> None:
     scene = room_of_blocks(classes=False)
-    plain = semgs.occupancy(scene.gaussians, scene.cameras, resolution=0.1)
+    plain = semgs.occupancy(scene.gaussians, scene.cameras, stride=1, resolution=0.1)
     assert at(plain, 1.6, -0.1) == FREE
     assert at(plain, 4.03, -0.1) == OCCUPIED
     assert (plain.labels == IGNORE).all()
@@ -169,17 +169,19 @@ def test_arguments_out_of_range_are_refused() -> None:
     scene = room_of_blocks()
     for options in ({"step": 2.0}, {"step": 0.0}, {"resolution": 0.0}, {"reach": -1.0}):
         with pytest.raises(ValueError, match="expected 0 < step < height"):
-            occupancy(scene.gaussians, scene.cameras, **options)
+            occupancy(scene.gaussians, scene.cameras, stride=1, **options)
     for options in ({"height": inf}, {"resolution": inf}, {"narrowest": -0.1}, {"narrowest": nan}):
         with pytest.raises(ValueError, match="expected 0 < step < height, positive others, and narrowest 0 or more"):
-            occupancy(scene.gaussians, scene.cameras, **options)
+            occupancy(scene.gaussians, scene.cameras, stride=1, **options)
     with pytest.raises(ValueError, match=r"leading axes \(\); expected those of the input views, \[v\]"):
-        occupancy(scene.gaussians, scene.cameras[0])
+        occupancy(scene.gaussians, scene.cameras[0], stride=1)
+    with pytest.raises(ValueError, match="there are 9600 Gaussians for 2400 blocks of 2x2 pixels"):
+        occupancy(scene.gaussians, scene.cameras, stride=2)
     with pytest.raises(ValueError, match="use a larger resolution"):
-        occupancy(scene.gaussians, scene.cameras, resolution=0.001)
+        occupancy(scene.gaussians, scene.cameras, stride=1, resolution=0.001)
     two = replace(SCANNET20, name="two", names=("a", "floor"), colours=((0, 0, 0),) * 2, raw_ids=(1, 2))
     with pytest.raises(ValueError, match="expected the 2 of table two"):
-        occupancy(scene.gaussians, scene.cameras, classes=two)
+        occupancy(scene.gaussians, scene.cameras, stride=1, classes=two)
 
 
 def test_gaussians_without_a_class_are_no_floor_and_voxels_of_them_have_no_label(found: Occupancy) -> None:
@@ -190,7 +192,7 @@ def test_gaussians_without_a_class_are_no_floor_and_voxels_of_them_have_no_label
     shares = gaussians.semantic.features[:, [SCANNET20.index(name) for name in floor_first]]
     shares[gaussians.semantic.features.argmax(-1) == SCANNET20.index("chair")] = 1 / 20
     given = replace(gaussians, semantic=replace(gaussians.semantic, features=shares))
-    plan = occupancy(given, scene.cameras, classes=table)
+    plan = occupancy(given, scene.cameras, stride=1, classes=table)
     np.testing.assert_array_equal(plan.cells, found.cells)
     assert at(plan, 2.03, 0.5) == OCCUPIED  # the front of the first chair
     assert plan.labels[voxel(plan, 2.03, 0.5, 0.4)] == IGNORE
@@ -199,17 +201,16 @@ def test_gaussians_without_a_class_are_no_floor_and_voxels_of_them_have_no_label
 
 def test_views_that_know_no_depth_show_no_floor() -> None:
     scene = room_of_blocks()
-    some = scene.gaussians.map(lambda tensor: tensor[:77])  # not one for each pixel, so depth decides
+    some = scene.gaussians.map(lambda tensor: tensor[:77])
     with pytest.raises(NoFloorError, match="the depth of every pixel of the input views is unknown"):
         occupancy(some, scene.cameras, depths=torch.zeros(len(scene.cameras.world_from_camera), *scene.cameras.size))
 
 
 def test_rays_end_at_the_gaussians_without_their_footprints() -> None:
-    """One more Gaussian than there are pixels, so depth is rendered. Footprints, which are 1 m wide here, would fill the images."""
+    """Without a stride, depth is rendered. Footprints, which are 1 m wide here, would fill the images."""
     scene = room_of_blocks()
-    more = scene.gaussians.map(lambda tensor: torch.cat((tensor, tensor[-1:])))
-    wide = replace(more, footprints=torch.ones(len(more)))
-    plain, found = (rays_of(one, scene.cameras, np.eye(3), None, None) for one in (more, wide))
+    wide = replace(scene.gaussians, footprints=torch.ones(len(scene.gaussians)))
+    plain, found = (rays_of(one, scene.cameras, np.eye(3), None, None) for one in (scene.gaussians, wide))
     assert len(plain.ends)
     assert np.array_equal(plain.ends, found.ends)
 

@@ -14,8 +14,8 @@ from semgs_rooms.drawing.room import FLAT, build_room
 from semgs_rooms.drawing.shading import look, pixel_directions
 from semgs_rooms.pieces.furniture import LABEL
 from semgs_rooms.pieces.solids import BALL, BOX, CYLINDER, Solids, gather, triangulate
-from semgs_rooms.plans.closeup import draw_closeup
 from semgs_rooms.plans.home import draw_home
+from semgs_rooms.plans.worlds import draw_closeup
 from semgs_rooms.sets.room_stream import generator, sample
 
 SIZE = (18, 24)

@@ -21,7 +21,7 @@ from semgs.data.tables.classes import SCANNET20
 from semgs.export.map_files import map_image
 from semgs.files.bags import message_store
 from semgs.robotics.boxes import Box
-from semgs.robotics.level import level_from_world
+from semgs.robotics.floor import level_from_world
 from semgs.robotics.objects import Objects, Thing
 from semgs.robotics.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
 

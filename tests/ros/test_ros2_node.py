@@ -32,7 +32,7 @@ STUBS = Path(__file__).parent / "stubs"
 
 def types_of(script: Path, cache: Path) -> subprocess.CompletedProcess[str]:
     """What mypy says about a script, with the stubs and our functions for messages; all else is not looked at."""
-    ours = [ROOT / "semgs" / "ros" / name for name in ("__init__.py", "incoming.py", "outgoing.py")]
+    ours = [ROOT / "semgs" / "ros" / name for name in ("__init__.py", "messages.py")]
     options = ["--config-file=", "--follow-imports=skip", "--check-untyped-defs", "--disallow-untyped-defs"]
     return subprocess.run(
         [sys.executable, "-m", "mypy", *options, "--cache-dir", cache, script, *ours, *sorted(STUBS.rglob("*.pyi"))],
@@ -163,6 +163,10 @@ def test_on_a_stand_in_for_ros_the_node_publishes_the_room_with_the_stamp_of_its
     images = torch.from_numpy(np.stack([as_bytes(seen.images[one]) for one in given])).movedim(-1, 1) / 255
     cameras = seen.cameras[given]
     *_, last = semgs.stream(zip(images, cameras.world_from_camera, cameras.intrinsics, strict=True), radius=5.0)
-    points = clouds[-1].data.view("<f4").reshape(clouds[-1].width, -1)[:, :3]
+    rows = [cloud.data.view("<f4").reshape(cloud.width, -1) for cloud in clouds]
+    assert things[-1].detections
+    for row, message in zip(rows, things, strict=True):  # the last column is `instance`
+        assert set(row[:, -1].astype(int)) - {0} == {int(one.id) for one in message.detections}
+    points = rows[-1][:, :3]
     np.testing.assert_allclose(points, last.gaussians.means.numpy(), atol=1e-3)
     assert np.abs(np.median(points, 0) - (0.06, 1.26, 0.42)).max() < 0.5  # of their true depths

@@ -17,7 +17,7 @@ from semgs.data.choosing.coverage import choose_covering
 from semgs.data.maps import InMemory
 from semgs.data.scene import Scene
 from semgs.data.views import Views
-from semgs.depth_maps.frame_maps import FrameMaps
+from semgs.depth_maps.depth_source import FrameMaps
 from semgs.depth_maps.map_depth import find_reference
 from semgs.depth_maps.opening import open_depth_maps
 from semgs.files.errors import InputError
@@ -58,7 +58,7 @@ def walls() -> list[np.ndarray]:
 
 def run(scene: Scene, folder: Path, network: torch.nn.Module | None = None) -> Reconstruction:
     source = open_depth_maps(str(folder))(scene)
-    return reconstruct(scene, choose_named(scene, [0, 3]), network or Oracle(), SIZE, depth=source)  # type: ignore[arg-type]
+    return reconstruct(scene, replace(choose_named(scene, [0, 3]), size=SIZE), network or Oracle(), depth=source)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("meaning", ["scaled", "inverse"])
@@ -67,7 +67,7 @@ def test_exact_maps_of_unknown_scale_straighten_a_bent_network(
 ):
     scene = wall_scene(metric=False)
     maps = [3 * depth if meaning == "scaled" else 2 / depth + 0.3 for depth in walls()]
-    bent = reconstruct(scene, choose_named(scene, [0, 3]), Bent(), SIZE)
+    bent = reconstruct(scene, replace(choose_named(scene, [0, 3]), size=SIZE), Bent())
     straight = run(scene, write_maps(tmp_path / "maps", maps, meaning), Bent())
     truth = torch.tensor(np.stack([walls()[0], walls()[3]]))
     errors = [float((result.encoding.depths / truth).log().abs().mean()) for result in (bent, straight)]
@@ -134,7 +134,7 @@ def test_of_sparse_points_behind_one_another_the_nearest_is_seen(wall_scene: Cal
 
 def test_the_scenes_own_maps_are_no_reference_for_themselves(wall_scene: Callable[..., Scene]):
     scene = wall_scene()
-    result = reconstruct(scene, choose_named(scene, [0, 3]), Oracle(), SIZE, depth=FrameMaps())  # type: ignore[arg-type]
+    result = reconstruct(scene, replace(choose_named(scene, [0, 3]), size=SIZE), Oracle(), depth=FrameMaps())  # type: ignore[arg-type]
     assert result.placement is not None
     assert "the scene's own depth maps, aligned to the model's depth" in result.placement.description
     assert [fit.scale for fit in result.placement.fits] == pytest.approx([1, 1], rel=2e-3)

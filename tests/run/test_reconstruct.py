@@ -25,9 +25,9 @@ from semgs.rendering.rendering import Rendering, confidence_maps, label_maps
 from semgs.robotics.occupancy import rays_of
 from semgs.run.output.report import Provenance, report_numbers
 from semgs.run.output.report_page import report_page
+from semgs.run.steps.finishing import scores
 from semgs.run.steps.notes import strangers
 from semgs.run.steps.pipeline import reconstruct
-from semgs.run.steps.scores import scores
 from semgs.runtime.stopwatch import COMPILE, Stages
 from semgs.scene.encoding import Encoding
 from semgs.scene.scene_file import load_scene, save_scene
@@ -42,8 +42,8 @@ def test_a_network_that_knows_the_depth_gives_the_wall_back(wall_scene: Callable
     for score in (*result.context.scores, *result.target.scores):
         assert score.psnr > 25
         assert score.coverage > 0.98
-        assert score.depth_error is not None
-        assert score.depth_error < 0.01
+        assert score.depth_seen is not None
+        assert score.depth_seen.abs_rel < 0.01
         assert score.accuracy is not None
         assert score.accuracy > 0.97
         assert score.miou is not None
@@ -80,23 +80,23 @@ def test_the_views_keep_their_size_or_take_the_one_asked_for(wall_scene: Callabl
     small = reconstruct(scene, choice, oracle)
     assert small.native_size == (40, 56)
     assert small.size == (32, 48)  # multiples of 16
-    assert reconstruct(scene, choice, oracle, (36, 60)).size == (36, 60)
+    assert reconstruct(scene, replace(choice, size=(36, 60)), oracle).size == (36, 60)
 
 
 def test_pictures_of_another_aspect_are_cropped_and_it_is_said(
     wall_scene: Callable[..., Scene], oracle: Network
 ) -> None:
     scene = wall_scene()
-    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle, (32, 32))
+    result = reconstruct(scene, replace(choose_named(scene, [0, 3]), size=(32, 32)), oracle)
     assert [note for note in result.notes if "aspect" in note] == [
         "4 of 4 images have another aspect ratio than 32x32 (height x width) and are centre-cropped with their cameras: "
         f"{scene.frames[0].name}, for example, from 40x56 to 40x40 before it is resized."
     ]
     (fx, fy), (old_fx, old_fy) = result.context.views.cameras.focal_px[0], scene.cameras[0].focal_px
     assert (fx / old_fx, fy / old_fy) == pytest.approx((0.8, 0.8))
-    assert result.context.scores[0].depth_error is not None
-    assert result.context.scores[0].depth_error < 0.01
-    same = reconstruct(scene, choose_named(scene, [0, 3]), oracle, (80, 112))
+    assert result.context.scores[0].depth_seen is not None
+    assert result.context.scores[0].depth_seen.abs_rel < 0.01
+    same = reconstruct(scene, replace(choose_named(scene, [0, 3]), size=(80, 112)), oracle)
     assert not any("aspect" in note for note in same.notes)
 
 
@@ -107,7 +107,7 @@ def test_a_colour_only_network_is_scored_without_classes_and_says_so(
     result = reconstruct(scene, choose(scene, 2), colour_oracle)
     assert result.classes is None
     assert all(score.miou is None and score.accuracy is None for score in result.context.scores)
-    assert result.context.scores[0].depth_error is not None
+    assert result.context.scores[0].depth_seen is not None
     assert any("colour only" in note for note in result.notes)
 
 
@@ -128,7 +128,7 @@ def test_a_scene_of_unknown_scale_never_speaks_of_metres(wall_scene: Callable[..
     result = reconstruct(scene, choose_named(scene, [0, 3]), oracle)
     assert not result.metric
     assert any("unknown" in note for note in result.notes)
-    assert all(score.depth_error is None and score.miou is None for score in result.context.scores)
+    assert all(score.depth_seen is None and score.miou is None for score in result.context.scores)
 
 
 def test_two_frames_leave_none_to_hold_out(wall_scene: Callable[..., Scene], oracle: Network) -> None:
@@ -288,7 +288,7 @@ def test_a_scene_far_from_its_origin_is_reconstructed_as_well_as_near_it(wall_sc
                 "it shows more than the mean colour, at about 11 dB; positions in float32 gave 8.3"
             )
             assert score.psnr == pytest.approx(wanted.psnr, abs=0.01)
-            assert score.depth_error == pytest.approx(wanted.depth_error, abs=1e-3)
+            assert score.depth_seen.abs_rel == pytest.approx(wanted.depth_seen.abs_rel, abs=1e-3)
     assert any("relative to (5000003, -4000001, 300001). Add this point" in note for note in after.notes)
     assert not any("relative to" in note for note in before.notes)
 
@@ -298,7 +298,7 @@ def test_a_pose_in_the_coordinates_of_a_far_scene_is_rendered_and_files_are_in_t
 ) -> None:
     scene = wall_scene(moved=MOVED)
     oracle.start += torch.tensor(MOVED, dtype=torch.float64) - torch.from_numpy(scene.origin)
-    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle, SIZE)
+    result = reconstruct(scene, replace(choose_named(scene, [0, 3]), size=SIZE), oracle)
     asked = scene.cameras[3].arranged(lambda array: array[None])
     assert asked.centres[0, 0] > 5e6
     mine = result.encoding.render(asked.relative_to(scene.origin))
@@ -306,7 +306,7 @@ def test_a_pose_in_the_coordinates_of_a_far_scene_is_rendered_and_files_are_in_t
     save_scene(tmp_path / "a", result.saved)
     with safe_open(tmp_path / "a", "pt") as file:
         written = file.get_tensor("cameras.world_from_camera")
-        assert json.loads(file.metadata()["semgs"])["version"] == 2
+        assert json.loads(file.metadata()["semgs"])["origin"] == [5_000_003, -4_000_001, 300_001]
     exact = [
         frame["transform_matrix"] for frame in json.loads((scene.path.parent / "transforms.json").read_text())["frames"]
     ]
@@ -361,7 +361,9 @@ def test_many_views_pass_the_same_pipeline_and_have_the_same_notes(
 ) -> None:
     """Images of 40x56 are cropped, and the scale is unknown. A surface has the Gaussians of four of six views that see it, so fewer than those of six."""
     scene = wall_scene(metric=False, shifts=(0.0, 0.1, 0.2, 0.3, 0.4, 0.5))
-    few, many = (reconstruct(scene, choose_named(scene, some), oracle, (32, 32)) for some in ([0, 5], range(6)))
+    few, many = (
+        reconstruct(scene, replace(choose_named(scene, some), size=(32, 32)), oracle) for some in ([0, 5], range(6))
+    )
     (note,) = [note for note in few.notes if note.startswith("The scale of this scene is unknown")]
     assert note in many.notes
     assert any(note.startswith("6 of 6 images have another aspect ratio") for note in many.notes)
@@ -391,7 +393,7 @@ def test_a_black_border_has_no_gaussians_and_no_scores_and_the_notes_say_so(
     """Two black pixels and the three behind them on each side: of 40x56 pixels, 30x46 are visible and 860 hidden."""
     scene = wall_scene()
     change_images(scene, black_edge, 0, 1, 2, 3)
-    result = reconstruct(scene, choose_named(scene, [0, 3]), oracle, (40, 56))
+    result = reconstruct(scene, replace(choose_named(scene, [0, 3]), size=(40, 56)), oracle)
     assert len(result.encoding.gaussians) == len(result.saved.gaussians) == 2 * 30 * 46
     rows, columns = (torch.div(result.saved.places % (40 * 56), 56, rounding_mode="floor"), result.saved.places % 56)
     assert (int(rows.min()), int(rows.max()), int(columns.min()), int(columns.max())) == (5, 34, 5, 50)
@@ -407,7 +409,7 @@ def test_a_black_border_frees_no_space(wall_scene: Callable[..., Scene], oracle:
     """The oracle says how far the wall is behind the border, too. Nobody saw it there: the saved depth is 0, and no ray goes there."""
     scene = wall_scene(shifts=(0.0, 0.08, 0.16, 0.24, 0.32))
     change_images(scene, black_edge, *range(5))
-    result = reconstruct(scene, choose_named(scene, range(views)), oracle, (40, 56))
+    result = reconstruct(scene, replace(choose_named(scene, range(views)), size=(40, 56)), oracle)
     hidden, depths = result.context.views.hidden, result.saved.depths
     assert hidden is not None
     assert not depths[hidden].any()
@@ -421,7 +423,7 @@ def test_many_photos_with_black_borders_have_no_gaussians_there(
 ) -> None:
     scene = wall_scene(shifts=(0.0, 0.3, 0.6, 0.9, 1.2))
     change_images(scene, black_edge, *range(5))
-    result = reconstruct(scene, choose_named(scene, range(5)), oracle, (40, 56))
+    result = reconstruct(scene, replace(choose_named(scene, range(5)), size=(40, 56)), oracle)
     hidden = result.context.views.hidden
     assert hidden is not None
     assert len(result.encoding.gaussians) > 30 * 46

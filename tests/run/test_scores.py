@@ -6,8 +6,9 @@ import torch
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras
 from semgs.objectives.measures import MEANINGS, TITLES
+from semgs.objectives.metrics import DepthScores, ViewScores, mean_scores
 from semgs.rendering.rendering import Rendering
-from semgs.run.steps.scores import ViewScores, by_measure, mean_scores, scores
+from semgs.run.steps.finishing import scores
 
 
 def pair() -> tuple[Rendering, Views]:
@@ -39,7 +40,8 @@ def test_each_score_is_what_hand_reckoning_gives() -> None:
     assert score.psnr == pytest.approx(-10 * torch.tensor(half).log10().item(), abs=1e-3)
     assert score.psnr_seen == pytest.approx(20, abs=1e-3)
     assert score.coverage == 0.5
-    assert score.depth_error == pytest.approx((0.5 + 0.25 + 0) / 3, abs=1e-6)
+    assert score.depth_seen is not None
+    assert score.depth_seen.abs_rel == pytest.approx((0.5 + 0.25 + 0) / 3, abs=1e-6)
     assert score.accuracy == pytest.approx(4 / 7)  # everything is called class 0; one pixel has no label
     assert score.miou == pytest.approx((4 / 7 + 0) / 2)
 
@@ -49,13 +51,15 @@ def test_scores_over_the_seen_pixels_are_of_the_left_half_alone() -> None:
     (score,) = scores(*pair())
     assert score.accuracy_seen == pytest.approx(2 / 4)
     assert score.miou_seen == pytest.approx((2 / 4 + 0) / 2)
-    assert (score.depth_pixels, score.depth_pixels_seen) == (7, 3)
+    assert score.depth is not None
+    assert score.depth_seen is not None
+    assert (score.depth.pixels, score.depth_seen.pixels) == (7, 3)
     # Right half: |1 - 5| / 5 at two pixels, and |0 - 5| / 5 at the two where nothing was drawn.
-    assert score.depth_abs_rel == pytest.approx((0.75 + 2 * 0.8 + 2 * 1) / 7, abs=1e-6)
+    assert score.depth.abs_rel == pytest.approx((0.75 + 2 * 0.8 + 2 * 1) / 7, abs=1e-6)
 
 
 def test_scores_have_the_names_and_the_order_of_the_one_table() -> None:
-    named = by_measure(scores(*pair())[0])
+    named = scores(*pair())[0].by_measure
     assert list(named) == [name for name in TITLES if name in named]
     assert named["unseen"] == 0.5
     assert named["depth_abs_rel_seen"] == pytest.approx(0.25, abs=1e-6)
@@ -69,7 +73,7 @@ def test_what_is_not_known_is_none() -> None:
         Views(truth.images, truth.cameras, truth.depth_range, labels=truth.labels),
     )
     assert score.coverage == 0
-    assert (score.psnr_seen, score.depth_error, score.accuracy, score.miou) == (None, None, None, None)
+    assert (score.psnr_seen, score.depth_seen, score.accuracy, score.miou) == (None, None, None, None)
     unlabelled = torch.full((1, 2, 4), 255, dtype=torch.uint8)
     (score,) = scores(rendering, Views(truth.images, truth.cameras, truth.depth_range, labels=unlabelled))
     assert (score.accuracy, score.miou) == (None, None)
@@ -77,11 +81,25 @@ def test_what_is_not_known_is_none() -> None:
 
 def test_means_are_over_the_views_that_have_the_score_and_of_depth_over_their_pixels() -> None:
     """One pixel with an error of 0.1 and three with 0.3: (0.1 + 3 * 0.3) / 4 = 0.25."""
-    one = ViewScores(20.0, 1.0, 20.0, 0.1, 0.5, None, depth_abs_rel=0.2, depth_pixels=1, depth_pixels_seen=1)
-    two = ViewScores(30.0, 0.5, 40.0, 0.3, 0.7, None, depth_abs_rel=0.4, depth_pixels=1, depth_pixels_seen=3)
-    mean = mean_scores([one, two, ViewScores(25.0, 0.75, 30.0, None, 0.6, None)])
-    assert mean.depth_error == pytest.approx(0.25)
-    assert mean.depth_abs_rel == pytest.approx(0.3)
+    one = ViewScores(
+        psnr=20.0,
+        unseen=0.0,
+        psnr_seen=20.0,
+        accuracy=0.5,
+        depth=DepthScores(0.2, 1.0, 1),
+        depth_seen=DepthScores(0.1, 1.0, 1),
+    )
+    two = ViewScores(
+        psnr=30.0,
+        unseen=0.5,
+        psnr_seen=40.0,
+        accuracy=0.7,
+        depth=DepthScores(0.4, 0.5, 1),
+        depth_seen=DepthScores(0.3, 0.5, 3),
+    )
+    mean = mean_scores([one, two, ViewScores(psnr=25.0, unseen=0.25, psnr_seen=30.0, accuracy=0.6)])
+    assert mean.depth_seen == DepthScores(pytest.approx(0.25), pytest.approx((1 + 3 * 0.5) / 4), 4)
+    assert mean.depth == DepthScores(pytest.approx(0.3), 0.75, 2)
     assert (mean.psnr, mean.coverage, mean.psnr_seen, mean.accuracy, mean.miou) == (
         25.0,
         0.75,
@@ -100,5 +118,7 @@ def test_hidden_pixels_count_in_no_score() -> None:
     assert score.psnr == score.psnr_seen == pytest.approx(20, abs=1e-3)
     assert score.coverage == 1
     assert score.accuracy == pytest.approx(2 / 4)
-    assert score.depth_abs_rel == pytest.approx((0.5 + 0.25 + 0) / 3, abs=1e-6)
-    assert (score.depth_pixels, score.depth_pixels_seen) == (3, 3)
+    assert score.depth == score.depth_seen
+    assert score.depth is not None
+    assert score.depth.abs_rel == pytest.approx((0.5 + 0.25 + 0) / 3, abs=1e-6)
+    assert score.depth.pixels == 3

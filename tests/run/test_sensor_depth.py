@@ -48,7 +48,7 @@ def test_a_sensor_puts_the_wall_where_it_is(wall_scene: Callable[..., Scene]):
         source: reconstruct(scene, choose_named(scene, [0, 3]), Mistaken(), depth=source)  # type: ignore[arg-type]
         for source in ("network", "sensor", "both")
     }
-    errors = {source: result.target.scores[0].depth_abs_rel for source, result in by_source.items() if result.target}
+    errors = {source: result.target.scores[0].depth.abs_rel for source, result in by_source.items() if result.target}
     assert errors["network"] > 0.2
     assert errors["sensor"] < 0.002
     assert errors["both"] < 0.002
@@ -187,10 +187,13 @@ def test_depth_for_too_few_pixels_is_refused_by_the_name_of_its_frame(wall_scene
     with pytest.raises(
         InputError, match=r"transforms.json: images/03.png: expected a measured depth at 50 % .*, found 38 %"
     ):
-        reconstruct(scene, choose_named(scene, [0, 3]), Oracle(), SIZE, depth="both")
+        reconstruct(scene, replace(choose_named(scene, [0, 3]), size=SIZE), Oracle(), depth="both")
     counts[15:20] = 1976
     write_png(depth_file, counts)
-    assert reconstruct(scene, choose_named(scene, [0, 3]), Oracle(), SIZE, depth="both").placement is not None
+    assert (
+        reconstruct(scene, replace(choose_named(scene, [0, 3]), size=SIZE), Oracle(), depth="both").placement
+        is not None
+    )
 
 
 def test_views_without_depth_are_refused(views: Views):

@@ -10,7 +10,7 @@ import pytest
 
 PROGRAM = """
 import ctypes, json, resource, sys
-from semgs.runtime.allocator import LARGE, keep_freed_memory
+from semgs.runtime.free_memory import LARGE, keep_freed_memory
 
 can = keep_freed_memory() if sys.argv[1] == "kept" else hasattr(ctypes.CDLL(None), "mallopt")
 libc = ctypes.CDLL(None)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from semgs.runtime.process_groups import _listed_bytes, group_bytes
+from semgs.runtime.free_memory import _listed_bytes, group_bytes
 
 HOLD = """
 import os, sys

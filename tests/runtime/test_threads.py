@@ -13,14 +13,14 @@ from paper.bench.workloads import competitors
 
 SET = """
 import json, os
-from semgs.runtime import threads
-threads.prepare_threads()
-print(json.dumps([os.environ.get("GOMP_SPINCOUNT"), threads._meter is not None]))
+from semgs.runtime import cores
+cores.prepare_threads()
+print(json.dumps([os.environ.get("GOMP_SPINCOUNT"), cores._meter is not None]))
 """
 
 FRAME = """
 import json, sys, time
-from semgs.runtime.threads import adapt_threads, prepare_threads
+from semgs.runtime.cores import adapt_threads, prepare_threads
 if sys.argv[1] == "command":
     prepare_threads()
 import torch

@@ -41,6 +41,7 @@ def scene(temperatures: Temperatures | None, classes: bool = True) -> SavedScene
         source="office",
         model="small",
         temperatures=temperatures,
+        stride=2,
     )
 
 

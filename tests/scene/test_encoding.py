@@ -11,7 +11,7 @@ from posed import posed_views
 
 from semgs.data.views import stack
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.model.layers.chunks import Chunks
+from semgs.model.layers.network_input import Chunks
 from semgs.rendering.render import render
 from semgs.scene.encoding import Encoding
 from semgs.scene.scene_file import SavedScene

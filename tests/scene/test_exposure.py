@@ -14,7 +14,7 @@ from semgs.run.steps.notes import note_on_exposures
 from semgs.scene import exposure
 from semgs.scene.encoding import Encoding
 from semgs.scene.exposure import Exposures, exposure_as_rendered, fit_exposures
-from semgs.scene.nearest import inside
+from semgs.scene.overlap import inside
 
 WALL = 4.0
 

@@ -12,7 +12,7 @@ from posed import posed_cameras, posed_views
 
 from semgs.geometry.cameras import Cameras
 from semgs.model.semgs import SemGS
-from semgs.scene.nearest import NearestViews
+from semgs.scene.overlap import NearestViews
 
 SIZE = (29, 37)
 

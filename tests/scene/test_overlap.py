@@ -15,10 +15,9 @@ from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.model.gaussians.heads import RawGaussians
 from semgs.model.gaussians.placing import Placer
-from semgs.model.layers.chunks import Chunks
-from semgs.model.layers.conventions import OURS, Conventions
-from semgs.model.layers.network_input import NetworkInput
+from semgs.model.layers.network_input import Chunks, NetworkInput
 from semgs.model.semgs import SemGS
+from semgs.model.settings import OURS, Conventions
 from semgs.scene.encoding import Encoding
 from semgs.scene.overlap import Others, seen_by, shrinkage
 

@@ -11,9 +11,8 @@ import torch
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.rendering import reference
-from semgs.rendering.pinhole import Pinhole
-from semgs.rendering.splats import Splats
-from semgs.scene.pixel_votes import PixelVotes
+from semgs.rendering.splats import Pinhole, Splats
+from semgs.run.steps.splat_labelling import PixelVotes
 
 SIZE = (9, 9)
 

@@ -18,20 +18,21 @@ from semgs.scene.scene_file import FILE_NAME, SavedScene, load_scene, save_scene
 
 
 def some_scene(classes: bool = True) -> SavedScene:
+    """Two views of 3x4 pixels, each of 2x2 blocks with a Gaussian."""
     draw = torch.Generator().manual_seed(5)
 
     def shape(features: torch.Tensor) -> Appearance:
-        quaternions = torch.nn.functional.normalize(torch.randn(6, 4, generator=draw), dim=-1)
-        return Appearance(quaternions, torch.rand(6, 3, generator=draw), features)
+        quaternions = torch.nn.functional.normalize(torch.randn(8, 4, generator=draw), dim=-1)
+        return Appearance(quaternions, torch.rand(8, 3, generator=draw), features)
 
     poses = torch.eye(4, dtype=torch.float64).repeat(2, 1, 1)
     poses[:, :3, 3] = torch.tensor([[0.1, 0.2, 0.3], [0.4, 1 / 3, 1e3]], dtype=torch.float64)
     return SavedScene(
         gaussians=Gaussians(
-            means=torch.randn(6, 3, generator=draw),
-            opacities=torch.rand(6, generator=draw),
-            colour=shape(torch.randn(6, 4, 3, generator=draw)),
-            semantic=shape(torch.randn(6, 20, generator=draw).softmax(-1)) if classes else None,
+            means=torch.randn(8, 3, generator=draw),
+            opacities=torch.rand(8, generator=draw),
+            colour=shape(torch.randn(8, 4, 3, generator=draw)),
+            semantic=shape(torch.randn(8, 20, generator=draw).softmax(-1)) if classes else None,
         ),
         cameras=Cameras(poses, torch.tensor([[5.0, 0, 2.2], [0, 6, 1.3], [0, 0, 1]]).expand(2, 3, 3), (3, 4)),
         depths=torch.rand(2, 3, 4, generator=draw) + 1,
@@ -45,6 +46,7 @@ def some_scene(classes: bool = True) -> SavedScene:
         applied_transform=((1.0, 0.0, 0.0, 0.5), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)),
         applied_scale=0.25,
         temperatures=Temperatures(0.8, 1.1) if classes else None,
+        stride=2,
     )
 
 
@@ -61,6 +63,17 @@ def test_a_scene_comes_back_as_it_was_from_its_file_or_folder(tmp_path: Path, cl
     for path in (tmp_path, tmp_path / FILE_NAME, str(tmp_path)):
         assert flat(load_scene(path)) == flat(scene)
     assert load_scene(tmp_path).near == 0.5
+
+
+def test_which_blocks_have_a_gaussian_comes_back(tmp_path: Path) -> None:
+    """Of 2x2 blocks in each view the second view's first one has none: the Gaussians of the second view are numbers 4 to 6."""
+    places = torch.tensor([0, 1, 2, 3, 5, 6, 7])
+    whole = some_scene()
+    scene = dataclasses.replace(whole, gaussians=whole.gaussians.map(lambda tensor: tensor[places]), places=places)
+    save_scene(tmp_path / "a", scene)
+    again = load_scene(tmp_path / "a")
+    assert flat(again) == flat(scene)
+    assert again.own_views.tolist() == [0, 0, 0, 0, 1, 1, 1]
 
 
 def test_equal_scenes_give_equal_bytes(tmp_path: Path) -> None:
@@ -92,15 +105,21 @@ def test_files_that_are_not_scenes_are_refused(tmp_path: Path) -> None:
         load_scene(tmp_path / "absent")
 
 
-def test_a_newer_version_and_missing_or_wrong_parts_are_named(tmp_path: Path) -> None:
+def test_another_version_and_missing_or_wrong_parts_are_named(tmp_path: Path) -> None:
     def write(header: dict, tensors: dict) -> Path:
         save_file(tensors, tmp_path / "a", metadata={"semgs": json.dumps(header)})
         return tmp_path / "a"
 
-    with pytest.raises(InputError, match="version 9"):
-        load_scene(write({"format": "semgs.scene", "version": 9}, {"a": torch.zeros(1)}))
+    for version, advice in (
+        (9, "upgrade semgs"),
+        (2, "make it again with `semgs reconstruct --out`"),
+        (1, "make it again"),
+    ):
+        told = f"expected version 3, found version {version}; {advice}"
+        with pytest.raises(InputError, match=told):
+            load_scene(write({"format": "semgs.scene", "version": version}, {"a": torch.zeros(1)}))
     with pytest.raises(InputError, match="a scene file with classes"):
-        load_scene(write({"format": "semgs.scene", "version": 1}, {"a": torch.zeros(1)}))
+        load_scene(write({"format": "semgs.scene", "version": 3}, {"a": torch.zeros(1)}))
     save_scene(tmp_path / "b", some_scene())
     with safe_open(tmp_path / "b", framework="pt") as file:
         header = json.loads(file.metadata()["semgs"])
@@ -115,6 +134,10 @@ def test_a_newer_version_and_missing_or_wrong_parts_are_named(tmp_path: Path) ->
         load_scene(write(header, tensors | {"cameras.world_from_camera": torch.full((2, 4, 4), float("nan")).double()}))
     with pytest.raises(InputError, match="depths"):
         load_scene(write(header | {"image_size": [4, 3]}, tensors))
+    with pytest.raises(InputError, match="there are 8 Gaussians for 24 blocks of pixels"):
+        load_scene(write(header | {"stride": 1}, tensors))
+    with pytest.raises(InputError, match="stride is 4; expected 1 to 3 pixels"):
+        load_scene(write(header | {"stride": 4}, tensors))
     for wrong in (
         [1.0, 2.0],
         {"rendered": 1.0},
@@ -123,7 +146,7 @@ def test_a_newer_version_and_missing_or_wrong_parts_are_named(tmp_path: Path) ->
     ):
         with pytest.raises(InputError, match="a valid scene"):
             load_scene(write(header | {"temperatures": wrong}, tensors))
-    del header["temperatures"]  # as in files of earlier versions
+    del header["temperatures"]
     assert load_scene(write(header, tensors)).temperatures is None
 
 
@@ -187,7 +210,7 @@ def test_a_header_that_says_a_thing_twice_is_refused(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match="the key 'unit' twice in one object"):
         load_scene(tmp_path / "b")
-    far = json.dumps(json.loads(text) | {"version": 2, "origin": [1e6, float("inf"), 0]})
+    far = json.dumps(json.loads(text) | {"origin": [1e6, float("inf"), 0]})
     save_file(tensors, tmp_path / "b", metadata={"semgs": far})
     with pytest.raises(InputError):
         load_scene(tmp_path / "b")

@@ -10,8 +10,7 @@ from semgs.data.demo_scene import demo_scene
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20
 from semgs.geometry.cameras import Cameras
-from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.rigid import move_cameras, move_gaussians
+from semgs.geometry.gaussians import Appearance, Gaussians, move_cameras, move_gaussians
 from semgs.geometry.rotations import matrix_from_quaternion
 from semgs.model.weights.load import load
 from semgs.scene.own_views import lines, own_colours

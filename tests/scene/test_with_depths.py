@@ -13,7 +13,7 @@ from posed import posed_views
 from semgs.data.views import Views
 from semgs.geometry.cameras import project
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.model.layers.conventions import MVSPLAT
+from semgs.model.settings import MVSPLAT
 from semgs.scene.encoding import Encoding
 
 SIZE = (17, 22)

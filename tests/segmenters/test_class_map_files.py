@@ -16,10 +16,11 @@ from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError
-from semgs.segmenters.class_map_files import MadeBy, MapFiles, read_probabilities, save_class_map, save_table
+from semgs.segmenters.class_map_files import MapFiles, read_probabilities, save_class_map, save_table
 from semgs.segmenters.features.feature_files import FeatureFiles
 from semgs.segmenters.opening import open_class_sources
 from semgs.segmenters.tables import make_class_table
+from semgs.sources.source import MadeBy
 
 
 @pytest.fixture

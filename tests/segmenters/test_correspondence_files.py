@@ -15,9 +15,8 @@ from scenes_on_disk import TABLE, write_labelled
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.geometry.fusion import LEAST
-from semgs.segmenters.correspondence_files import read_correspondence
 from semgs.segmenters.labelling import ClassVotes, weigh
-from semgs.segmenters.opening import open_class_sources
+from semgs.segmenters.opening import open_class_sources, read_correspondence
 from semgs.segmenters.tables import make_class_table
 
 TWO = make_class_table("two", ("a", "b"))

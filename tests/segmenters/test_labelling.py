@@ -20,12 +20,12 @@ from semgs.geometry.fusion import LEAST
 from semgs.model.encode import encode
 from semgs.model.weights.load import load
 from semgs.scene.encoding import Encoding
-from semgs.segmenters.class_map_files import MadeBy
 from semgs.segmenters.class_source import Translated
 from semgs.segmenters.labelling import Labelling, combine
 from semgs.segmenters.names import Correspondence
 from semgs.segmenters.opening import ViewSegmenter
 from semgs.segmenters.tables import make_class_table
+from semgs.sources.source import MadeBy
 
 LIGHT_DARK = make_class_table("light-dark", ("light", "dark"))
 

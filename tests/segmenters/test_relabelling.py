@@ -13,17 +13,17 @@ import torch
 from scenes_on_disk import SIZE, write_labelled
 from training_data import run_data
 
-from semgs.data.origin.labeller import Labeller
 from semgs.data.origin.licences import labeller_of, terms_of, terms_of_photos
-from semgs.data.origin.terms import ROOMS, Terms
+from semgs.data.origin.terms import ROOMS, Labeller, Terms
 from semgs.data.preparation.archive import Preparation, prepare_scene
 from semgs.data.preparation.prepared_set import PreparedSet, Reading, find_sources
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import SCANNET20, ClassTable
-from semgs.segmenters.class_map_files import MadeBy, MapFiles, save_table
+from semgs.segmenters.class_map_files import MapFiles, save_table
 from semgs.segmenters.opening import ViewSegmenter
 from semgs.segmenters.relabelling import Relabelling, _reduced, likeliest_labels, open_relabelling, relabel_scene
 from semgs.segmenters.tables import make_class_table
+from semgs.sources.source import MadeBy
 from semgs.training.data.data_check.scene_record import RECORD, data_terms_of, scenes_of
 from semgs.training.training_settings import TrainingSettings
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from semgs.sfm.certainty import LEAST_NOISE_PX, direction_error_deg, parallax_px
+from semgs.sfm.reasons import LEAST_NOISE_PX, direction_error_deg, parallax_px
 
 FOCAL = 200.0
 

@@ -13,7 +13,7 @@ import pytest
 from clip_files import write_clip
 
 from semgs.files.errors import InputError
-from semgs.sfm.clip_containers import OPTIONS, VARIABLE, check_container
+from semgs.sfm.clip_headers import OPTIONS, VARIABLE, check_container
 from semgs.sfm.clips import copy_frames
 
 SIZE = (120, 160)

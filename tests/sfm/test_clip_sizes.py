@@ -17,7 +17,7 @@ from semgs.app.limits import Limits
 from semgs.app.uploads import UnusableUploadError, Upload, prepare
 from semgs.files.errors import InputError
 from semgs.sfm import clips
-from semgs.sfm.clip_sizes import check_clip_size, is_mirrored, read_clip_sizes
+from semgs.sfm.clip_headers import check_clip_size, is_mirrored, read_clip_sizes
 
 
 def box(name: bytes, *contents: bytes) -> bytes:
@@ -176,7 +176,7 @@ def test_frames_that_become_much_larger_on_the_way_are_not_decoded(tmp_path: Pat
     (tmp_path / "a.avi").write_bytes(avi(64, 48, pictures))
     lines = [
         "import sys, cv2",
-        "from semgs.sfm.clip_sizes import limit_frames",
+        "from semgs.sfm.clip_headers import limit_frames",
         "limit_frames(64 * 48)",
         "video = cv2.VideoCapture(sys.argv[1])",
         "print([video.grab(), video.grab()])",

@@ -15,8 +15,8 @@ from predicted_files import Made, save
 from semgs.cli.main import main
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
-from semgs.sfm.predicted_cameras import write_predicted_scene
 from semgs.sfm.scale import KnownDistance
+from semgs.sfm.scene_folder import write_predicted_scene
 
 MADE = Made((100, 140), (364, 518), (3.7, 3.64))
 
@@ -96,9 +96,9 @@ def test_photos_of_another_room_and_options_of_colmap_end_with_one_line(
     photos, predictions = taken
     arguments = ["poses", str(photos), str(tmp_path / "out"), "--predictions", str(predictions)]
     assert main([*arguments, "--as", "colmap"]) == 2
-    assert "--as colmap, --focal and --clip-frames are for COLMAP" in capsys.readouterr().err
+    assert "--as colmap cannot go with --predictions" in capsys.readouterr().err
     assert main([*arguments, "--focal", "250"]) == 2
-    assert "leave them out with --predictions" in capsys.readouterr().err
+    assert "cannot go with --predictions" in capsys.readouterr().err
     replace(MADE, photo=(90, 160)).write_photos(photos)
     assert main(arguments) == 2
     assert "which becomes 518x294 (width x height)" in capsys.readouterr().err

@@ -21,9 +21,8 @@ from semgs.sfm import solving as module
 from semgs.sfm.photos import PhotoSet, UprightPhoto
 from semgs.sfm.pycolmap_library import pycolmap
 from semgs.sfm.scale import KnownDistance, in_metres, named_photo, scaled
-from semgs.sfm.scene_folder import PhotoDetails, write_photo_scene
+from semgs.sfm.scene_folder import PhotoDetails, write_colmap, write_photo_scene
 from semgs.sfm.solving import PosedPhoto, Solution, best, expected_seconds, posed_photos
-from semgs.sfm.writing import write_colmap
 
 DISTANCE = float(np.linalg.norm(poses_of(3)[2, :3, 3]))
 """Between the cameras of p0 and p2; the user says that it is 2 m."""

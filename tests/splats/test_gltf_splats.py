@@ -16,7 +16,7 @@ from traced_memory import most_memory
 
 from semgs.export.gltf import save_gltf
 from semgs.files.errors import InputError
-from semgs.geometry.rigid import move_gaussians
+from semgs.geometry.gaussians import move_gaussians
 from semgs.runtime.notes import Note
 from semgs.splats.load import load_splat
 from semgs.splats.splat import Splat

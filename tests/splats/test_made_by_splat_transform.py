@@ -13,8 +13,7 @@ from node_tools import splat_transform
 import semgs
 from semgs.data.demo_scene import demo_scene
 from semgs.export.ply import save_ply
-from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.rigid import move_gaussians
+from semgs.geometry.gaussians import Appearance, Gaussians, move_gaussians
 from semgs.geometry.rotations import covariance
 from semgs.objectives.metrics import psnr
 from semgs.splats.load import load_splat

@@ -19,8 +19,7 @@ from semgs.export.ply import save_ply
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import write_png
 from semgs.geometry.cameras import Cameras, project
-from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.rigid import move_gaussians
+from semgs.geometry.gaussians import Appearance, Gaussians, move_gaussians
 from semgs.geometry.rotations import covariance, matrix_from_quaternion
 from semgs.rendering.render import render
 from semgs.scene.scene_file import FILE_NAME, load_scene, save_scene

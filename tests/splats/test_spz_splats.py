@@ -14,8 +14,7 @@ from splat_files import save, spz, spz_blocks
 from traced_memory import most_memory
 
 from semgs.files.errors import InputError
-from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.rigid import move_gaussians
+from semgs.geometry.gaussians import Appearance, Gaussians, move_gaussians
 from semgs.splats.load import load_splat
 from semgs.splats.spz import HARMONICS_FLIP
 

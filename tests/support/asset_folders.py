@@ -72,6 +72,7 @@ def write_glb(path: Path, nodes: dict[str, tuple], texture: bytes | None = None,
             "images": [{"bufferView": len(views) - 1, "mimeType": "image/png"}],
             "textures": [{"source": 0}],
         }
+    description["buffers"] = [{"byteLength": len(data)}]
     head = json.dumps(description).encode()
     head += b" " * (-len(head) % 4)
     body = struct.pack("<II", len(head), 0x4E4F534A) + head + struct.pack("<II", len(data), 0x004E4942) + data

@@ -9,8 +9,7 @@ from wall_and_chair import pose
 
 from semgs.data.tables.classes import SCANNET20
 from semgs.geometry.cameras import Cameras
-from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.rigid import move_cameras, move_gaussians
+from semgs.geometry.gaussians import Appearance, Gaussians, move_cameras, move_gaussians
 from semgs.scene.scene_file import SavedScene
 
 BLOCKS = (

@@ -7,9 +7,9 @@ from typing import Any
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.model import networks
 from semgs.model.build import build
-from semgs.model.layers.conventions import OURS
 from semgs.model.semgs import SemGS
 from semgs.model.settings import (
+    OURS,
     ColourSettings,
     DepthSettings,
     MVSplatHeads,

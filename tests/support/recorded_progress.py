@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from semgs.runtime.progress import Progress
+from semgs.runtime.notes import Progress
 
 
 class RecordedProgress(Progress):

@@ -18,10 +18,8 @@ from semgs.data.tables.classes import IGNORE
 from semgs.data.views import Batch, Views, stack
 from semgs.model.semgs import SemGS
 from semgs.objectives.loss_weights import LossWeights
-from semgs.training.engine import launch
-from semgs.training.run.execution import Execution, Share
-from semgs.training.state import TrainingState
-from semgs.training.step import descend
+from semgs.training.run.execution import Execution, Share, launch
+from semgs.training.state import TrainingState, descend
 from semgs.training.supervision.supervision import make_supervision
 from semgs.training.training_settings import TrainingSettings
 

@@ -10,8 +10,7 @@ from golden import fill_golden
 from networks import network
 
 from semgs.objectives.losses import LossWeights
-from semgs.training.state import TrainingState
-from semgs.training.step import training_step
+from semgs.training.state import TrainingState, training_step
 from semgs.training.supervision.supervision import make_supervision
 
 TINY = {

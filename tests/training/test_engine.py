@@ -9,8 +9,7 @@ import torch
 from posed import posed_views
 from torch import nn
 
-from semgs.training.engine import launch
-from semgs.training.run.execution import Execution
+from semgs.training.run.execution import Execution, launch
 
 
 class Probe(nn.Module):

@@ -21,7 +21,7 @@ from semgs.files.errors import InputError
 from semgs.training.data.batches import Portion
 from semgs.training.loop import Feed, fit, resume
 from semgs.training.run.checkpoints import best_checkpoint, newest_checkpoint, save_checkpoint
-from semgs.training.run.events import Events
+from semgs.training.run.log import Events
 from semgs.training.run.session import Session
 from semgs.training.state import TrainingState
 from semgs.training.supervision.supervision import make_supervision

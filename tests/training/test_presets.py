@@ -9,11 +9,11 @@ import torch
 
 from semgs.model.switches import Switches
 from semgs.objectives.loss_weights import LossWeights
-from semgs.training.data.augmentation_settings import Augmentation
+from semgs.training.data.data_settings import Augmentation
 from semgs.training.presets import PRESETS, base, base_text, paper, small
-from semgs.training.run.differences import differences
 from semgs.training.state import TrainingState
 from semgs.training.supervision.supervision import make_supervision
+from semgs.training.training_settings import differences
 
 
 def test_paper_is_the_papers_training():

@@ -17,8 +17,7 @@ from torch.nn.parallel import DistributedDataParallel
 from semgs.data.views import Batch
 from semgs.geometry.cameras import Cameras
 from semgs.training.run.execution import Share
-from semgs.training.state import TrainingState
-from semgs.training.step import descend
+from semgs.training.state import TrainingState, descend
 from semgs.training.supervision.supervision import Depth, make_supervision
 
 

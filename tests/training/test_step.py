@@ -10,10 +10,8 @@ import torch
 
 from semgs.model.weights.initial_weights import initial_network
 from semgs.training.schedule import Schedule
-from semgs.training.state import TrainingState
-from semgs.training.step import training_step
-from semgs.training.supervision.objective import render_targets
-from semgs.training.supervision.supervision import Pictures, make_supervision
+from semgs.training.state import TrainingState, training_step
+from semgs.training.supervision.supervision import Pictures, make_supervision, render_targets
 from semgs.training.training_settings import TrainingSettings
 
 

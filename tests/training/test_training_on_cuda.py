@@ -17,8 +17,7 @@ from semgs.training import presets
 from semgs.training.loop import train
 from semgs.training.run.execution import Execution
 from semgs.training.run.run_folder import WEIGHTS
-from semgs.training.state import TrainingState
-from semgs.training.step import training_step
+from semgs.training.state import TrainingState, training_step
 from semgs.training.supervision.supervision import make_supervision
 
 pytestmark = [pytest.mark.gpu, pytest.mark.usefixtures("real_rendering", "gsplat")]

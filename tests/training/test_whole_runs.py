@@ -27,9 +27,8 @@ from semgs.model.networks import named_switches
 from semgs.model.weights.load import data_terms, load
 from semgs.model.weights.weights_file import read_header, save
 from semgs.objectives.loss_weights import LossWeights
-from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.data.batches import validation_batches
-from semgs.training.data.data_settings import VALIDATION_SEED
+from semgs.training.data.data_settings import VALIDATION_SEED, Augmentation
 from semgs.training.loop import train
 from semgs.training.run.checkpoints import newest_checkpoint
 from semgs.training.run.execution import Execution

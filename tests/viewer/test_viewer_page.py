@@ -12,6 +12,8 @@ import torch
 import zstandard
 from wall_and_chair import CHAIR, wall_and_chair
 
+from semgs.robotics.boxes import Box
+from semgs.robotics.objects import Objects, Thing
 from semgs.viewer.viewer_page import MOST_GAUSSIANS, scene_page
 
 
@@ -26,6 +28,17 @@ def messages(page: str) -> list[dict]:
 def data_of(page: str) -> dict:
     """What the page's scripts know of its scene."""
     return json.loads(re.search('id="semgs">(.*?)</script>', page)[1])
+
+
+def test_numbers_of_things_that_last_are_on_a_page_as_they_are():
+    """All Gaussians are one thing with a number that needs more than 16 bits."""
+    scene = wall_and_chair()
+    box = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 0.0)
+    count = len(scene.gaussians)
+    found = Objects((Thing(70_000, CHAIR, "chair", 0.8, box, 1.0, count),), np.full(count, 70_000), np.eye(3))
+    data = data_of(scene_page(scene, [np.zeros((4, 5, 3), np.uint8)] * 2, up="z", things=found).html)
+    assert set(np.frombuffer(base64.b64decode(data["things"]), "<u4").tolist()) == {70_000}
+    assert data["names"] == {"70000": "chair 70000"}
 
 
 def test_a_page_has_a_node_for_each_step_of_each_class_and_starts_at_the_first_photo():

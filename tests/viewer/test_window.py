@@ -7,7 +7,7 @@ from dataclasses import replace
 import torch
 from wall_and_chair import wall_and_chair
 
-from semgs.scene.selection import part_of
+from semgs.scene.confidence import part_of
 from semgs.viewer.pick import pick
 from semgs.viewer.window import open_window
 

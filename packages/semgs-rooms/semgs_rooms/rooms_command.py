@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import tyro
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from semgs.cli.progress import show_progress
 from semgs.files.folders import check_new_file
 from semgs.files.text import counted
-from semgs.run.options.types import BY_POSITION, Count, Size, WorkersOrCores, optional, shown_size
+from semgs.run.options.types import Count, Size, WorkersOrCores, shown_size
+from semgs.run.options.words import LAST_WORD, REPEATABLE, Words, optional
 from semgs.run.usage_errors import UsageError, what_the_user_gave
 from semgs.runtime.cores import usable_cores
 from semgs_rooms.plans.style import Style
@@ -45,7 +44,9 @@ class Rooms:
     - python -m semgs_rooms.furniture --out furniture --pieces 100 makes furniture for --assets, in a clone of the repository
     """
 
-    out: Annotated[Path | None, optional("OUT"), BY_POSITION] = None
+    only_with: ClassVar = {"--out": ("--scenes", "--size", "--frames", "--workers")}
+
+    out: Annotated[Path | None, optional("OUT"), LAST_WORD] = None
     """Output folder: new, empty, or one with the same settings to resume."""
     scenes: Count = 10
     """Number of rooms."""
@@ -60,7 +61,7 @@ class Rooms:
     reserved for testing."""
     aside: bool = False
     """Instead of walks, draw two input views of each room and views 20 and 40 cm and 15 and 30 degrees aside of them, for semgs evaluate --protocol aside."""
-    assets: Annotated[tuple[Path, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="DIR")] = ()
+    assets: Annotated[tuple[Path, ...], REPEATABLE, Words(metavar="DIR")] = ()
     """Folder of meshes and images, verified against its lock. Half of the homes use its meshes, most use its images. Repeatable.
     Without it, built-in furniture only."""
     workers: Annotated[WorkersOrCores, optional()] = None
@@ -100,12 +101,6 @@ class Rooms:
             raise UsageError(f"--sheet is {self.sheet}; expected a name that ends in .png")
         if self.sheet is not None:
             check_new_file(self.sheet)
-        if self.out is None:
-            for name in ("scenes", "size", "frames", "workers"):
-                if getattr(self, name) != getattr(Rooms, name):
-                    raise UsageError(
-                        f"--{name} is for a data set, not for a sheet alone; leave it out, or add --out OUT"
-                    )
 
     def _library(self) -> Library | None:
         if not self.assets:
@@ -140,9 +135,9 @@ class Rooms:
 
     def _draw_sheet(self, path: Path, library: Library | None) -> None:
         from semgs.files.images.pictures import write_png
-        from semgs_rooms.sets.sheet import FRAMES, contact_sheet
+        from semgs_rooms.sets.room_stream import SHEET_FRAMES, contact_sheet
 
-        with show_progress("Rendering frames", FRAMES) as done:
+        with show_progress("Rendering frames", SHEET_FRAMES) as done:
             picture = contact_sheet(self.seed, self.style, library, done=done)
         write_png(path, picture)
-        print(f"{path}: {FRAMES} frames of style {self.style}, seed {self.seed}, each next to its labels")
+        print(f"{path}: {SHEET_FRAMES} frames of style {self.style}, seed {self.seed}, each next to its labels")

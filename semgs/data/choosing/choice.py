@@ -82,6 +82,7 @@ class Choice:
         depth_range: near and far of the input views, used to choose targets and to reconstruct; for a training sample, those of its
             scene.
         notes: what the user should know about the choice.
+        size: (height, width) of the frames as read [px], other aspect ratios cropped; None for `default_size` of the first one.
     """
 
     context: tuple[int, ...]
@@ -89,6 +90,7 @@ class Choice:
     reason: str
     depth_range: DepthRange
     notes: tuple[str, ...] = ()
+    size: tuple[int, int] | None = None
 
 
 def choose(scene: Scene, count: int) -> Choice:

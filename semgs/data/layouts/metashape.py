@@ -21,8 +21,7 @@ from semgs.data.cameras.fisheye import FisheyeLens
 from semgs.data.cameras.lens import AbstractLens, Lens
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.pose_files import checked_poses
-from semgs.data.layouts.parts.sentences import note_lacking
-from semgs.data.layouts.parts.usable_frames import PICTURES
+from semgs.data.layouts.parts.usable_frames import PICTURES, note_lacking
 from semgs.data.scene import Scene
 from semgs.files.contents import read_bytes
 from semgs.files.errors import InputError, input_error

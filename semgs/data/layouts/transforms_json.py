@@ -20,8 +20,8 @@ from semgs.data.frames import Frame
 from semgs.data.layouts.parts.fields import Fields, read_fields
 from semgs.data.layouts.parts.letter_forms import OTHER_FORM, in_other_form, is_in_other_form
 from semgs.data.layouts.parts.pose_files import listed_poses, pose_is_lost
-from semgs.data.layouts.parts.sentences import note_damaged_points, note_lacking, note_transparent
 from semgs.data.layouts.parts.sparse_points import points_in_view, read_ply_points
+from semgs.data.layouts.parts.usable_frames import note_damaged_points, note_lacking, note_transparent
 from semgs.data.maps import ClassMap, DepthMap, InstanceMap, MaskMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails

@@ -9,17 +9,18 @@ from semgs.data.layouts import labelled_images
 from semgs.data.layouts.replica import sequence as replica
 from semgs.data.layouts.scannet import scannet_scan as scannet
 from semgs.data.layouts.scannetpp import scannetpp_scan as scannetpp
-from semgs.data.origin.labeller import Labeller
-from semgs.data.origin.prepared_record import read_record
-from semgs.data.origin.terms import FURNISHED, REPLICA, ROOMS, SCANNET, SCANNETPP, Terms
+from semgs.data.origin.terms import FURNISHED, REPLICA, ROOMS, SCANNET, SCANNETPP, Labeller, Terms
 from semgs.data.scene import Scene
 from semgs.data.tables.class_files import read_class_file
+from semgs.files.archives import members
 from semgs.files.strict_json import parse_json
 
 ROOM = "room.json"
 """The file in the folder of a generated room: which room it is, and how many pixels each class has."""
 ATTRIBUTION = "ATTRIBUTION.md"
 """The file next to rooms with third-party assets that credits their authors."""
+
+RECORD = "prepared.json"
 
 
 def terms_of(scene: Scene) -> Terms:
@@ -91,3 +92,17 @@ def _has_assets(room: Path) -> bool:
     except (OSError, ValueError):
         return False
     return isinstance(content, dict) and bool(content.get("assets"))
+
+
+def read_record(archive: Path) -> dict[str, Any] | None:
+    """The content of `prepared.json` in an archive; None if it is not a prepared scene.
+
+    Raises:
+        InputError: it is not a zip archive.
+    """
+    member = members(archive).get(RECORD)
+    try:
+        content = parse_json(member.read_bytes()) if member is not None else None
+    except (OSError, ValueError):
+        return None
+    return content if isinstance(content, dict) else None

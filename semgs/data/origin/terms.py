@@ -1,4 +1,4 @@
-"""Terms of use: the licences and agreements of data. Weights store those of what they were trained on."""
+"""Terms of use: the licences and agreements of data, and those of the networks that labels are from. Weights store the terms of what they were trained on."""
 
 from __future__ import annotations
 
@@ -7,6 +7,12 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 
 from semgs.files.strict_json import parse_json
+
+OPEN = frozenset(("apache-2.0", "mit", "isc", "bsd-2-clause", "bsd-3-clause", "cc0-1.0", "cc-by-4.0", "unlicense"))
+"""Licences, as the Hugging Face hub names them, under which a network's answers may be used for anything."""
+
+UNKNOWN = "unknown"
+"""The licence of a network that states none."""
 
 
 class TermsWarning(UserWarning):
@@ -59,3 +65,26 @@ def terms_from(text: str) -> tuple[Terms, ...]:
     if not isinstance(text, str):
         raise TypeError(f"terms are {text!r:.40}; expected text")
     return tuple(Terms(str(one["text"]), bool(one["own"])) for one in parse_json(text))
+
+
+@dataclass(frozen=True)
+class Labeller:
+    """What made labels.
+
+    Attributes:
+        name: of the network; a file name or a hub id.
+        licence: of the network.
+    """
+
+    name: str
+    licence: str = UNKNOWN
+
+    @property
+    def title(self) -> str:
+        """Name and licence."""
+        return f"{self.name} (licence {self.licence})"
+
+    @property
+    def restricted(self) -> bool:
+        """Whether its licence is stated, and not known to allow everything."""
+        return self.licence.lower() not in {*OPEN, UNKNOWN}

@@ -29,8 +29,7 @@ import numpy as np
 
 from semgs.data.frames import Frame
 from semgs.data.maps import MILLIMETRE, SATURATED
-from semgs.data.origin.licences import labeller_of, terms_of_photos
-from semgs.data.origin.prepared_record import RECORD
+from semgs.data.origin.licences import RECORD, labeller_of, terms_of_photos
 from semgs.data.resampling import reframed
 from semgs.data.scene import Scene
 from semgs.data.spread import spread

@@ -22,7 +22,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from semgs.data.layouts.parts.usable_frames import sequence_name
-from semgs.data.origin.prepared_record import read_record
+from semgs.data.origin.licences import read_record
 from semgs.data.preparation.archive import Preparation, estimate_bytes, fingerprint, prepare_scene
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails
@@ -31,9 +31,9 @@ from semgs.data.scenes import open_with_details, scene_paths
 from semgs.data.spread import spread
 from semgs.files.atomic import remove_parts, write_json, write_text
 from semgs.files.claims import is_begun
+from semgs.files.contents import sha256
 from semgs.files.errors import InputError
 from semgs.files.folders import check_writable, lock_folder
-from semgs.files.hashes import sha256
 from semgs.files.paths import not_hidden, typed_path
 from semgs.runtime.workers import WorkerKilledError, outcomes
 

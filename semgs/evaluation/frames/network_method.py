@@ -16,9 +16,12 @@ from semgs.data.scene import Scene
 from semgs.data.tables.classes import ClassTable
 from semgs.depth_maps.depth_source import DepthMaps
 from semgs.depth_maps.map_depth import find_reference, place_at_maps, read_maps
+from semgs.depth_maps.measured_floor import with_measured_floor
+from semgs.depth_maps.sensor_depth import place_gaussians
 from semgs.evaluation.frames.free_space import score_free_space
 from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.export.scene_objects import things_of
+from semgs.files.errors import InputError
 from semgs.model.encode import Network, encode
 from semgs.rendering.render import render
 from semgs.rendering.rendering import SEEN_ALPHA, confidence_maps, likeliest
@@ -26,7 +29,7 @@ from semgs.robotics.objects import STUFF
 from semgs.runtime.stopwatch import now
 from semgs.scene.encoding import Encoding
 from semgs.scene.exposure import ExposureChoice, common_exposure
-from semgs.scene.nearest import NearestViews
+from semgs.scene.overlap import NearestViews
 from semgs.scene.photo_refinement import refine_until
 from semgs.scene.scene_file import SavedScene
 from semgs.scene.upright import up_of
@@ -42,6 +45,7 @@ class Handling:
         nearest: render each target with the Gaussians of only so many input views, those nearest to it; None for all.
         passes: refine the Gaussians with so many steps for each input view; 0 for none.
         depth: gives depth maps of the frames of a scene, which are aligned to the network's depth and weighed with it; None for none.
+        sensor: place the Gaussians at the measured depth of the input views instead, which then must have one.
         exposure: whether the input views, and with them the Gaussians, come to a common exposure; targets stay as taken.
         things: find things, as `semgs.objects`; scenes are in metres.
         free_space: map free space and score it, in scenes in metres with measured depth.
@@ -52,6 +56,7 @@ class Handling:
     nearest: NearestViews | None = None
     passes: int = 0
     depth: Callable[[Scene], DepthMaps] | None = None
+    sensor: bool = False
     exposure: ExposureChoice = "as-taken"
     things: bool = False
     free_space: bool = False
@@ -91,12 +96,16 @@ class NetworkMethod:
             self._network.to(self._device)
         encoded = encode(self._network, inputs.contexts, device=None)  # the GPU back-end renders where the result is
         encoding = encoded.encoding
-        if self._depth is not None:
+        if self._handling.sensor:
+            encoding = _measured(encoding, inputs)
+        elif self._depth is not None:
             encoding = self._place(encoding, inputs, self._depth(inputs.task.scene))
         if self._labelling is not None:
             task = inputs.task
             labelling = self._labelling(task.scene)
             encoding = labelling(encoding, task.scene, task.sample.contexts, inputs.contexts, task.fit)
+        if self._handling.sensor and inputs.measured is not None:
+            encoding = with_measured_floor(encoding, inputs.measured, metric=inputs.task.scene.unit == "metric")
         if self._handling.classes is not None and encoding.classes not in (None, self._handling.classes):
             encoding = encoding.regrouped(self._handling.classes)
         contexts, exposures = inputs.contexts, common_exposure(inputs.contexts, encoding, self._handling.exposure)
@@ -105,7 +114,9 @@ class NetworkMethod:
         if not self._handling.passes:
             return self._render(encoding, inputs, encoded.seconds)
         one_pass, start = self._render(encoding, inputs, encoded.seconds), now()
-        encoding = refine_until(encoding, contexts, self._handling.passes, moves=self._depth is None).encoding
+        encoding = refine_until(
+            encoding, contexts, self._handling.passes, moves=self._depth is None and not self._handling.sensor
+        ).encoding
         return replace(self._render(encoding, inputs, encoded.seconds + now() - start), one_pass=one_pass)
 
     def _place(self, encoding: Encoding, inputs: Inputs, maps: DepthMaps) -> Encoding:
@@ -170,3 +181,15 @@ class NetworkMethod:
         held = state["_network"]
         assert isinstance(held, bytes)
         self._network = pickle.loads(held)
+
+
+def _measured(encoding: Encoding, inputs: Inputs) -> Encoding:
+    """The Gaussians at the measured depth of the input views.
+
+    Raises:
+        InputError: nothing was measured in one of them.
+    """
+    scene, views = inputs.task.scene, inputs.measured
+    if views is None or views.depths is None or not (views.depths > 0).flatten(1).any(1).all():
+        raise InputError(scene.path, "measured depth in each input view for --depth sensor", "none in one of them")
+    return place_gaussians(encoding, views, "sensor", metric=scene.unit == "metric")[0]

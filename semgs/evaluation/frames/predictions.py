@@ -27,8 +27,7 @@ from torch import Tensor
 from semgs.data.views import Views
 from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.free_space import FreeSpace
-from semgs.figures.depth_images import millimetres
-from semgs.figures.view_images import as_bytes
+from semgs.figures.view_images import as_bytes, millimetres
 from semgs.files.atomic import write_bytes
 from semgs.files.images.pictures import write_png
 from semgs.geometry.cameras import Cameras
@@ -43,7 +42,8 @@ class Inputs:
         task: the target.
         contexts: images, cameras and bounds of the contexts in the order of the protocol, without labels and depths.
         camera: of the target [1].
-        measured: the contexts with their true depth, to score free space; no prediction may use it. None if they have none.
+        measured: the contexts with their true depth, to score free space, or to place Gaussians by it if the user wants that; no other prediction may use it.
+            None if they have none.
     """
 
     task: Task

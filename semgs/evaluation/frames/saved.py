@@ -17,7 +17,7 @@ from semgs.data.maps import read_labels
 from semgs.data.tables.classes import ClassTable
 from semgs.evaluation.frames.frame_plan import FramePlan, Task
 from semgs.evaluation.frames.predictions import Inputs, Prediction
-from semgs.figures.depth_images import MILLIMETRES
+from semgs.figures.view_images import MILLIMETRES
 from semgs.files.arrays import read_map
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import read_header, read_numbers, read_rgb, read_uint16

@@ -21,13 +21,19 @@ from semgs.evaluation.tables.comparison_tables import MARKED, ROWS, kinds_grid, 
 from semgs.evaluation.tables.evaluation_report import Evaluation, SavedReport, SavedResult, data_name
 from semgs.figures import html_page as page
 from semgs.figures.class_images import legend_of
-from semgs.figures.depth_images import WORST_ERROR, depth_error_bar, depth_error_picture
-from semgs.figures.number_texts import percent
-from semgs.figures.plotting import can_plot
-from semgs.figures.risk_coverage_plot import risk_coverage_picture
-from semgs.figures.view_images import class_map, depth_map, photo, please_note, true_class_map
+from semgs.figures.plotting import can_plot, risk_coverage_picture
+from semgs.figures.view_images import (
+    WORST_ERROR,
+    class_map,
+    depth_error_bar,
+    depth_error_picture,
+    depth_map,
+    photo,
+    please_note,
+    true_class_map,
+)
 from semgs.files.images.colours import depth_limits
-from semgs.files.text import listed
+from semgs.files.text import listed, percent
 from semgs.objectives.measures import TITLES, shown_number
 
 PER_SCENE = ("miou", "miou_per_image", "accuracy", "class_accuracy", "psnr", "ssim", "depth_abs_rel", "depth_delta_125")

@@ -2,6 +2,8 @@
 
 With five or more scenes, scenes are resampled; with fewer, single targets. The latter says less: targets of one scene are
 similar, so the interval is too narrow for other scenes. The seed is fixed, so numbers repeat.
+
+Risk-coverage curves say what share of the classes is wrong if only the most confident pixels count, with intervals.
 """
 
 from __future__ import annotations
@@ -10,13 +12,14 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, final
 
 import numpy as np
 from scipy.stats import bootstrap, t
 
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.scoring.summary import MetricGroup, Values, group_metrics
+from semgs.evaluation.scoring.summary import MetricGroup, Values, group_confidences, group_metrics
+from semgs.objectives.selective import least_confidence, risks
 
 LEVEL = 0.95
 RESAMPLES = 5000
@@ -29,6 +32,9 @@ Over = Literal["scenes", "frames"]
 
 Trainings = Sequence[Sequence[FrameScores]]
 """The scores of one kind of training [seed target]."""
+
+COVERAGES = tuple(step / 20 for step in range(1, 21))
+"""The shares of the pixels at which a curve is computed."""
 
 
 @dataclass(frozen=True)
@@ -196,3 +202,43 @@ def group_intervals(group: MetricGroup, over: Over, values: Values | None = None
     low, high = drawn.confidence_interval
     ends = zip(group.names, once.tolist(), np.atleast_1d(low).tolist(), np.atleast_1d(high).tolist(), strict=True)
     return {name: Interval(*numbers) for name, *numbers in ends}
+
+
+@final
+@dataclass(frozen=True)
+class RiskPoint:
+    """A point of a curve.
+
+    Attributes:
+        coverage: the share of the pixels that count, the most confident ones.
+        risk: the share of these whose class is wrong.
+        low, high: the 95 % interval of the risk; None for a single scene and frame.
+        confidence: which these pixels have at least.
+    """
+
+    coverage: float
+    risk: float
+    low: float | None
+    high: float | None
+    confidence: float
+
+
+def risk_coverage(frames: Sequence[FrameScores]) -> tuple[RiskPoint, ...]:
+    """The curve of some targets, over their labelled and seen pixels; empty if there is no confidence."""
+    counts = [frame.confidences for frame in frames if frame.confidences is not None]
+    total = np.sum(counts, axis=0) if counts else np.zeros((1, 2), np.int64)
+    if not total.any():
+        return ()
+    names = tuple(f"{coverage:.2f}" for coverage in COVERAGES)
+    group = group_confidences(frames, names, lambda summed: risks(summed, COVERAGES))
+    found = group_intervals(group, choose_units(frames))
+    return tuple(
+        RiskPoint(
+            coverage,
+            risk,
+            found[name].low if name in found else None,
+            found[name].high if name in found else None,
+            least_confidence(total, coverage),
+        )
+        for coverage, name, risk in zip(COVERAGES, names, risks(total, COVERAGES).tolist(), strict=True)
+    )

@@ -17,13 +17,18 @@ from semgs.evaluation.frames.frame_plan import FramePlan, Task
 from semgs.evaluation.frames.predictions import Method, Prediction, write_maps, write_prediction
 from semgs.evaluation.frames.protocols import nearest_first
 from semgs.evaluation.frames.reading import make_inputs, read_frame, read_views
-from semgs.evaluation.scoring.aside_scores import aside_scores
 from semgs.evaluation.scoring.baselines import copy_nearest, predict_majority, warp_contexts
-from semgs.evaluation.scoring.frame_scores import FrameScores, changes, score
+from semgs.evaluation.scoring.frame_scores import (
+    FrameScores,
+    PerceptualDistance,
+    aside_scores,
+    changes,
+    perceptual_distance,
+    score,
+)
 from semgs.evaluation.scoring.panoptic import Rule, count_boxes, count_segments, true_boxes
-from semgs.evaluation.scoring.similarity import PerceptualDistance, perceptual_distance
 from semgs.evaluation.scoring.summary import find_extremes
-from semgs.runtime.argument_types import check_type
+from semgs.files.errors import check_type
 from semgs.runtime.workers import outcomes
 
 PREDICTIONS = "predictions"

@@ -10,7 +10,7 @@
 | miou_merged, accuracy_merged | as miou and accuracy, of groups of classes |
 | aurc, ece, covered_95 | over the labelled and seen pixels of all targets: `semgs.objectives.selective` |
 | unseen | share of all pixels |
-| psnr_edges, depth_edges, psnr_gradients, made_up, flyers | of targets aside: `semgs.evaluation.scoring.aside_scores`; mean over targets |
+| psnr_edges, depth_edges, psnr_gradients, made_up, flyers | of targets aside: `semgs.evaluation.scoring.frame_scores`; mean over targets |
 | changed_classes, changed_depth | of targets that are predicted from two sets of input views; mean over targets |
 | pq, sq, rq, instance_miou | of classes and things: `semgs.evaluation.scoring.panoptic` |
 | box_recall_25, box_precision_25, box_recall_50, box_precision_50 | share of the true boxes that are found, and of the found ones that are true |
@@ -52,7 +52,7 @@ MERGED_METRICS = ("miou_merged", "accuracy_merged")
 """Metrics of groups of classes (`semgs.data.tables.class_groups`)."""
 
 ASIDE_METRICS = ("psnr_edges", "depth_edges", "psnr_gradients", "made_up", "flyers")
-"""Metrics of targets aside (`semgs.evaluation.scoring.aside_scores`)."""
+"""Metrics of targets aside (`semgs.evaluation.scoring.frame_scores`)."""
 
 PAIR_METRICS = ("changed_classes", "changed_depth")
 """Metrics of targets that are predicted from two sets of input views (`semgs.evaluation.scoring.frame_scores.changes`)."""

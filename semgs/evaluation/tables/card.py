@@ -8,10 +8,9 @@ from typing import Any
 from semgs.evaluation.scoring.intervals import units_in_words
 from semgs.evaluation.tables.comparison_tables import MARKED, ROWS
 from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
-from semgs.evaluation.tables.score_cells import interval_cells
-from semgs.evaluation.tables.table_grid import Cell, Grid
-from semgs.figures.risk_coverage_plot import RiskCurve
-from semgs.model.weights.header_scores import Figure
+from semgs.evaluation.tables.table_grid import Cell, Grid, interval_cells
+from semgs.figures.plotting import RiskCurve
+from semgs.model.weights.header import Figure
 from semgs.objectives.measures import TITLES, shown_number
 
 METRICS = ("miou", "miou_per_image", "accuracy", "psnr", "depth_abs_rel")

@@ -12,8 +12,7 @@ from semgs.evaluation.scoring.intervals import paired_differences
 from semgs.evaluation.scoring.summary import LOWER_IS_BETTER, MERGED_METRICS, SEEN_METRICS, THINGS_METRICS
 from semgs.evaluation.tables.evaluation_report import COMPARED, SavedReport, SavedResult, worse_than_copy
 from semgs.evaluation.tables.published_results import MARK, PublishedTable
-from semgs.evaluation.tables.score_cells import interval_cells, score_cells
-from semgs.evaluation.tables.table_grid import Cell, Grid
+from semgs.evaluation.tables.table_grid import Cell, Grid, interval_cells, score_cells
 from semgs.files.errors import InputError
 from semgs.files.text import counted
 from semgs.model.weights.index import read_index

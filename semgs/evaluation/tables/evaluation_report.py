@@ -14,9 +14,8 @@ from semgs.evaluation.frames.frame_plan import FramePlan, frame_list
 from semgs.evaluation.frames.protocols import kind_aside
 from semgs.evaluation.scoring.baselines import NAMES
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.scoring.intervals import choose_units, intervals
+from semgs.evaluation.scoring.intervals import choose_units, intervals, risk_coverage
 from semgs.evaluation.scoring.method_scores import MethodScores
-from semgs.evaluation.scoring.risk_coverage import risk_coverage
 from semgs.evaluation.scoring.score_records import decode_scores, encode_scores, finite, number, seconds
 from semgs.evaluation.scoring.summary import (
     CONFIDENCE_METRICS,

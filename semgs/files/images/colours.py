@@ -20,6 +20,10 @@ NOTHING = (40, 42, 46)
 
 _STRIPE_PX = 5
 
+_BYTES = np.arange(256) / 255
+LINEAR = np.where(_BYTES <= 0.04045, _BYTES / 12.92, ((_BYTES + 0.055) / 1.055) ** 2.4)
+"""Linear light of an sRGB byte, 0..1."""
+
 
 @runtime_checkable
 class NamedColours(Protocol):

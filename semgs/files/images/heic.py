@@ -6,8 +6,7 @@ import io
 
 from PIL.ImageFile import ImageFile
 
-from semgs.files.errors import InputError
-from semgs.files.extras import needs_extra
+from semgs.files.errors import InputError, needs_extra
 from semgs.files.stored import Stored
 
 BRANDS = (b"heic", b"heix", b"heim", b"heis", b"mif1")

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from torch.nn.functional import interpolate, pad, relu6
 
 from semgs.model.classes.refinement import ClassRefinement, Cues, Shallow, ViewFeatures
-from semgs.model.layers.memory_format import lay_out
+from semgs.model.layers.cnn import lay_out
 from semgs.scene.coarse_depth import SHRINK
 
 SIDE = 240

@@ -13,9 +13,7 @@ from torch.nn.functional import interpolate
 from semgs.model.attention.transformer import CameraTransformer
 from semgs.model.classes.mosaic import Mosaic
 from semgs.model.classes.refinement import ClassRefinement, ViewFeatures
-from semgs.model.layers.branch_head import Head, PlainUpsampler, Upsampler, upsample
-from semgs.model.layers.cnn import FeatureCNN
-from semgs.model.layers.memory_format import beside
+from semgs.model.layers.cnn import FeatureCNN, Head, PlainUpsampler, Upsampler, beside, upsample
 from semgs.model.layers.network_input import NetworkInput
 
 SHAPE = 7

@@ -14,12 +14,9 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from semgs.geometry.plane_sweep import expected_depth
-from semgs.model.layers.branch_head import Head, Upsampler, upsample
-from semgs.model.layers.chunks import by_chunks
-from semgs.model.layers.conventions import Conventions
-from semgs.model.layers.memory_format import beside
-from semgs.model.layers.network_input import NetworkInput
-from semgs.model.settings import MVSplatHeads
+from semgs.model.layers.cnn import Head, Upsampler, beside, upsample
+from semgs.model.layers.network_input import NetworkInput, by_chunks
+from semgs.model.settings import Conventions, MVSplatHeads
 from semgs.model.sweep.depth import Depth
 from semgs.model.sweep.unet import UNet
 from semgs.model.sweep.upsampling import ConvexDisparities, ConvexUpsampling

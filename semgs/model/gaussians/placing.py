@@ -10,11 +10,11 @@ from torch import Tensor, nn
 
 from semgs.geometry.cameras import Cameras, pixel_centres, shrink_cameras
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.harmonics_rotation import rotate_harmonics
+from semgs.geometry.harmonics import rotate_harmonics
 from semgs.geometry.rotations import quaternion_from_matrix, quaternion_product
 from semgs.model.gaussians.heads import RawGaussians
-from semgs.model.layers.conventions import Conventions
 from semgs.model.layers.network_input import NetworkInput, widen
+from semgs.model.settings import Conventions
 from semgs.rendering.rules import BLUR_PX2
 from semgs.runtime.precision import outside_autocast
 from semgs.scene.encoding import Encoding

@@ -1,6 +1,6 @@
-"""The shallow CNN that both branches share, and the residual blocks that refine its features for semantics.
+"""The convolutions that parts of the network share: the shallow CNN with its residual blocks, the end of a branch, and how their maps lie in memory.
 
-Layer shapes and names are those of MVSplat's backbone (UniMatch's encoder), so that its weights load.
+Layer shapes and names of the CNN are those of MVSplat's backbone (UniMatch's encoder), so that its weights load.
 """
 
 from __future__ import annotations
@@ -8,6 +8,8 @@ from __future__ import annotations
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
+
+from semgs.runtime.precision import FullPrecisionConv2d
 
 IMAGE_MEAN = (0.485, 0.456, 0.406)
 IMAGE_STD = (0.229, 0.224, 0.225)
@@ -73,3 +75,81 @@ class FeatureCNN(nn.Module):
 def instance_norm(channels: int) -> nn.GroupNorm:
     """Normalise every channel of every image: a group norm with one channel per group, twice as fast as `InstanceNorm2d`."""
     return nn.GroupNorm(channels, channels, affine=False)
+
+
+class Upsampler(nn.Module):
+    """gelu(upsample(conv(maps))): features from the network's scale to the Gaussians'."""
+
+    def __init__(self, inputs: int, outputs: int, factor: int, pixel_centres: bool = True) -> None:
+        super().__init__()
+        self.conv = nn.Conv2d(inputs, outputs, 3, padding=1)
+        self.factor = factor
+        self.pixel_centres = pixel_centres
+
+    def forward(self, *maps: Float[Tensor, "n _ h w"]) -> Float[Tensor, "n d h2 w2"]:
+        """Features `factor` times as large, from features after the transformer, features of single views, or both in this order."""
+        return self.widen(self.join(*maps))
+
+    def join(self, *maps: Float[Tensor, "n _ h w"]) -> Float[Tensor, "n d h w"]:
+        """Features as one map of the same size."""
+        joined: Tensor = self.conv(beside(*maps))
+        return joined
+
+    def widen(self, joined: Float[Tensor, "n d h w"]) -> Float[Tensor, "n d h2 w2"]:
+        """A map of `join` at the Gaussians' scale."""
+        return nn.functional.gelu(upsample(joined, self.factor, self.pixel_centres))
+
+
+class PlainUpsampler(nn.Module):
+    """The paper's text: upsample the features of the transformer."""
+
+    def __init__(self, factor: int, pixel_centres: bool = True) -> None:
+        super().__init__()
+        self.factor = factor
+        self.pixel_centres = pixel_centres
+
+    def forward(self, first: Float[Tensor, "n c h w"], *others: Tensor) -> Float[Tensor, "n c h2 w2"]:
+        """Features `factor` times as large; those of single views, after them, are not used."""
+        return upsample(first, self.factor, self.pixel_centres)
+
+
+class Head(nn.Sequential):
+    """The two-layer CNN that predicts one branch's attributes.
+
+    Args:
+        inputs, hidden, outputs: channels.
+        last_kernel: of the second layer.
+        full: compute the second layer in full precision, even within autocast.
+    """
+
+    def __init__(self, inputs: int, hidden: int, outputs: int, last_kernel: int = 3, full: bool = False) -> None:
+        last = FullPrecisionConv2d if full else nn.Conv2d
+        super().__init__(
+            nn.Conv2d(inputs, hidden, 3, padding=1),
+            nn.GELU(),
+            last(hidden, outputs, last_kernel, padding=last_kernel // 2),
+        )
+
+
+def upsample(x: Float[Tensor, "n c h w"], factor: int, pixel_centres: bool) -> Float[Tensor, "n c h2 w2"]:
+    """Bilinear upsampling that preserves image corners, or the centres of the corner texels."""
+    return nn.functional.interpolate(x, scale_factor=factor, mode="bilinear", align_corners=not pixel_centres)
+
+
+def lay_out(module: nn.Module, layout: torch.memory_format) -> None:
+    """Store the kernels of a module's convolutions, 3D ones too, in a memory format; parameters stay the same objects."""
+    volumes = torch.channels_last_3d if layout == torch.channels_last else layout
+    for parameter in module.parameters():
+        if parameter.ndim in (4, 5):
+            parameter.data = parameter.data.contiguous(memory_format=layout if parameter.ndim == 4 else volumes)
+
+
+def beside(*maps: Float[Tensor, "n _ h w"]) -> Float[Tensor, "n c h w"]:
+    """Maps concatenated along the channels, in the memory format of the widest.
+
+    `torch.cat` of maps in different formats takes four times as long, and the next convolution has to convert the result.
+    """
+    widest = max(maps, key=lambda one: one.shape[1])
+    last = widest.is_contiguous(memory_format=torch.channels_last)
+    layout = torch.channels_last if last else torch.contiguous_format
+    return torch.cat([one.contiguous(memory_format=layout) for one in maps], dim=1)

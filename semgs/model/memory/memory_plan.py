@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 
 import torch
 
-from semgs.model.layers.chunks import Chunks
-from semgs.model.layers.network_input import MULTIPLE, padded_size
+from semgs.model.layers.network_input import MULTIPLE, Chunks, padded_size
 from semgs.model.memory.stage_memory import Work, seen_bytes, stage_bytes
 from semgs.runtime.free_memory import free_bytes, held_bytes
 
@@ -47,7 +46,7 @@ class MemoryPlan:
 
     Attributes:
         peak_bytes: peak memory of the process, or on the network's CUDA device.
-        stage: the stage of the peak: one of `semgs.model.stages.STAGES`, or `render`.
+        stage: the stage of the peak: one of `semgs.model.memory.stage_memory.STAGES`, or `render`.
         chunks: views that the cost volume and the heads take at a time; the fastest choice if memory allows.
         short: whether memory is short, so that fewer views are taken at a time than would be fastest.
         available_bytes: memory that the process uses now plus what is free; infinite if unknown.

@@ -6,6 +6,8 @@ settings. Change it together with the forward pass, which it follows.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 import torch
@@ -13,11 +15,18 @@ import torch
 from semgs.model.classes.mobilenet import CUE_WIDTHS
 from semgs.model.classes.semantic import SHAPE
 from semgs.model.gaussians.heads import RENDERED_HARMONICS
-from semgs.model.layers.chunks import WHOLE, Chunks
+from semgs.model.layers.network_input import WHOLE, Chunks
 from semgs.model.settings import MobileNet, NetworkSettings, PaperHeads, TransformerSettings
 from semgs.model.sweep.cost_volume import CHUNK
 from semgs.model.sweep.upsampling import NEIGHBOURS, WIDTH
 from semgs.scene.coarse_depth import SHRINK
+
+STAGES = ("cnn", "transformer_colour", "transformer_semantic", "cost_volume", "depth", "heads")
+"""The stages, in order."""
+
+Stage = Callable[[str], AbstractContextManager[object]]
+"""From a stage's name to a context manager around it."""
+
 
 DRAWN_PAIRS = 30e6
 """The pairs of Gaussian and tile that are rendered at a time [bytes]."""

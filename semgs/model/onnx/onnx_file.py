@@ -14,14 +14,13 @@ import torch
 
 from semgs._version import __version__
 from semgs.data.views import Views
-from semgs.files.extras import needs_extra
+from semgs.files.errors import needs_extra
 from semgs.geometry.cameras import Cameras
-from semgs.model.layers.chunks import WHOLE
-from semgs.model.layers.network_input import MULTIPLE
+from semgs.model.layers.network_input import MULTIPLE, WHOLE
+from semgs.model.memory.stage_memory import Stage
 from semgs.model.onnx.tensor_form import INPUTS, TensorForm, arguments
 from semgs.model.semgs import SemGS
-from semgs.model.stages import Stage
-from semgs.segmenters.networks.onnx import simplified
+from semgs.sources.runtimes import simplified
 
 OPSET = 20
 """Version of ONNX's operators."""

@@ -18,7 +18,7 @@ from torch.utils._pytree import tree_map
 
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras
-from semgs.model.layers.chunks import WHOLE
+from semgs.model.layers.network_input import WHOLE
 from semgs.model.semgs import SemGS
 from semgs.scene.encoding import Encoding
 

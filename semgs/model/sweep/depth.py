@@ -13,13 +13,10 @@ from torch import Tensor, nn
 
 from semgs.geometry.plane_sweep import depth_candidates
 from semgs.model.classes.refinement import Cues
-from semgs.model.layers.chunks import by_chunks
-from semgs.model.layers.conventions import Conventions
-from semgs.model.layers.memory_format import beside
-from semgs.model.layers.network_input import NetworkInput, widen
-from semgs.model.settings import DepthSettings
-from semgs.model.sweep.cost_filter import CostFilter
-from semgs.model.sweep.cost_volume import cost_volume, unit_features
+from semgs.model.layers.cnn import beside
+from semgs.model.layers.network_input import NetworkInput, by_chunks, widen
+from semgs.model.settings import Conventions, DepthSettings
+from semgs.model.sweep.cost_volume import CostFilter, cost_volume, unit_features
 from semgs.model.sweep.unet import GROUPS, UNet
 from semgs.runtime.precision import FullPrecisionConv2d
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from semgs.model.layers.memory_format import beside
+from semgs.model.layers.cnn import beside
 
 GROUPS = 8
 

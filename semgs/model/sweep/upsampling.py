@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn.functional import pad, pixel_shuffle, pixel_unshuffle
 
-from semgs.model.layers.memory_format import beside
+from semgs.model.layers.cnn import beside
 from semgs.runtime.precision import FullPrecisionConv2d, outside_autocast
 
 NEIGHBOURS = 9

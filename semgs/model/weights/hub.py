@@ -7,18 +7,19 @@ downloaded, into the cache of that library. `upload` puts a folder there. No tor
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from semgs.files.errors import InputError
-from semgs.files.extras import needs_extra
-from semgs.files.hashes import sha256
-from semgs.runtime.argument_types import check_type
+from semgs.files.contents import sha256
+from semgs.files.errors import InputError, check_type, needs_extra
 
 SCHEME = "hf://"
 FORM = f"{SCHEME}OWNER/NAME, optionally followed by @REVISION or @sha256:HASH"
 REPOSITORY = r"\w[\w.-]*/\w[\w.-]*"
+File = TypeVar("File")
 ADVICE = "download the file by other means and name its path"
 
 
@@ -104,15 +105,10 @@ def fetch(text: str, options: HubOptions = HubOptions()) -> Path:
         from huggingface_hub import HfApi, hf_hub_download
     if options.local_files_only:
         return _cached(text, requested, revision, options)
-    try:
+    with _library_errors(text, "a repository on the hub", ADVICE):
         repository = HfApi(**options.of_access).model_info(requested.repository, revision=revision, files_metadata=True)
-    except Exception as error:  # the library passes on errors of its HTTP client, which changes between versions
-        raise InputError(text, "a repository on the hub", _reason(error), advice=ADVICE) from None
-    files = [sibling for sibling in repository.siblings or [] if sibling.rfilename.endswith(".safetensors")]
-    if len(files) != 1:
-        names = ", ".join(file.rfilename for file in files) or "none"
-        raise InputError(text, "a repository with one safetensors file", names, advice=ADVICE)
-    (file,) = files
+    files = [one for one in repository.siblings or [] if one.rfilename.endswith(".safetensors")]
+    file = _only(files, [one.rfilename for one in files], text, "a repository with one safetensors file", ADVICE)
     stated = file.lfs.sha256 if file.lfs else None
     expected = requested.sha256 or stated
     if expected is None:
@@ -120,40 +116,38 @@ def fetch(text: str, options: HubOptions = HubOptions()) -> Path:
         raise InputError(text, known, "one outside LFS", file.rfilename, "give it: @sha256:HASH")
     if stated not in (None, expected):
         raise InputError(text, f"sha256 {expected}", f"{stated}, as the repository states", file.rfilename)
-    try:
-        # The commit, not the branch, which may have moved since.
-        path = Path(
-            hf_hub_download(requested.repository, file.rfilename, revision=repository.sha, **options.of_download)
-        )
-    except Exception as error:
-        raise InputError(text, f"{file.rfilename} from the hub", _reason(error), advice=ADVICE) from None
-    found = sha256(path)
-    if found != expected:
-        raise InputError(path, f"sha256 {expected}, as of {text}", found, advice="delete it and download it again")
-    return path
+    with _library_errors(text, f"{file.rfilename} from the hub", ADVICE):
+        commit = repository.sha  # not the branch, which may have moved since
+        path = hf_hub_download(requested.repository, file.rfilename, revision=commit, **options.of_download)
+    return _checked(Path(path), expected, text)
 
 
 def _cached(text: str, requested: HubId, revision: str | None, options: HubOptions) -> Path:
     """The weights file of a hub id, from the cache alone."""
     from huggingface_hub import snapshot_download
 
-    try:
+    advice = "download it once with a network"
+    with _library_errors(text, "a repository in the cache", advice):
         folder = snapshot_download(
             requested.repository, revision=revision, local_files_only=True, allow_patterns="*.safetensors", **options.of_download
         )  # fmt: skip
-    except Exception as error:
-        raise InputError(
-            text, "a repository in the cache", _reason(error), advice="download it once with a network"
-        ) from None
     files = sorted(Path(folder).rglob("*.safetensors"))
+    path = _only(files, [file.name for file in files], text, "one safetensors file in the cache", advice)
+    return _checked(path, requested.sha256, text)
+
+
+def _only(files: Sequence[File], names: Sequence[str], text: str, expected: str, advice: str) -> File:
+    """The one file of a hub id; an error names those that there are."""
     if len(files) != 1:
-        names = ", ".join(file.name for file in files) or "none"
-        raise InputError(text, "one safetensors file in the cache", names, advice="download it once with a network")
-    if requested.sha256 is not None and (found := sha256(files[0])) != requested.sha256:
-        raise InputError(
-            files[0], f"sha256 {requested.sha256}, as of {text}", found, advice="delete it and download it again"
-        )
+        raise InputError(text, expected, ", ".join(names) or "none", advice=advice)
     return files[0]
+
+
+def _checked(path: Path, expected: str | None, text: str) -> Path:
+    """The file of a hub id, whose hash must be this one; None allows any."""
+    if expected is not None and (found := sha256(path)) != expected:
+        raise InputError(path, f"sha256 {expected}, as of {text}", found, advice="delete it and download it again")
+    return path
 
 
 def check_repository(repository: str) -> None:
@@ -199,16 +193,19 @@ def upload(
     with needs_extra("hub", "uploads to the hub need huggingface_hub", "huggingface_hub"):
         from huggingface_hub import HfApi
     api = HfApi(token=token)
-    try:
+    with _library_errors(repository, "a repository on the hub that takes uploads"):
         created = api.create_repo(repo_id=repository, private=private, exist_ok=True).repo_id
         commit = api.upload_folder(
             repo_id=created, repo_type="model", folder_path=folder, commit_message=commit_message, revision=branch, create_pr=create_pr
         )  # fmt: skip
-    except Exception as error:  # as in `fetch`
-        raise InputError(repository, "a repository on the hub that takes uploads", _reason(error)) from None
     return str(commit)
 
 
-def _reason(error: Exception) -> str:
-    """The first line of an error."""
-    return (str(error).strip().splitlines() or [type(error).__name__])[0]
+@contextmanager
+def _library_errors(text: str, expected: str, advice: str | None = None) -> Iterator[None]:
+    """Turn any error of the library into one line; it passes on errors of its HTTP client, which changes between versions."""
+    try:
+        yield
+    except Exception as error:
+        reason = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        raise InputError(text, expected, reason, advice=advice) from None

@@ -11,8 +11,8 @@ from importlib import resources
 from pathlib import Path
 
 from semgs.files.atomic import write_json
+from semgs.files.contents import sha256
 from semgs.files.errors import InputError
-from semgs.files.hashes import sha256
 from semgs.files.records import make_record
 from semgs.files.strict_json import parse_json
 

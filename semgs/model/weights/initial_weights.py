@@ -1,31 +1,37 @@
-"""The network that a training starts with: random, or from weights as far as they fit."""
+"""The network that a training starts with: random, or from weights as far as they fit.
+
+The class branch can start from published weights: safetensors with the names of MobileNetV2's tensors, or of MOSAIC's. A MobileNetV2 may come with a head (an ImageNet classifier, a segmentation
+head). Heads are left out, because their classes are not ours. MOSAIC is taken as it is, with its own classes, which a layer of ours translates.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from torch import Tensor
 
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
+from semgs.files.tensor_files import open_tensors
+from semgs.model.classes.mobilenet import MobileNetRefinement, MobileNetV2
+from semgs.model.classes.mosaic import OWN_LAYERS, Mosaic
 from semgs.model.networks import NAMES, NETWORKS, named_switches
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
 from semgs.model.switches import Switches, switched, switches_of
+from semgs.model.weights.header import Header
 from semgs.model.weights.load import (
     find,
     from_mvsplat,
     load,
     other_table,
-    semantic_tensors,
     shipped,
     untrained,
 )
 from semgs.model.weights.pretrained import as_large_as
-from semgs.model.weights.published_backbones import is_mosaic, is_published, with_backbone
 from semgs.model.weights.weights_file import fill, is_ours, read_header, read_tensors
 
 SEMANTIC_SHAPE = ("class_backbone",)
@@ -37,17 +43,14 @@ FRESH_SHAPE = ("shared_layers", "windows_semantic", "camera_aware_semantic", "se
 MORE_DEPTH = ("cost_filter", "depth_cue", "depth_upsampling")
 """Switches that add layers to depth: from weights without these layers, everything else is kept."""
 
-BESIDE = ("class_mosaic",)
-"""Switches of a network beside the semantic branch: with or without it, everything else is kept."""
+BESIDE = ("class_mosaic", "class_fusion")
+"""A network beside the semantic branch, and a switch that no layer depends on: with other values, everything else is kept."""
 
-NO_WEIGHTS = ("class_fusion",)
-"""Switches that no layer depends on: weights with other values are kept whole."""
-
-ADDED = ("colour.depth.filter.", "colour.depth.regressor.cues.", "colour.heads.convex.")
-"""Beginnings of the tensor names of the layers added to depth."""
-
-SECOND = "semantic.mosaic."
-"""Beginning of the tensor names of the network beside the semantic branch."""
+ADDED = {
+    "the layers added to depth": ("colour.depth.filter.", "colour.depth.regressor.cues.", "colour.heads.convex."),
+    "MOSAIC": ("semantic.mosaic.",),
+}
+"""Parts that weights may lack, with the beginnings of their tensor names."""
 
 
 def initial_network(
@@ -80,27 +83,24 @@ def initial_network(
         InputError: the weights are missing, unreadable or do not fit; the tensor, class table or switch is named.
     """
     requested = dict(switches or {})
-    if backbone:
-        network = initial_network(
-            name, init, seed=seed, classes=classes, own_classes=own_classes, switches=switches, fresh_semantics=fresh_semantics
-        )  # fmt: skip
-        return with_backbone(network, backbone)
-    if init == "random":
-        return untrained(_switched(NETWORKS[name](), requested), seed, classes).eval()
     if init in NAMES and shipped(init) is None:
         raise InputError(
             init, "random, a weights file, or the name of included weights", "a name without included weights"
         )
-    _, path = find(init)
-    if is_published(path):
+    path = None if init == "random" else find(init)[1]
+    model: SemGS
+    if path is None:
+        model = untrained(_switched(NETWORKS[name](), requested), seed, classes).eval()
+    elif is_published(path):
         added = {"class_mosaic" if is_mosaic(path) else "class_backbone": True}
-        settings = _switched(NETWORKS[name](), {**added, **requested})
-        return with_backbone(untrained(settings, seed, classes), path)
-    if is_ours(path):
-        return _from_weights(name, path, requested, seed, classes, own_classes, fresh_semantics)
-    if not requested or name.startswith("small"):
-        return load(name, path, seed=seed, classes=classes)
-    return from_mvsplat(untrained(_switched(NETWORKS[name](), requested), seed, classes), path, seed)
+        model = with_backbone(untrained(_switched(NETWORKS[name](), added | requested), seed, classes), path)
+    elif is_ours(path):
+        model = _from_weights(name, path, requested, seed, classes, own_classes, fresh_semantics)
+    elif not requested or name.startswith("small"):
+        model = load(name, path, seed=seed, classes=classes)
+    else:
+        model = from_mvsplat(untrained(_switched(NETWORKS[name](), requested), seed, classes), path, seed)
+    return with_backbone(model, backbone) if backbone else model
 
 
 def _from_weights(
@@ -114,42 +114,43 @@ def _from_weights(
 ) -> SemGS:
     """The network of a weights file, with the requested switches and class table."""
     header = read_header(path)
-    own_branch = (*SEMANTIC_SHAPE, *FRESH_SHAPE) if fresh_semantics else SEMANTIC_SHAPE
-    _check_switches(path, requested, switches_of(header.settings), own_branch)
-    present = _switched(header.settings, {key: requested[key] for key in NO_WEIGHTS if key in requested})
-    layers = {key: requested[key] for key in (*own_branch, *MORE_DEPTH, *BESIDE) if key in requested}
-    wanted = _switched(present, layers)
+    settings, fresh_semantics = network_for(header, requested, fresh_semantics)
     if header.settings.name != name:
         return load(name, path, classes=classes)  # raises an InputError
-    fresh_semantics |= (
-        wanted.semantic != _switched(present, {key: layers[key] for key in BESIDE if key in layers}).semantic
-    )
     if not fresh_semantics and header.classes not in (None, classes) and not own_classes:
         raise other_table(path, classes, header.classes, "name the table to train on with --classes FILE")
-    fresh_classes = header.classes != classes
-    if fresh_semantics or fresh_classes or wanted != header.settings:
-        return _fill_fitting(path, wanted, classes, seed, fresh_classes, fresh_semantics)
-    model = load(name, path, classes=classes)
-    model.origin = f"{path.name}: all {len(model.state_dict())} tensors kept"
+    if not fresh_semantics and (header.settings, header.classes) == (settings, classes):
+        model = load(name, path, classes=classes)
+        model.origin = f"{path.name}: all {len(model.state_dict())} tensors kept"
+        return model
+    with as_large_as(path):
+        model = untrained(settings, seed, classes)
+    others: Literal["classes"] | None = None if header.classes == classes else "classes"
+    fill_fitting(model, path, classes, seed, "branch" if fresh_semantics else others)
     return model
 
 
-def _check_switches(path: Path, requested: Mapping[str, Any], present: Switches, own_branch: tuple[str, ...]) -> None:
-    """Refuse weights whose switches differ from the requested ones, unless layers can be added or exchanged.
+def network_for(header: Header, requested: Mapping[str, Any], fresh_semantics: bool) -> tuple[NetworkSettings, bool]:
+    """The network that starts from weights, and whether its semantic branch is drawn anew.
 
     Args:
-        path: of the weights.
-        requested, present: the switches of the network and of the weights.
-        own_branch: switches that only change a semantic branch that does not keep its weights.
+        header: of the weights.
+        requested: switches of the network; the others are those of the weights.
+        fresh_semantics: draw the semantic branch anew in any case.
+
+    Raises:
+        InputError: the weights have another switch, and its layers can be neither added nor exchanged; or the switches contradict each other.
     """
+    own_branch = (*SEMANTIC_SHAPE, *FRESH_SHAPE) if fresh_semantics else SEMANTIC_SHAPE
+    present = switches_of(header.settings)
     for key, value in requested.items():
-        fits = key in (*own_branch, *BESIDE, *NO_WEIGHTS) or (
-            key in MORE_DEPTH and getattr(present, key) == getattr(Switches, key)
-        )
-        if getattr(present, key) != value and not fits:
-            raise InputError(
-                path, f"weights of a network with {key} = {value}", f"{getattr(present, key)}", key="settings"
-            )
+        there = getattr(present, key)
+        added = key in MORE_DEPTH and there == getattr(Switches, key)
+        if there != value and not added and key not in (*own_branch, *BESIDE):
+            raise InputError(header.path, f"weights of a network with {key} = {value}", f"{there}", key="settings")
+    settings = _switched(header.settings, requested)
+    kept = {key: value for key, value in requested.items() if key in BESIDE}
+    return settings, fresh_semantics or settings.semantic != _switched(header.settings, kept).semantic
 
 
 def changed_switches(switches: Switches, network: str) -> dict[str, Any]:
@@ -170,52 +171,46 @@ def _switched(settings: NetworkSettings, changes: Mapping[str, Any]) -> NetworkS
         raise InputError("--network", "switches that agree", "some that do not", advice=f"{error}") from None
 
 
-def _fill_fitting(
-    path: Path, settings: NetworkSettings, classes: ClassTable, seed: int, fresh_classes: bool, fresh_semantics: bool
-) -> SemGS:
-    """A network with these settings and all tensors of a file that fit; the others are random.
+def fill_fitting(
+    model: SemGS, path: Path, classes: ClassTable, seed: int, fresh: Literal["branch", "classes"] | None
+) -> None:
+    """Fill a random network with all tensors of a file that fit; the others stay random. Its `origin` says which.
 
     Args:
+        model: the network; it may have another semantic branch than the weights, and more layers in depth.
         path: of the weights.
-        settings: of the network; it may have another semantic branch than the weights, and more layers in depth.
         classes: the class table.
-        seed: of random weights.
-        fresh_classes: reinitialise the rows of the classes, because the weights have another class table.
-        fresh_semantics: reinitialise the semantic branch.
+        seed: that the network was drawn with, for its `origin`.
+        fresh: "branch" keeps nothing of the semantic branch, "classes" no row of a class; None keeps both.
+
+    Raises:
+        InputError: the file cannot be read or does not fit; the tensor is named.
     """
-    with as_large_as(path):
-        model = untrained(settings, seed, classes)
     random = model.state_dict()
+    later = tuple(start for starts in ADDED.values() for start in starts)
     saved = {
-        name: tensor
-        for name, tensor in read_tensors(path).items()
-        if name in random or not name.startswith((*ADDED, SECOND))
+        name: tensor for name, tensor in read_tensors(path).items() if name in random or not name.startswith(later)
     }
-    missing = [name for name in random if name.startswith((*ADDED, SECOND)) and name not in saved]
-    fresh = {name: random[name] for name in missing}
-    notes = [f"the layers added to depth drawn with seed {seed}"] if any(map(_in_depth, missing)) else []
-    if not all(map(_in_depth, missing)):
-        notes.append(f"MOSAIC drawn with seed {seed}")
-    if fresh_semantics:
+    drawn = {name: tensor for name, tensor in random.items() if name.startswith(later) and name not in saved}
+    notes = [
+        f"{part} drawn with seed {seed}"
+        for part, starts in ADDED.items()
+        if any(name.startswith(starts) for name in drawn)
+    ]
+    if fresh == "branch":
         saved = {name: tensor for name, tensor in saved.items() if not name.startswith("semantic.")}
-        fresh |= {name: random[name] for name in semantic_tensors(model)}
+        drawn |= {name: tensor for name, tensor in random.items() if name.startswith("semantic.")}
         notes.append(f"the semantic branch drawn anew with seed {seed}")
-    elif fresh_classes:
+    elif fresh == "classes":
         class_layers = model.parts()["classes"]
         names = [name for name in random if name in class_layers]
-        fresh |= {name: _keep_rows(random[name], saved.get(name), len(classes)) for name in names}
+        drawn |= {name: _keep_rows(random[name], saved.get(name), len(classes)) for name in names}
         notes.append(
             f"drawn anew for the {len(classes)} classes of {classes.name} with seed {seed}: {', '.join(names)}"
         )
-    fill(model, saved | fresh, path, model.name)
-    kept = len(random) - len(fresh)
-    model.origin = "; ".join([f"{path.name}: {kept} of {len(random)} tensors kept", *notes])
-    return model
-
-
-def _in_depth(name: str) -> bool:
-    """Whether a tensor is one of the layers added to depth."""
-    return name.startswith(ADDED)
+    fill(model, saved | drawn, path, model.name)
+    kept = f"{path.name}: {len(random) - len(drawn)} of {len(random)} tensors kept"
+    model.origin = "; ".join([kept, *notes])
 
 
 def _keep_rows(random: Tensor, saved: Tensor | None, classes: int) -> Tensor:
@@ -224,3 +219,90 @@ def _keep_rows(random: Tensor, saved: Tensor | None, classes: int) -> Tensor:
     if saved is not None and saved.shape[1:] == rows.shape[1:] and len(saved) >= shared:
         rows[:shared] = saved[:shared]
     return rows
+
+
+BACKBONE = ("stem.", "blocks.")
+"""Beginnings of the names of the backbone's tensors; other tensors belong to a head."""
+
+CONTEXT = "pyramid."
+"""Beginning of names that only MOSAIC has."""
+
+
+def is_published(path: str | Path) -> bool:
+    """Whether a file is safetensors with a stem and blocks of these names; shapes are not checked."""
+    names = _names(path)
+    return all(any(name.startswith(start) for name in names) for start in BACKBONE)
+
+
+def is_mosaic(path: str | Path) -> bool:
+    """Whether a file is safetensors with the names of MOSAIC's tensors; shapes are not checked."""
+    return is_published(path) and any(name.startswith(CONTEXT) for name in _names(path))
+
+
+def _names(path: str | Path) -> list[str]:
+    """Names of the tensors in a file; none if it is no safetensors."""
+    try:
+        with open_tensors(path, "a safetensors file") as file:
+            return list(file.keys())
+    except InputError:
+        return []
+
+
+def with_backbone(model: SemGS, path: str | Path) -> SemGS:
+    """The network with its class backbone, or its MOSAIC, filled from a published file; its `origin` says so.
+
+    Raises:
+        InputError: the network has no such part, or the file does not fit.
+    """
+    if is_mosaic(path):
+        mosaic = None if model.semantic is None else model.semantic.mosaic
+        if mosaic is None:
+            raise InputError(path, "a network with MOSAIC", "one without", advice="give --network.class-mosaic")
+        model.origin = f"{model.origin}; {fill_mosaic(mosaic, path)}"
+        return model
+    refinement = None if model.semantic is None else model.semantic.refinement
+    if not isinstance(refinement, MobileNetRefinement):
+        advice = "give --network.class-backbone"
+        raise InputError(path, "a network with a MobileNetV2 class backbone", "one without", advice=advice)
+    model.origin = f"{model.origin}; {fill_backbone(refinement.backbone, path)}"
+    return model
+
+
+def fill_mosaic(mosaic: Mosaic, path: str | Path) -> str:
+    """Fill MOSAIC with the tensors of a published file; on an error it is unchanged. The layers for our own classes stay as they are.
+
+    Args:
+        mosaic: takes all of its other tensors from the file.
+        path: the file.
+
+    Returns:
+        A sentence for `origin`.
+
+    Raises:
+        InputError: the file cannot be read, or a tensor is missing, unknown, of another shape or not finite; it is named.
+    """
+    tensors = read_tensors(path)
+    own = {name: tensor for name, tensor in mosaic.state_dict().items() if name.startswith(OWN_LAYERS)}
+    fill(mosaic, tensors | own, path, "MOSAIC")
+    return f"{Path(path).name}: {len(tensors)} tensors taken for MOSAIC"
+
+
+def fill_backbone(backbone: MobileNetV2, path: str | Path) -> str:
+    """Fill a backbone with the tensors of a published file; on an error the backbone is unchanged.
+
+    Args:
+        backbone: takes all of its tensors from the file.
+        path: the file.
+
+    Returns:
+        A sentence for `origin`: what was used and what was left out.
+
+    Raises:
+        InputError: the file cannot be read, or a tensor of the backbone is missing, unknown, of another shape or not finite; it is named.
+    """
+    tensors = read_tensors(path)
+    own = {name: tensor for name, tensor in tensors.items() if name.startswith(BACKBONE)}
+    fill(backbone, own, path, "MobileNetV2 1.0")
+    heads = ", ".join(sorted({name.partition(".")[0] for name in tensors.keys() - own.keys()}))
+    taken = f"{Path(path).name}: {len(own)} of {len(tensors)} tensors taken for the backbone"
+    return f"{taken}; left out: {heads}" if heads else taken

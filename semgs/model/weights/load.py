@@ -1,31 +1,26 @@
-"""Load networks by name, file or hub id."""
+"""Load networks by name, file or hub id, from weights of ours or MVSplat's checkpoints, whose tensors are mapped to ours."""
 
 from __future__ import annotations
 
-import warnings
+import re
 from pathlib import Path
+from pickle import UnpicklingError
 
 import torch
 
-from semgs.data.origin.terms import Terms, TermsWarning
+from semgs.data.origin.terms import Terms
 from semgs.data.tables.classes import SCANNET20, ClassTable
-from semgs.files.errors import InputError, input_error
+from semgs.files.errors import InputError
 from semgs.files.paths import found_at, typed_path
-from semgs.files.strict_json import parse_json
 from semgs.model.build import build
 from semgs.model.gaussians.heads import PaperDecoder
 from semgs.model.networks import NAMES, NETWORKS
 from semgs.model.settings import NetworkSettings
-from semgs.model.weights import mvsplat
-from semgs.model.weights.header_terms import DATA_TERMS as DATA_TERMS
-from semgs.model.weights.header_terms import terms_in
+from semgs.model.weights.header import DATA_TERMS
 from semgs.model.weights.hub import SCHEME, fetch, is_hub_id
 from semgs.model.weights.index import shipped_folder
-from semgs.model.weights.pretrained import SemGS, open_weights, owned_terms
-from semgs.model.weights.weights_file import fill, is_ours, read_header
-
-SCENES = "scenes"
-"""Key of a header: names of the scenes that the weights were trained on."""
+from semgs.model.weights.pretrained import SemGS, open_weights
+from semgs.model.weights.weights_file import fill, is_ours, read_header, read_tensors
 
 MVSPLAT = Terms("MVSplat's published weights, under their own terms: https://github.com/donydchen/mvsplat", own=True)
 """Terms of MVSplat's checkpoint, which has no header."""
@@ -126,13 +121,7 @@ def trained_scenes(weights: str | Path) -> tuple[str, ...]:
         InputError: there is no such file, or its header is damaged.
     """
     _, path = find(weights)
-    if not is_ours(path):
-        return ()
-    with input_error(path, "names of scenes as JSON", key=SCENES):
-        names = parse_json(read_header(path).metadata.get(SCENES, "[]"))
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise InputError(path, "a list of names", f"{names!r:.60}", key=SCENES)
-    return tuple(names)
+    return read_header(path).scenes if is_ours(path) else ()
 
 
 def data_terms(weights: str | Path) -> tuple[Terms, ...]:
@@ -145,10 +134,10 @@ def data_terms(weights: str | Path) -> tuple[Terms, ...]:
     _, path = find(weights)
     if not is_ours(path):
         return (MVSPLAT,)
-    metadata = read_header(path).metadata
-    if DATA_TERMS not in metadata:
+    header = read_header(path)
+    if DATA_TERMS not in header.metadata:
         return (Terms(f"what {path.name} was trained on: terms not stated"),)
-    return terms_in(metadata, path)
+    return header.terms
 
 
 def untrained(settings: NetworkSettings, seed: int, classes: ClassTable | None = SCANNET20) -> SemGS:
@@ -178,10 +167,7 @@ def _ours(name: str, path: Path, classes: ClassTable) -> SemGS:
         raise InputError(path, f'weights of "{name}"', f'weights of "{header.settings.name}"', key="settings.name")
     if header.classes is not None and header.classes != classes:
         raise other_table(path, classes, header.classes)
-    model = open_weights(path, header)
-    if owned := owned_terms(path, header):
-        warnings.warn(owned, TermsWarning, stacklevel=3)
-    return model
+    return open_weights(path, header, stacklevel=4)
 
 
 def _mvsplats(name: str, path: Path, seed: int, classes: ClassTable) -> SemGS:
@@ -207,9 +193,9 @@ def from_mvsplat(model: SemGS, path: Path, seed: int) -> SemGS:
     Raises:
         InputError: the file cannot be read or does not fit; the tensor is named.
     """
-    tensors = mvsplat.read(path)
+    tensors = read_mvsplat(path)
     own = model.state_dict()
-    foreign = mvsplat.renamed(tensors, path)
+    foreign = renamed(tensors, path)
     drawn = {"the semantic branch": semantic_tensors(model)}
     if isinstance(model.colour.heads, PaperDecoder):
         foreign = {key: value for key, value in foreign.items() if not key.startswith(HEADS)}
@@ -222,3 +208,70 @@ def from_mvsplat(model: SemGS, path: Path, seed: int) -> SemGS:
         + (f"; {' and '.join(counts)} drawn at random with seed {seed}" if counts else "")
     )
     return model
+
+
+PREFIXES = {
+    "backbone.backbone.": "cnn.",
+    "backbone.transformer.": "colour.transformer.swin.",
+    "depth_predictor.corr_refine_net.": "colour.depth.regressor.refine.",
+    "depth_predictor.regressor_residual.": "colour.depth.regressor.residual.",
+    "depth_predictor.depth_head_lowres.": "colour.depth.regressor.head.",
+    "depth_predictor.upsampler.0.": "colour.heads.upsampler.conv.",
+    "depth_predictor.proj_feature.": "colour.heads.refinement.project.",
+    "depth_predictor.refine_unet.": "colour.heads.refinement.refine.",
+    "depth_predictor.to_disparity.": "colour.heads.refinement.to_disparity.",
+    "depth_predictor.to_gaussians.": "colour.heads.colour.",
+}
+"""Beginnings of MVSplat's names (without the leading "encoder.") and of ours; the rest is the same."""
+
+
+def our_name(name: str) -> str | None:
+    """Our name of one of MVSplat's tensors, None if there is none."""
+    name = name.removeprefix("encoder.")
+    for theirs, ours in PREFIXES.items():
+        if name.startswith(theirs):
+            return ours + name.removeprefix(theirs)
+    return None
+
+
+def read_mvsplat(path: Path) -> dict[str, torch.Tensor]:
+    """The tensors of a checkpoint: safetensors, or Lightning's `.ckpt` read without unpickling objects.
+
+    Raises:
+        InputError: it is neither, or contains more than tensors and plain containers.
+    """
+    with path.open("rb") as file:
+        zipped = file.read(2) == b"PK"
+    if not zipped:
+        return read_tensors(path)
+    try:
+        checkpoint = torch.load(path, map_location="cpu", weights_only=True)
+    except UnpicklingError as error:
+        found = re.search(r"(?:GLOBAL|global) (\S+)", str(error))
+        raise InputError(
+            path, "a checkpoint of tensors alone (torch.load with weights_only=True)",
+            f"an object, {found[1]}" if found else "objects",
+            advice="if you trust it, extract its tensors once: see docs/reproduce.md",
+        ) from None  # fmt: skip
+    except Exception as error:  # torch raises many kinds on a broken or hostile archive; some advise to unpickle it
+        kind = "a TorchScript archive" if "TorchScript" in str(error) else f"a broken one ({type(error).__name__})"
+        raise InputError(path, "a checkpoint that loads with weights_only=True", kind) from None
+    state = checkpoint.get("state_dict") if isinstance(checkpoint, dict) else None
+    if not isinstance(state, dict) or not all(isinstance(value, torch.Tensor) for value in state.values()):
+        raise InputError(path, "a dictionary of tensors", "none", key="state_dict")
+    return {name: tensor.float() for name, tensor in state.items()}
+
+
+def renamed(tensors: dict[str, torch.Tensor], path: Path) -> dict[str, torch.Tensor]:
+    """The same tensors under our names.
+
+    Raises:
+        InputError: one of them is not MVSplat's.
+    """
+    ours = {}
+    for name, tensor in tensors.items():
+        own = our_name(name)
+        if own is None:
+            raise InputError(path, "MVSplat's encoder alone", "another tensor", key=name)
+        ours[own] = tensor
+    return ours

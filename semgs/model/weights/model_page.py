@@ -10,12 +10,8 @@ import json
 from pathlib import Path
 
 from semgs._version import __version__
-from semgs.model.weights.header_scores import Score, read_scores
-from semgs.model.weights.header_terms import terms_in
+from semgs.model.weights.header import Score
 from semgs.model.weights.weights_file import count_parameters, read_header
-
-LICENCE, DESCRIPTION = "licence", "description"
-"""Keys of a header: the licence of the weights, and where they come from."""
 
 LICENCES = ("apache-2.0", "mit", "cc0-1.0", "cc-by-4.0", "cc-by-sa-4.0", "cc-by-nc-4.0", "bsd-3-clause")
 """Licences that the hub knows, by its names; others are "other" there, with their own name beside it."""
@@ -43,22 +39,21 @@ def page(path: str | Path, name: str) -> str:
     Raises:
         InputError: it is not a weights file of semgs, or its scores or terms are invalid.
     """
-    header, scores = read_header(path), read_scores(path)
-    network, about = header.settings.name, header.metadata
+    header = read_header(path)
     where = name if "/" in name else f"OWNER/{name}"
     classes = "none: colour and depth only"
     if header.classes is not None:
         classes = f"{len(header.classes)} of the table {header.classes.name}: {', '.join(header.classes.names)}"
     lines = [
-        *_front_matter(about.get(LICENCE)),
+        *_front_matter(header.licence),
         f"# {name.rpartition('/')[2]}",
         "",
-        f"Weights of the network `{network}` of SemGS {__version__}: posed photos of a room become a semantic 3D scene of Gaussians, in one forward pass.",
+        f"Weights of the network `{header.settings.name}` of SemGS {__version__}: posed photos of a room become a semantic 3D scene of Gaussians, in one forward pass.",
         "",
-        f"- **What they are**: {about.get(DESCRIPTION, 'not stated')}",
+        f"- **What they are**: {_said(header.description)}",
         f"- **Parameters**: {count_parameters(path):,}",
         f"- **Classes**: {classes}",
-        f"- **Licence of the weights**: {about.get(LICENCE, 'not stated')}",
+        f"- **Licence of the weights**: {_said(header.licence)}",
         "",
         "```python",
         "import semgs",
@@ -70,14 +65,18 @@ def page(path: str | Path, name: str) -> str:
         "",
         "## Data",
         "",
-        *([f"- {one.text}" for one in terms_in(about, path)] or ["What the weights were trained on is not stated."]),
+        *([f"- {one.text}" for one in header.terms] or ["What the weights were trained on is not stated."]),
         "",
         "## Limits",
         "",
         LIMITS,
-        *_scores(scores),
+        *_scores(header.scores),
     ]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _said(text: str | None) -> str:
+    return "not stated" if text is None else text
 
 
 def _front_matter(licence: str | None) -> list[str]:

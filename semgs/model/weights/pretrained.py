@@ -23,28 +23,22 @@ from torch.nn.modules.module import register_module_parameter_registration_hook
 
 from semgs.data.origin.terms import TermsWarning
 from semgs.files.atomic import write_text
-from semgs.files.errors import InputError
+from semgs.files.errors import InputError, check_type
 from semgs.files.paths import typed_path
 from semgs.model.build import build
 from semgs.model.semgs import SemGS as Network
-from semgs.model.weights.header_scores import KEY as SCORES
-from semgs.model.weights.header_temperatures import KEY as TEMPERATURES
-from semgs.model.weights.header_temperatures import temperatures_in, temperatures_text
-from semgs.model.weights.header_terms import terms_in
+from semgs.model.weights.header import DESCRIPTION, SCORES, TEMPERATURES, Header, temperatures_text
 from semgs.model.weights.hub import HubOptions, check_repository, fetch, is_hub_id, upload
-from semgs.model.weights.model_page import DESCRIPTION, page
+from semgs.model.weights.model_page import page
 from semgs.model.weights.weights_file import (
-    Header,
     checksum,
     count_parameters,
     fill,
-    read_checksum,
     read_header,
     read_tensors,
     save,
     stored,
 )
-from semgs.runtime.argument_types import check_type
 
 WEIGHTS, PAGE = "model.safetensors", "README.md"
 """The files of a folder."""
@@ -102,10 +96,7 @@ class SemGS(Network):
         else:
             text = given if is_hub_id(given) else f"hf://{given}"
             path = fetch(text, HubOptions(revision, cache_dir, local_files_only, token, force_download))
-        header = read_header(path)
-        model = open_weights(path, header)
-        if owned := owned_terms(path, header):
-            warnings.warn(owned, TermsWarning, stacklevel=2)
+        model = open_weights(path, read_header(path), stacklevel=3)
         return model.eval().requires_grad_(False)
 
     def save_pretrained(
@@ -203,12 +194,13 @@ class SemGS(Network):
         return kept
 
 
-def open_weights(path: Path, header: Header) -> SemGS:
-    """The network of a weights file, filled with its tensors.
+def open_weights(path: Path, header: Header, stacklevel: int) -> SemGS:
+    """The network of a weights file, filled with its tensors; a `TermsWarning` repeats terms of their own of the data it was trained on.
 
     Args:
         path: the file.
         header: its header.
+        stacklevel: of the warning.
 
     Raises:
         InputError: it is damaged, or its tensors do not fit.
@@ -218,15 +210,12 @@ def open_weights(path: Path, header: Header) -> SemGS:
     assert isinstance(model, SemGS)
     fill(model, read_tensors(path), path, model.name)
     model.origin = f"{path.name}: {header.metadata.get(DESCRIPTION, 'no description')}"
-    model.temperatures = temperatures_in(header.metadata, path)
-    model.metadata, model.checksum = dict(header.metadata), read_checksum(path)
+    model.temperatures = header.temperatures
+    model.metadata, model.checksum = dict(header.metadata), header.checksum
+    if owned := [one.text for one in header.terms if one.own]:
+        said = f"{path.name} was trained on data with terms of their own: {'; '.join(owned)}"
+        warnings.warn(said, TermsWarning, stacklevel)
     return model
-
-
-def owned_terms(path: Path, header: Header) -> str | None:
-    """The warning for weights that were trained on data with terms of their own; None for others."""
-    owned = [one.text for one in terms_in(header.metadata, path) if one.own]
-    return f"{path.name} was trained on data with terms of their own: {'; '.join(owned)}" if owned else None
 
 
 @contextmanager

@@ -3,51 +3,23 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
 from math import prod
 from pathlib import Path
 
 import torch
 from torch import nn
 
-from semgs.data.tables.classes import ClassTable
 from semgs.files.atomic import write_bytes
 from semgs.files.contents import LFS_POINTER, check_fetched
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import check_utf8
-from semgs.files.records import make_record
-from semgs.files.strict_json import parse_json
 from semgs.files.tensor_files import open_tensors, tensor_bytes
 from semgs.model.semgs import SemGS
-from semgs.model.settings import NetworkSettings
-
-FORMAT = "2"
-"""The version that is written and read."""
+from semgs.model.weights.header import CHECKSUM, OWN_KEYS, Header, Score, format_fields
+from semgs.rendering.temperatures import Temperatures
 
 WEIGHTS = "a safetensors file of weights"
-
-CHECKSUM = "tensors_sha256"
-"""Key of the hash of all tensors (`checksum`); other files may have none."""
-
-OWN_KEYS = frozenset({"semgs", "settings", "classes", CHECKSUM})
-"""Keys of the header that the format itself uses."""
-
-
-@dataclass(frozen=True)
-class Header:
-    """The header of a weights file.
-
-    Attributes:
-        settings: of the network.
-        classes: its class table, None for a colour-only network.
-        metadata: provenance: seed, data, steps, licence and anything else that its author wrote.
-    """
-
-    settings: NetworkSettings
-    classes: ClassTable | None
-    metadata: dict[str, str]
 
 
 def save(path: str | Path, model: SemGS, metadata: dict[str, str], dtype: torch.dtype = torch.bfloat16) -> None:
@@ -62,14 +34,10 @@ def save(path: str | Path, model: SemGS, metadata: dict[str, str], dtype: torch.
     Raises:
         ValueError: the format itself uses a key of the metadata.
     """
-    header = {
-        "semgs": FORMAT,
-        "settings": json.dumps(model.settings.as_json()),
-        "classes": json.dumps(None if model.classes is None else asdict(model.classes)),
-    }
     _check_free(metadata)
     tensors = stored(model, dtype)
-    write_bytes(Path(path), tensor_bytes(tensors, header | {CHECKSUM: checksum(tensors)} | metadata))
+    header = format_fields(model.settings, model.classes, checksum(tensors))
+    write_bytes(Path(path), tensor_bytes(tensors, header | metadata))
 
 
 def stored(model: SemGS, dtype: torch.dtype) -> dict[str, torch.Tensor]:
@@ -137,28 +105,26 @@ def read_header(path: str | Path) -> Header:
         InputError: it is not a weights file of semgs, or of another version.
     """
     with open_tensors(path, WEIGHTS) as file:
-        fields = dict(file.metadata() or {})
-    fields.pop(CHECKSUM, None)
-    version = fields.pop("semgs", None)
-    if version != FORMAT:
-        raise InputError(path, f"weights of format {FORMAT}, written by semgs", "another header", key="metadata")
-    try:
-        settings = NetworkSettings.from_json(parse_json(fields.pop("settings")))
-        classes = parse_json(fields.pop("classes"))
-        table = None if classes is None else make_record(ClassTable, classes)
-    except (KeyError, ValueError) as error:
-        raise InputError(path, "settings and a class table as JSON", f"{error}", key="metadata") from None
-    return Header(settings, table, fields)
+        fields = file.metadata() or {}
+    return Header.decoded(path, fields)
 
 
-def read_checksum(path: str | Path) -> str | None:
-    """The hash of all tensors (`checksum`) in the header of a weights file; None if it states none.
+def read_scores(path: str | Path) -> tuple[Score, ...]:
+    """The scores in the header of a weights file; none if it states none.
 
     Raises:
-        InputError: the file cannot be read.
+        InputError: the file is not one of semgs, or its scores are invalid.
     """
-    with open_tensors(path, WEIGHTS) as file:
-        return (file.metadata() or {}).get(CHECKSUM)
+    return read_header(path).scores
+
+
+def read_temperatures(path: str | Path) -> Temperatures | None:
+    """The temperatures in the header of a weights file; None if it states none.
+
+    Raises:
+        InputError: the file is not one of semgs, or a temperature is not a positive number.
+    """
+    return read_header(path).temperatures
 
 
 MEASURED = ("running_mean", "running_var", "num_batches_tracked", "mixture.known")

@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import tyro
-
 from semgs.files.paths import typed_path
-from semgs.run.options.types import optional
+from semgs.run.options.words import Words, optional
 from semgs.run.usage_errors import UsageError
 
 if TYPE_CHECKING:
@@ -17,10 +15,10 @@ if TYPE_CHECKING:
     from semgs.depth_maps.sensor_depth import DepthSource
     from semgs.runtime.stopwatch import Stages
 
-OWN = "maps"
+OWN, SENSOR = "maps", "sensor"
 MEASURED: tuple[DepthSource, ...] = ("network", "sensor", "both")
 
-DepthMeaning = Annotated[Literal["metric", "scaled", "inverse"] | None, optional("{metric,scaled,inverse}")]
+DepthMeaning = Annotated[Literal["metric", "scaled", "inverse"] | None, optional()]
 """What the numbers of depth maps are."""
 
 
@@ -28,7 +26,7 @@ DepthMeaning = Annotated[Literal["metric", "scaled", "inverse"] | None, optional
 class DepthOptions:
     """Where the Gaussians' depth comes from."""
 
-    depth: Annotated[str, tyro.conf.arg(metavar="{network,sensor,both,maps,SOURCE}")] = "network"
+    depth: Annotated[str, Words(metavar="{network, sensor, both, maps, SOURCE}")] = "network"
     """Where the Gaussians' depth comes from: the network; the frames' measured depth maps (sensor), at least half of whose pixels must be known; or
     both, weighted by their uncertainty. Or the network and depth maps of unknown scale: the frames' own (maps), or those of SOURCE: a folder of depth
     maps, an exported network (.onnx, .tflite), a model folder of transformers, or hf:OWNER/NAME. They are aligned to the scene; see docs/segmenters.md."""

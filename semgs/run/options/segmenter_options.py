@@ -1,14 +1,14 @@
-"""Options of commands that take classes from a segmenter."""
+"""Options of commands that take classes and features from elsewhere."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
-import tyro
-
-from semgs.run.options.types import optional
+from semgs.files.errors import InputError
+from semgs.files.paths import found_at
+from semgs.run.options.words import INLINE, optional
 from semgs.run.usage_errors import UsageError
 from semgs.segmenters.tables import make_word_table
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from semgs.data.scene import Scene
     from semgs.runtime.stopwatch import Stages
+    from semgs.segmenters.features.scene_features import Featuring
     from semgs.segmenters.labelling import Labelling
 
 FOLDER = "segmenter"
@@ -27,7 +28,12 @@ FOLDER = "segmenter"
 class AnswerOptions:
     """What a segmenter's answers are, and what they mean."""
 
-    classes: Annotated[Literal["scannet20", "own"] | None, optional("{scannet20,own}")] = None
+    excludes: ClassVar = {
+        "--classes own": ("--correspondence",),
+        "--words": ("--correspondence", "--classes scannet20"),
+    }
+
+    classes: Annotated[Literal["scannet20", "own"] | None, optional()] = None
     """Translate the segmenter's classes to ScanNet's 20 by name, or keep its own. By default class maps keep their own, and networks are
     translated."""
     words: Annotated[tuple[str, ...], optional("WORD [WORD ...]")] = ()
@@ -41,13 +47,8 @@ class AnswerOptions:
         Raises:
             UsageError: options contradict each other, a word is empty, or two are equal.
         """
-        if self.classes == "own" and self.correspondence:
-            raise UsageError("--classes own keeps the segmenter's table, so it cannot go with --correspondence")
         if not self.words:
             return
-        if self.correspondence or self.classes == "scannet20":
-            other = "--correspondence" if self.correspondence else "--classes scannet20"
-            raise UsageError(f"--words makes the class table, so it cannot go with {other}")
         try:
             make_word_table(self.words)
         except ValueError as error:
@@ -58,10 +59,13 @@ class AnswerOptions:
 class SegmenterOptions:
     """Classes from a 2D segmenter instead of the model's own."""
 
+    only_with: ClassVar = {"--segmenter": ("--classes", "--words", "--with-own-classes", "--correspondence")}
+    excludes: ClassVar = {"--with-own-classes": ("--classes own", "--words")}
+
     segmenter: Annotated[str | None, optional("SEGMENTER")] = None
     """Take the classes from a 2D segmenter: a folder of class maps, an exported network (.onnx, .tflite), a model folder of
     transformers, or hf:OWNER/NAME; see docs/segmenters.md. Its answers are made consistent between the input views."""
-    answers: Annotated[AnswerOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=AnswerOptions)
+    answers: Annotated[AnswerOptions, INLINE] = field(default_factory=AnswerOptions)
     with_own_classes: bool = False
     """With --segmenter: the model's own classes vote too. A --correspondence may say how much each does."""
 
@@ -76,19 +80,7 @@ class SegmenterOptions:
         Raises:
             UsageError: an option needs --segmenter, or options contradict each other.
         """
-        given = {
-            "--classes": self.answers.classes,
-            "--words": self.answers.words,
-            "--with-own-classes": self.with_own_classes,
-            "--correspondence": self.answers.correspondence,
-        }
-        if self.segmenter is None and (stray := [option for option, value in given.items() if value]):
-            raise UsageError(f"{stray[0]} is for --segmenter")
         self.answers.check()
-        if self.with_own_classes and self.answers.classes == "own":
-            raise UsageError("--classes own keeps the segmenter's table, so it cannot go with --with-own-classes")
-        if self.with_own_classes and self.answers.words:
-            raise UsageError("--words makes the class table, so it cannot go with --with-own-classes")
 
     def labelling(self, save: Path | None = None, earlier: Path | None = None) -> Callable[[Scene], Labelling] | None:
         """What gives the Gaussians of a scene their classes; None without a segmenter.
@@ -103,9 +95,8 @@ class SegmenterOptions:
         """
         if self.segmenter is None:
             return None
-        from semgs.segmenters.correspondence_files import read_correspondence
         from semgs.segmenters.labelling import Labelling
-        from semgs.segmenters.opening import open_class_sources
+        from semgs.segmenters.opening import open_class_sources, read_correspondence
 
         answers = self.answers
         opened = open_class_sources(
@@ -121,3 +112,34 @@ class SegmenterOptions:
         with stages("load", f"Loading {self.segmenter}"):
             opened = self.labelling(folder / FOLDER, out / FOLDER)
             return opened and opened(scene)
+
+
+@dataclass(frozen=True)
+class FeatureOptions:
+    """Features from any network, to search the scene with semgs query."""
+
+    features: Annotated[Path | None, optional("DIR")] = None
+    """Give the Gaussians features: DIR/FRAME.npy (or .npz) has those of an input photo, [numbers height width], of any floating-point type;
+    see docs/segmenters.md. They are compressed to at most 32 numbers for each Gaussian and made consistent between the input views."""
+
+    def check(self) -> None:
+        """Check what can be checked without importing torch.
+
+        Raises:
+            InputError: there is no such folder.
+        """
+        if self.features is not None and not self.features.is_dir():
+            raise InputError(self.features, "a folder of feature maps", found_at(self.features))
+
+    def featuring(self, scene: Scene) -> Featuring | None:
+        """What gives the Gaussians of a scene their features; None without the option.
+
+        Raises:
+            InputError: there is no such folder.
+        """
+        if self.features is None:
+            return None
+        from semgs.segmenters.features.feature_files import FeatureFiles
+        from semgs.segmenters.features.scene_features import Featuring
+
+        return Featuring(FeatureFiles.opened(self.features, scene))

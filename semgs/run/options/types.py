@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from math import inf, isinf
-from typing import Annotated, Any, Literal
-
-import tyro
-from tyro.constructors import PrimitiveConstructorSpec
+from typing import Annotated, Literal
 
 from semgs.files.paths import found_at, typed_path
 from semgs.model.networks import NAMES
 from semgs.model.weights.hub import is_hub_id
+from semgs.run.options.words import REPEATABLE, Words, one_word, optional, several
 from semgs.run.usage_errors import UsageError
 from semgs.viewer.access import host_name
 
@@ -25,45 +23,9 @@ PROTOCOLS = ("neighbours", "peers", "pairs", "aside", "lsm [FILE]", "pinned FILE
 
 DEVICES = ("auto", "cpu", "cuda")
 
-BY_POSITION = "by position"
-"""Marks the option --out of a command that also takes its output as the last position, as older command lines name it."""
-
 Activated = Literal["auto", "yes", "no"]
 ACTIVATED = {"auto": None, "yes": True, "no": False}
 """What it means to `load_splat`."""
-
-
-def words(
-    count: int | tuple[int, ...] | Literal["*"],
-    metavar: str,
-    read: Callable[[list[str]], Any],
-    shown: Callable[[Any], list[str]] = lambda values: list(map(str, values or ())),
-) -> PrimitiveConstructorSpec[Any]:
-    """An option of so many words; `read` turns them into a value, or raises ValueError with what was expected and found."""
-    return PrimitiveConstructorSpec(
-        nargs=count,
-        metavar=metavar,
-        instance_from_str=read,
-        is_instance=lambda value: True,
-        str_from_instance=shown,
-    )
-
-
-def one_word(
-    metavar: str, read: Callable[[str], Any], shown: Callable[[Any], str] = str
-) -> PrimitiveConstructorSpec[Any]:
-    """An option of one word, read as for `words`."""
-    return words(1, metavar, lambda typed: read(typed[0]), lambda value: [shown(value)])
-
-
-def optional(metavar: str | None = None) -> Any:
-    """An option whose help shows no default: without it, there is nothing, or its text says what happens."""
-    return tyro.conf.arg(metavar=metavar, help_behavior_hint="")
-
-
-def several(metavar: str, read: Callable[[str], Any]) -> PrimitiveConstructorSpec[Any]:
-    """An option of any number of words, each read as for `one_word`."""
-    return words("*", metavar, lambda typed: tuple(map(read, typed)))
 
 
 def height_and_width(text: str) -> tuple[int, int]:
@@ -120,9 +82,9 @@ def _weights(text: str) -> str:
     return text
 
 
-def _protocol(typed: list[str]) -> tuple[str, ...]:
+def _protocol(typed: Sequence[str]) -> tuple[str, ...]:
     name, *file = typed or ("",)
-    if typed == ["pinned"]:
+    if [*typed] == ["pinned"]:
         raise ValueError("expected a FILE after pinned, the frames.json or report.json of an evaluation, found none")
     if name not in [known.split()[0] for known in PROTOCOLS] or len(file) > (name in ("pinned", "lsm")):
         raise ValueError(f"expected one of {', '.join(PROTOCOLS)}, found {' '.join(typed)!r}")
@@ -131,9 +93,7 @@ def _protocol(typed: list[str]) -> tuple[str, ...]:
     return tuple(typed)
 
 
-def _passes(typed: list[str]) -> int | float:
-    if len(typed) > 1:
-        raise ValueError(f"expected at most one number, found {' '.join(typed)!r}")
+def _passes(typed: Sequence[str]) -> int | float:
     return at_least(0)(typed[0]) if typed else -1
 
 
@@ -145,7 +105,7 @@ AutoSize = Annotated[
 ]
 """The same, or None for "auto": the command chooses."""
 
-Device = Annotated[str, one_word("{auto,cpu,cuda}", _device)]
+Device = Annotated[str, one_word("{auto, cpu, cuda}", _device)]
 """Where to compute: "auto", "cpu" or "cuda"; `chosen_device` decides."""
 
 PrecisionOrAuto = Literal["auto", "float32", "bf16"]
@@ -162,13 +122,11 @@ WeightsOrRandom = Annotated[str | None, one_word("WEIGHTS", lambda text: text if
 
 Protocol = Annotated[
     tuple[str, ...],
-    words("*", "NAME [FILE]", _protocol),
+    Words(count=(1, None), metavar="NAME [FILE]", read=_protocol),
 ]
 """("neighbours",), ("peers",), ("pairs",), ("aside",), ("lsm",), ("lsm", FILE), or ("pinned", FILE)."""
 
-AllowedHosts = Annotated[
-    tuple[Annotated[str, one_word("NAME", host_name)], ...], tyro.conf.UseAppendAction, optional("NAME")
-]
+AllowedHosts = Annotated[tuple[Annotated[str, one_word("NAME", host_name)], ...], REPEATABLE, optional("NAME")]
 SeveralWeights = Annotated[tuple[str, ...], several("W [W ...]", _weights)]
 
 Views = Annotated[int, one_word("INT", at_least(2))]
@@ -202,7 +160,7 @@ Probability = Annotated[float, one_word("FLOAT", _probability)]
 """A number from 0 to 1."""
 
 
-def _near_far(typed: list[str]) -> tuple[float, float]:
+def _near_far(typed: Sequence[str]) -> tuple[float, float]:
     with suppress(ValueError):
         near, far = map(float, typed)
         if 0 < near < far < inf:
@@ -212,8 +170,7 @@ def _near_far(typed: list[str]) -> tuple[float, float]:
 
 NearFar = Annotated[
     tuple[float, float] | None,
-    words(2, "NEAR FAR", _near_far),
-    optional(),
+    Words(count=2, metavar="NEAR FAR", read=_near_far, shown=""),
 ]
 """The range of depths to look in, in the scene's unit; None to find it."""
 
@@ -223,6 +180,6 @@ Minutes = Annotated[float | None, one_word("FLOAT", at_least(0.0, more=True))]
 
 Passes = Annotated[
     int,
-    words((0, 1), "[PASSES]", _passes, lambda value: [str(value)]),
+    Words(count=(0, 1), metavar="[PASSES]", read=_passes),
 ]
 """How often to pass over the photos: a number, 0 for never, or -1 for the default."""

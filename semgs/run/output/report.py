@@ -12,9 +12,9 @@ from semgs.depth_maps.alignment import MapFit
 from semgs.depth_maps.depth_fit import DepthFit
 from semgs.figures.class_images import legend
 from semgs.figures.html_page import Link
+from semgs.objectives.metrics import ViewScores, mean_scores
 from semgs.rendering.rendering import UNKNOWN, UNSEEN
 from semgs.run.steps.result import PhotoRefinement, Reconstruction, RenderedViews
-from semgs.run.steps.scores import ViewScores, mean_scores
 from semgs.runtime.precision import Precision
 from semgs.segmenters.features.scene_features import SceneFeatures
 
@@ -93,6 +93,7 @@ def report_numbers(result: Reconstruction, origin: Provenance, seconds: dict[str
     fits: Sequence[DepthFit | MapFit] = placement.fits if placement else ()
     pixels = np.concatenate([labels.ravel() for labels in maps]) if maps else np.zeros(0, np.uint8)
     temperatures = result.encoding.temperatures
+    splat = result.splat
     return {
         "format": "semgs.report.reconstruct",
         "version": 1,
@@ -148,7 +149,7 @@ def report_numbers(result: Reconstruction, origin: Provenance, seconds: dict[str
             "target": _rounded(mean_scores(result.target.scores)) if result.target else None,
         },
         "refinement": result.refinement and _refinement(result.refinement),
-        "splat": result.splat and asdict(result.splat),
+        "splat": splat and {name: getattr(splat, name) for name in ("name", "format", "photos")},
         "classes": [
             {"name": entry.name, "share": rounded(entry.share)}
             for entry in (legend(maps, result.classes) if result.classes is not None else ())
@@ -207,4 +208,17 @@ def _refinement(refinement: PhotoRefinement) -> dict:
 
 def _rounded(score: ViewScores) -> dict[str, float | None]:
     """The scores of a view by name, rounded."""
-    return {name: value if isinstance(value, int) else rounded(value) for name, value in asdict(score).items()}
+    depth, seen = score.depth, score.depth_seen
+    numbers = {
+        "psnr": score.psnr,
+        "coverage": score.coverage,
+        "psnr_seen": score.psnr_seen,
+        "depth_error": None if seen is None else seen.abs_rel,
+        "accuracy": score.accuracy,
+        "miou": score.miou,
+        "accuracy_seen": score.accuracy_seen,
+        "miou_seen": score.miou_seen,
+        "depth_abs_rel": None if depth is None else depth.abs_rel,
+    }
+    pixels = {"depth_pixels": depth.pixels if depth else 0, "depth_pixels_seen": seen.pixels if seen else 0}
+    return {name: rounded(value) for name, value in numbers.items()} | pixels

@@ -6,18 +6,26 @@ import numpy as np
 
 from semgs.figures import html_page as page
 from semgs.figures.class_images import legend, overlay
-from semgs.figures.depth_images import depth_bar, depth_ticks
-from semgs.figures.number_texts import decibels, duration, length, percent
-from semgs.figures.view_images import as_bytes, class_map, depth_map, heat_map, photo, please_note, true_class_map
+from semgs.figures.view_images import (
+    as_bytes,
+    class_map,
+    depth_bar,
+    depth_map,
+    depth_ticks,
+    heat_map,
+    photo,
+    please_note,
+    true_class_map,
+)
 from semgs.files.images.colours import depth_limits
-from semgs.files.text import counted
+from semgs.files.text import counted, decibels, duration, length, percent
 from semgs.objectives.measures import EXPLANATIONS, MOSTLY_SEEN, TITLES, shown_number
+from semgs.objectives.metrics import mean_scores
 from semgs.rendering.rendering import UNKNOWN, UNSEEN
 from semgs.run.output.report import SCENE_PAGE, Provenance, outputs
 from semgs.run.output.score_table import refinement_table, score_table, scores_lead
 from semgs.run.steps.notes import note_on_refinement
 from semgs.run.steps.result import PhotoRefinement, Reconstruction, RenderedViews
-from semgs.run.steps.scores import by_measure, mean_scores
 
 _TICKS = 5
 
@@ -116,7 +124,7 @@ def _headlines(result: Reconstruction, seconds: dict[str, float]) -> list[page.H
             seen = f"over the {percent(held_out.coverage)} seen"
             found.append(page.Headline(decibels(held_out.psnr_seen), seen, EXPLANATIONS["psnr_seen"]))
         for name in ("miou_per_image", "depth_abs_rel"):
-            if (value := by_measure(held_out).get(name)) is not None:
+            if (value := held_out.by_measure.get(name)) is not None:
                 title = f"{TITLES[name]} of held-out views"
                 found.append(page.Headline(shown_number(name, value, 2), title, EXPLANATIONS[name]))
     else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import ModuleType
 
-from semgs.files.extras import needs_extra
+from semgs.files.errors import needs_extra
 
 
 def rerun_library() -> ModuleType:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from semgs.figures.html_page import Table
 from semgs.objectives.measures import EXPLANATIONS, MEANINGS, MOSTLY_SEEN, TITLES, shown_number
+from semgs.objectives.metrics import ViewScores, mean_scores
 from semgs.run.steps.result import Reconstruction
-from semgs.run.steps.scores import ViewScores, by_measure, mean_scores
 
 DIGITS = 2
 """Digits after the point; more would mean little for a few views."""
@@ -27,7 +27,7 @@ def score_table(result: Reconstruction) -> Table:
     names = _measures(result)
 
     def cells(score: ViewScores) -> tuple[str, ...]:
-        values = by_measure(score)
+        values = score.by_measure
         return tuple(shown_number(name, values.get(name), DIGITS) for name in names)
 
     rows = []
@@ -46,7 +46,7 @@ def refinement_table(result: Reconstruction) -> Table:
     names, rows = _measures(result), []
     for earlier, part in reversed(list(zip(result.refinement.before, result.rendered_views, strict=True))):
         for title, scores in (("one pass", earlier.scores), ("refined", part.scores)):
-            values = by_measure(mean_scores(scores))
+            values = mean_scores(scores).by_measure
             shown = (shown_number(name, values.get(name), DIGITS) for name in names)
             rows.append((f"{ROLES[part.role]} views, {title}", *shown))
     return Table(("", *[TITLES[name] for name in names]), tuple(rows), _explained(names))
@@ -57,7 +57,7 @@ def score_lines(result: Reconstruction) -> list[str]:
     lines = []
     for part in reversed(result.rendered_views):
         role, means = ROLES[part.role], mean_scores(part.scores)
-        values = by_measure(means)
+        values = means.by_measure
         overall = [name for name in values if not name.endswith(SEEN) and name != "unseen"]
         lines.append(f"{role} views: {_listed(overall, values)}")
         if means.coverage < MOSTLY_SEEN:
@@ -70,7 +70,7 @@ def score_lines(result: Reconstruction) -> list[str]:
 
 def _measures(result: Reconstruction) -> list[str]:
     """The measures that some view has, in the order of tables."""
-    known = {name for part in result.rendered_views for score in part.scores for name in by_measure(score)}
+    known = {name for part in result.rendered_views for score in part.scores for name in score.by_measure}
     return [name for name in TITLES if name in known]
 
 

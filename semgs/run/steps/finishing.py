@@ -11,12 +11,11 @@ from jaxtyping import Float32, UInt8
 
 from semgs.data.views import Views
 from semgs.files.text import counted
-from semgs.rendering.depth_spread import render_depth_spread
-from semgs.rendering.rendering import Rendering, confidence_maps, label_maps
-from semgs.run.steps.draft import Draft, Refining
+from semgs.objectives.metrics import Maps, ViewScores, view_scores
+from semgs.rendering.render_features import render_depth_spread
+from semgs.rendering.rendering import SEEN_ALPHA, Rendering, confidence_maps, label_maps, likeliest
 from semgs.run.steps.notes import collect_notes
-from semgs.run.steps.result import OnePassViews, PhotoRefinement, Reconstruction, RenderedViews, Role
-from semgs.run.steps.scores import ViewScores, scores
+from semgs.run.steps.result import Draft, OnePassViews, PhotoRefinement, Reconstruction, Refining, RenderedViews, Role
 from semgs.runtime.notes import Kind
 from semgs.runtime.stopwatch import Stages
 from semgs.scene.encoding import Encoding
@@ -155,3 +154,33 @@ def _one_pass(part: RenderedViews, encoding: Encoding) -> OnePassViews:
     """The same views, rendered from Gaussians that are not refined."""
     drawn = [(rendering.images, score) for rendering, score in _rendered_alone(part.views, encoding)]
     return OnePassViews(part.role, torch.cat([images for images, _ in drawn]), tuple(score for _, score in drawn))
+
+
+def scores(rendering: Rendering, truth: Views) -> tuple[ViewScores, ...]:
+    """The scores of each view of a scene.
+
+    The class of a pixel is the arg max of its distribution. Classes are compared at every labelled pixel, and again at the seen ones.
+
+    Args:
+        rendering: from `truth.cameras`, without a batch axis.
+        truth: the true views; their labels have the class table of the rendering.
+    """
+    classes = 0 if rendering.semantics is None else rendering.semantics.shape[-3]
+    return tuple(
+        view_scores(
+            Maps(
+                image=rendering.images[index],
+                labels=None if rendering.semantics is None else likeliest(rendering.semantics[index]),
+                depths=rendering.depths[index],
+            ),
+            Maps(
+                image=truth.images[index],
+                labels=None if truth.labels is None else truth.labels[index],
+                depths=None if truth.depths is None else truth.depths[index],
+            ),
+            classes,
+            None if truth.hidden is None else truth.hidden[index],
+            rendering.alphas[index] < SEEN_ALPHA,
+        )
+        for index in range(len(truth))
+    )

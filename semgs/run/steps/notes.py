@@ -11,8 +11,7 @@ from semgs.data.resampling import kept_size
 from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras, back_project, project
-from semgs.run.steps.draft import Draft
-from semgs.run.steps.result import PhotoRefinement
+from semgs.run.steps.result import Draft, PhotoRefinement
 from semgs.runtime.notes import Kind, Note
 from semgs.scene.exposure import Exposures
 from semgs.scene.upright import UpDirection

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -17,11 +16,10 @@ from semgs.mapping.merging import LAYERS
 from semgs.mapping.windows import REFINED_LAYERS, VOXEL_SHARE, merge
 from semgs.model.encode import Network
 from semgs.rendering.rendering import check_may_be_unknown
-from semgs.run.steps.draft import Draft
 from semgs.run.steps.finishing import finish, saved_scene
 from semgs.run.steps.notes import notes_on_guesses
 from semgs.run.steps.refining import refine
-from semgs.run.steps.result import Reconstruction
+from semgs.run.steps.result import Draft, Reconstruction
 from semgs.run.steps.view_encoder import ViewEncoder
 from semgs.runtime.notes import Kind
 from semgs.runtime.stopwatch import Stages
@@ -42,7 +40,6 @@ def reconstruct(
     scene: Scene,
     choice: Choice,
     network: Network,
-    size: Sequence[int] | None = None,
     *,
     depth: DepthSource | DepthMaps = "network",
     exposure: ExposureChoice = "auto",
@@ -51,7 +48,6 @@ def reconstruct(
     min_confidence: float = 0.0,
     passes: int = 0,
     stages: Stages | None = None,
-    notes: Sequence[str] = (),
 ) -> Reconstruction:
     """Reconstruct a scene from input frames, and render it from these and from the held-out ones.
 
@@ -59,9 +55,8 @@ def reconstruct(
 
     Args:
         scene: an open scene.
-        choice: input frames and held-out frames. More than `MOST_AT_ONCE` input frames are encoded in windows, and merged.
+        choice: input frames and held-out frames, and their size. More than `MOST_AT_ONCE` input frames are encoded in windows, and merged.
         network: in evaluation mode, on the device to compute on; `render` chooses its own device.
-        size: (height, width) of the frames as read [px]; None is `default_size` of the first one. Other aspect ratios are cropped.
         depth: where the depth of the Gaussians comes from: the network, the sensor that measured the frames' depth maps, or both; or the network
             and depth maps from elsewhere.
         exposure: whether the input photos, and with them the Gaussians, come to a common exposure; held-out photos then come to that of their
@@ -72,7 +67,6 @@ def reconstruct(
         passes: refine the Gaussians with so many steps for each photo; 0 leaves them as the network placed them. The first held-out frame then
             decides when to stop, and is held out no longer; without one, the middle of three or more input views.
         stages: shows and times the stages read, encode, depth, place, segment, merge, expose, sharpen, features and render.
-        notes: further notes for the user.
 
     Raises:
         InputError: a frame cannot be read, or the sensor measured too little of an input frame.
@@ -86,7 +80,7 @@ def reconstruct(
         if classes is None:
             raise ValueError("the model predicts colour only; expected one with classes for a least confidence")
         check_may_be_unknown(len(classes))
-    draft = _encode(scene, choice, network, size, depth, labelling, stages, LAYERS if passes == 0 else REFINED_LAYERS)
+    draft = _encode(scene, choice, network, depth, labelling, stages, LAYERS if passes == 0 else REFINED_LAYERS)
     draft = _expose(draft, exposure, stages)
     draft = refine(draft, passes, depth == "network", stages)
     if featuring is not None:
@@ -94,21 +88,19 @@ def reconstruct(
             found = featuring(draft.encoding, draft.scene, draft.choice.context, draft.context)
         draft = replace(draft, features=found)
     context = draft.context
-    result = finish(
+    return finish(
         draft,
         saved_scene(draft),
         lambda shown: notes_on_guesses(shown.names, context),
         stages=stages,
         min_confidence=min_confidence,
     )
-    return replace(result, notes=(*notes, *result.notes))
 
 
 def _encode(
     scene: Scene,
     choice: Choice,
     network: Network,
-    size: Sequence[int] | None,
     depth: DepthSource | DepthMaps,
     labelling: Labelling | None,
     stages: Stages,
@@ -116,7 +108,7 @@ def _encode(
 ) -> Draft:
     """The draft of chosen frames: read, encoded, placed and labelled; many of them in windows, and merged."""
     scene = scene.with_readable_labels((*choice.context, *choice.targets))
-    height, width = default_size(scene.frames[choice.context[0]].lens.size) if size is None else size
+    height, width = choice.size or default_size(scene.frames[choice.context[0]].lens.size)
     encoder = ViewEncoder(scene, network, (height, width), depth, labelling, stages)
     encoder.try_networks(choice.context)
     with stages("read", READING(count=len(choice.context) + len(choice.targets), height=height, width=width)):

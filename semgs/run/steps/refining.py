@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from semgs.data.choosing.choice import Choice
 from semgs.data.scene import Scene
 from semgs.data.views import Views, joined
-from semgs.run.steps.draft import Draft, Refining
+from semgs.run.steps.result import Draft, Refining
 from semgs.runtime.notes import Kind
 from semgs.runtime.stopwatch import Stages
 from semgs.scene.photo_refinement import Refined, refine_until

@@ -12,9 +12,9 @@ from semgs.data.frames import Frame
 from semgs.data.resampling import default_size
 from semgs.data.scene import Scene
 from semgs.data.views import Views
-from semgs.depth_maps.depth_source import DepthMaps
-from semgs.depth_maps.frame_maps import FrameMaps
+from semgs.depth_maps.depth_source import DepthMaps, FrameMaps
 from semgs.depth_maps.map_depth import MapPlacement, find_reference, fits, place_at_maps, read_maps
+from semgs.depth_maps.measured_floor import with_measured_floor
 from semgs.depth_maps.sensor_depth import DepthSource, Placement, place_gaussians, read_measured
 from semgs.files.errors import InputError
 from semgs.files.text import counted
@@ -22,13 +22,13 @@ from semgs.mapping.mapper import unusable
 from semgs.mapping.windows import encode_in_windows
 from semgs.model.encode import Network, encode
 from semgs.model.memory.memory_plan import MemoryPlan
+from semgs.runtime.cores import adapt_threads
 from semgs.runtime.notes import Kind
 from semgs.runtime.stopwatch import Stages
-from semgs.runtime.threads import adapt_threads
 from semgs.scene.encoding import Encoding
 from semgs.segmenters.class_source import ClassSource
 from semgs.segmenters.labelling import Labelling
-from semgs.segmenters.networks.cost import cost_of
+from semgs.sources.source import cost_of
 
 ENCODING = Kind("Encoding {count} views with {network}", "Building the room from {count} photos")
 
@@ -96,7 +96,7 @@ class ViewEncoder:
         target: Views | None = None,
         windows: Sequence[Sequence[int]] = (),
     ) -> Encoding:
-        """Encode views, place the Gaussians at a sensor's depth, and give them the classes of a segmenter, as requested.
+        """Encode views, place the Gaussians at a sensor's depth, and give them the classes of a segmenter, as requested. Measured depth also tells what is floor.
 
         Args:
             positions: of the frames in the scene.
@@ -128,6 +128,8 @@ class ViewEncoder:
                 # Merging makes the classes agree.
                 labelling = replace(self._labelling, fusion=False) if windows else self._labelling
                 encoding = labelling(encoding, self._scene, positions, views)
+        if self._depth in ("sensor", "both"):
+            encoding = with_measured_floor(encoding, views, metric=self._scene.unit == "metric")
         return encoding
 
     def _encode(self, views: Views, target: Views | None = None) -> Encoding:

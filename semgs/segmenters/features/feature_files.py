@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import final
 
 import numpy as np
@@ -23,7 +23,7 @@ from semgs.data.maps import ASPECT_TOLERANCE
 from semgs.data.scene import Scene
 from semgs.files.errors import InputError
 from semgs.files.paths import found_at
-from semgs.segmenters.class_map_files import file_of, only_array, stems_of
+from semgs.sources.photo_maps import needed_file, only_array, stems_of
 
 MOST_NUMBERS = 4096
 """Numbers of a feature, at most: principal components take the cube of them."""
@@ -36,7 +36,7 @@ class FeatureFiles:
 
     Attributes:
         folder: contains them.
-        stems: as from `semgs.segmenters.class_map_files.stems_of`.
+        stems: as from `semgs.sources.photo_maps.stems_of`.
     """
 
     folder: Path
@@ -58,19 +58,6 @@ class FeatureFiles:
         """The folder."""
         return str(self.folder)
 
-    def path(self, frame: Frame) -> Path:
-        """The file of a frame.
-
-        Raises:
-            InputError: there is none.
-        """
-        found = file_of(self.folder, frame, self.stems, (".npy", ".npz"))
-        if found is None:
-            name = PurePosixPath(frame.name)
-            wanted = f"the features of frame {frame.name}: {name.with_suffix('.npy')} or {name.with_suffix('.npz')}"
-            raise InputError(self.folder, wanted, "none")
-        return found
-
     def of(self, frame: Frame) -> Float[np.ndarray, "n rows columns"]:
         """The features of a frame's photo, as they are stored.
 
@@ -78,7 +65,8 @@ class FeatureFiles:
             InputError: there is no map of the frame, or it is damaged, has another aspect than the photo, or too many numbers, or one that
                 is not finite.
         """
-        path, expected = self.path(frame), "one array of features [numbers height width] of a floating-point type"
+        expected = "one array of features [numbers height width] of a floating-point type"
+        path = needed_file(self.folder, frame, self.stems, (".npy", ".npz"), "the features")
         values = only_array(path, expected)
         if values.ndim != 3 or min(values.shape) < 1 or values.dtype.kind != "f":
             raise InputError(path, expected, f"{values.shape} of {values.dtype}")

@@ -27,7 +27,7 @@ from semgs.geometry.gaussians import Gaussians
 from semgs.rendering.render_features import render_features
 from semgs.scene.encoding import Encoding
 from semgs.segmenters.features.compression import Compression, compression_of
-from semgs.segmenters.photo_maps import resampled
+from semgs.sources.photo_maps import resampled
 
 FILE_NAME = "features.safetensors"
 """Name of the file with features in an output folder of `semgs reconstruct`."""

@@ -11,7 +11,7 @@ from semgs.data.resampling import cropped, resized
 from semgs.data.tables.classes import IGNORE
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras
-from semgs.training.data.augmentation_settings import Augmentation
+from semgs.training.data.data_settings import Augmentation
 from semgs.training.data.photo_camera import photograph
 
 

@@ -16,11 +16,9 @@ from semgs.data.views import Batch, stack
 from semgs.files.errors import InputError
 from semgs.runtime.workers import settle_worker
 from semgs.training.data.data_check.data_check import RunData
-from semgs.training.data.data_settings import VALIDATION_SEED, DataSettings, view_counts
-from semgs.training.data.data_sources import Source
-from semgs.training.data.image_schedule import ImageSchedule
+from semgs.training.data.data_settings import VALIDATION_SEED, DataSettings, Source, view_counts
 from semgs.training.data.room_source import RoomSamples, room_source
-from semgs.training.data.samples import Folder, Form, Mixture, Samples, TrainingSample
+from semgs.training.data.samples import Folder, Form, ImageSchedule, Mixture, Samples, TrainingSample
 from semgs.training.data.teacher import Teacher
 from semgs.training.run.execution import Share
 

@@ -1,15 +1,81 @@
-"""Settings of the data: which scenes a training sees, and what its samples look like. No torch."""
+"""Settings of the data: which scenes a training sees and in which proportion, what its samples look like, and how they are changed at random. No torch."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Literal, get_args
 
 from semgs.data import demo_scene
 from semgs.data.tables.classes import SCANNET20, ClassTable
-from semgs.training.data.augmentation_settings import Augmentation
-from semgs.training.data.data_sources import ROOMS, Source
-from semgs.training.setting_checks import check_values
+from semgs.files.records import check_values
+
+ROOMS = "rooms"
+"""The name of generated rooms among the sources."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """One source of training scenes.
+
+    Attributes:
+        path: a scene or a folder of scenes; "rooms" for generated rooms.
+        weight: its share of the samples, relative to the weights of the other sources.
+    """
+
+    path: str
+    weight: Fraction
+
+    @classmethod
+    def parsed(cls, text: str) -> Source:
+        """From "PATH=WEIGHT", or "PATH" for weight 1.
+
+        Raises:
+            ValueError: the weight is not a positive number, or there is no path.
+        """
+        match = re.fullmatch(r"([^=].*?)(?:=([^=/]*))?", text)
+        try:
+            weight = Fraction(match[2] or "1" if match else "")
+        except (ValueError, ZeroDivisionError):
+            weight = Fraction(0)
+        if match is None or weight <= 0:
+            raise ValueError(f"data is {text!r}; expected {ROOMS} or DIR, optionally with =WEIGHT, a positive number")
+        return cls(match[1], weight)
+
+    @property
+    def is_rooms(self) -> bool:
+        """Whether its scenes are generated rooms."""
+        return self.path == ROOMS
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """Random changes to samples. All but `exposure` are the same for all of its views and their cameras."""
+
+    colour: float = 0.0
+    """Change exposure, white balance and saturation by factors of up to exp(this). 0.2 is strong."""
+    crop: float = 1.0
+    """Random crop: shortest side of the window, relative to the image. The camera follows. 1 does not crop."""
+    flip: bool = False
+    """Mirror every second sample, with its cameras (MVSplat's)."""
+    roll: float = 0.0
+    """Rotate every second sample about the optical axis, by up to this many degrees either way. Needs --supervision pictures, because the
+    corners are filled with the mirrored image (label 255)."""
+    camera: float = 0.0
+    """Imitate a photo camera: blur, vignetting, white balance, noise, gamma, JPEG and, in one sample of ten, grey. 1 is as strong as on
+    phones."""
+    exposure: float = 0.0
+    """Change the exposure, white balance and saturation of each view by itself, by factors of up to exp(this), as a camera on automatic does.
+    Not with --supervision rendered, which compares the views' colours."""
+
+    def __post_init__(self) -> None:
+        bounds = {"colour": (0, 1), "crop": (0.2, 1), "roll": (0, 45), "camera": (0, 1), "exposure": (0, 1)}
+        checks = {
+            name: (low <= getattr(self, name) <= high, f"{low} to {high}") for name, (low, high) in bounds.items()
+        }
+        check_values(self, **checks)
+
 
 Frames = Literal["covisible", "consecutive"]
 Sampling = Literal["even", "balanced"]

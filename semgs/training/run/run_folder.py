@@ -11,24 +11,24 @@ from pathlib import Path
 
 from semgs.data.origin.terms import terms_text
 from semgs.files.atomic import is_part_of, write_json
+from semgs.files.contents import sha256
 from semgs.files.errors import InputError, input_error, readable
 from semgs.files.folders import lock_folder
-from semgs.files.hashes import sha256
 from semgs.files.paths import check_utf8, typed_path
 from semgs.files.strict_json import parse_json, read_json
 from semgs.model.layers.network_input import padded_size
 from semgs.model.semgs import SemGS
 from semgs.model.settings import NetworkSettings
+from semgs.model.weights.header import DATA_TERMS, SCENES
 from semgs.model.weights.initial_weights import changed_switches, initial_network
-from semgs.model.weights.load import DATA_TERMS, SCENES, untrained
+from semgs.model.weights.load import untrained
 from semgs.model.weights.weights_file import save
 from semgs.scene.coarse_depth import SHRINK
 from semgs.training.data.data_check.scene_record import RECORD, data_terms_of, scenes_of
 from semgs.training.data.room_source import room_source
 from semgs.training.run.checkpoints import best_checkpoint, has_checkpoints, newest_checkpoint
-from semgs.training.run.differences import find_changes, list_changes
 from semgs.training.state import averaged_weights
-from semgs.training.training_settings import BEST, WEIGHTS, TrainingSettings
+from semgs.training.training_settings import BEST, WEIGHTS, TrainingSettings, find_changes, list_changes
 
 SETTINGS = "settings.json"
 NETWORK = "network.json"

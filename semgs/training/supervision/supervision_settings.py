@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from semgs.files.records import check_values
 from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
-from semgs.training.setting_checks import check_values
 
 SupervisedBy = Literal["rendered", "labels", "pictures", "depth"]
 TeacherTarget = Literal["head", "classes"]

@@ -194,7 +194,7 @@
       if (!there) return setTimeout(wait, 100);
       splats = read(data.modes.at(-1));
       splats.confidences = bytes(data.confidences);
-      if (data.things) splats.things = new Uint16Array(bytes(data.things).buffer);
+      if (data.things) splats.things = new Uint32Array(bytes(data.things).buffer);
       document.body.append(svg);
       window.semgs.start({ views: data.views, near: data.near }, ready);
     })();

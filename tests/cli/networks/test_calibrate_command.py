@@ -14,9 +14,9 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 from semgs.cli.main import main
-from semgs.model.weights.header_temperatures import read_temperatures
-from semgs.model.weights.load import SCENES, shipped
-from semgs.model.weights.weights_file import read_tensors, restate
+from semgs.model.weights.header import SCENES
+from semgs.model.weights.load import shipped
+from semgs.model.weights.weights_file import read_temperatures, read_tensors, restate
 
 
 @pytest.fixture(scope="module")

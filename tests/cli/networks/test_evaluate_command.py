@@ -283,7 +283,7 @@ def test_options_of_a_network_are_not_for_predictions(refused: Refused, tmp_path
         "--allow-seen",
     ):
         name, *values = option.split()
-        assert f"{name} is for WEIGHTS" in refused("--predictions", tmp_path, name, *values)
+        assert f"{name} cannot go with --predictions" in refused("--predictions", tmp_path, name, *values)
     assert "--nearest" in refused("small", "--nearest", "0")
 
 
@@ -293,7 +293,7 @@ def test_an_unknown_protocol_lists_the_known(refused: Refused):
     assert "expected a FILE after pinned" in refused("small", "--protocol", "pinned")
     assert "expected one of" in refused("small", "--protocol", "peers", "7")
     assert "no such file" in refused("small", "--protocol", "pinned", "nowhere.json")
-    assert "--gsnerf-distance needs --protocol peers" in refused("small", "--gsnerf-distance")
+    assert "--gsnerf-distance is for --protocol peers" in refused("small", "--gsnerf-distance")
 
 
 def test_readings_as_peers_are_known_ones_of_the_layout(refused: Refused):
@@ -301,6 +301,16 @@ def test_readings_as_peers_are_known_ones_of_the_layout(refused: Refused):
     line = refused("small", "--as-peers", "gsnerf-labels", "rows-972")
     assert "expected a scene for the reading gsnerf-labels" in line
     assert "found transforms.json" in line
+
+
+def test_a_sensor_that_measured_nothing(refused: Refused, room: Path, tmp_path: Path):
+    scene = labelled(shutil.copytree(room, tmp_path / "room"))
+    file = json.loads((scene / "transforms.json").read_text())
+    del file["frames"][1]["depth_file_path"]
+    (scene / "transforms.json").write_text(json.dumps(file))
+    line = refused("small", "--depth", "sensor", "--views", "2", data=scene)
+    assert "expected measured depth of each input view for --depth sensor, found none" in line
+    assert "--depth-meaning is for --depth SOURCE" in refused("small", "--depth", "sensor", "--depth-meaning", "metric")
 
 
 def test_near_and_far_that_cannot_be(refused: Refused):
@@ -386,7 +396,7 @@ def test_reports_that_cannot_be_compared(done: tuple[Path, str], tmp_path: Path)
     moved["results"][0]["per_frame"][0]["contexts"].reverse()
     (tmp_path / "moved.json").write_text(json.dumps(moved))
     for arguments, told in (
-        ((), "no report given"),
+        ((), "semgs compare needs REPORT.json; see semgs compare --help"),
         ((tmp_path / "nowhere.json",), "nothing there"),
         ((tmp_path / "other.json",), "expected a report of format semgs.report.evaluate"),
         ((tmp_path / "broken.json",), "KeyError: 'target'"),
@@ -394,7 +404,7 @@ def test_reports_that_cannot_be_compared(done: tuple[Path, str], tmp_path: Path)
         ((report, tmp_path / "moved.json"), "contexts images/002.png, images/000.png of room/images/001.png"),
         ((report, "--layout", "difference"), "needs two or more reports"),
         ((report, "--layout", "sideways"), "sideways"),
-        ((report, "--layout", "data", "--published", "scannet"), "--published needs --layout paper"),
+        ((report, "--layout", "data", "--published", "scannet"), "--published is for --layout paper"),
     ):
         code, out, errors = run("compare", *arguments)
         assert (code, out) == (2, "")
@@ -429,5 +439,5 @@ def test_weights_without_classes_cannot_score_single_images(refused: Refused, tm
 def test_options_for_several_views_cannot_go_with_single(refused: Refused, tmp_path: Path):
     photos = write_image_set(tmp_path / "photos", {"a": random_numbers(0, (32, 48))})
     told = refused("small", "--single", "--views", "2", "--workers", "2", data=photos)
-    assert "--single classifies each image by itself, so it cannot go with --views, --workers" in told
+    assert "--views cannot go with --single" in told
     assert "images with cameras, found labelled images" in refused("small", data=photos)

@@ -16,8 +16,8 @@ from semgs.cli.main import main
 from semgs.objectives.loss_weights import DepthLossWeights
 from semgs.run.usage_errors import UsageError
 from semgs.training.presets import base, paper, preset_changes, small, small_plain
-from semgs.training.run.differences import differences
 from semgs.training.supervision.supervision_settings import CLASS_WEIGHTINGS
+from semgs.training.training_settings import differences
 
 
 def parsed(line: str) -> Train:

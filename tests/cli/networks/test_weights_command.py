@@ -9,7 +9,8 @@ import pytest
 
 from semgs.cli.main import main
 from semgs.data.origin.terms import TermsWarning
-from semgs.model.weights.header_scores import KEY, Figure, Score, scores_text
+from semgs.model.weights.header import SCORES as KEY
+from semgs.model.weights.header import Figure, Score, scores_text
 from semgs.model.weights.index import SHOWN, read_index
 from semgs.model.weights.load import load, shipped
 from semgs.model.weights.weights_file import save

@@ -69,7 +69,7 @@ def test_options_are_those_of_the_batch_or_of_its_command():
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        ("export --out {tmp}/o", "expected scenes, as in semgs batch export DATA --out OUT"),
+        ("export --out {tmp}/o", "semgs batch needs DATA; see semgs batch --help"),
         ("export {tmp}/nowhere --out {tmp}/o", "nowhere: expected input of semgs export, found nothing there"),
         ("export {tmp}/*.none --out {tmp}/o", "expected input of semgs export, found nothing there"),
         ("reconstruct {tmp}/nowhere --out {tmp}/o", "nowhere: expected a folder with a scene, found nothing there"),
@@ -85,7 +85,7 @@ def test_options_are_those_of_the_batch_or_of_its_command():
         ("export {tmp}/scans --out {tmp}/o --workers 0", "--workers: expected a whole number, 1 or more, found '0'"),
         ("export {tmp}/scans --out {tmp}/o --ass ply", "there is no option --ass; did you mean --as?"),
         ("export {tmp}/scans --out {tmp}/o --overwrite", "--overwrite is not for semgs batch"),
-        ("export {tmp}/scans --out {tmp}/o --ray auto --workers 2", "leave out --workers and --shard"),
+        ("export {tmp}/scans --out {tmp}/o --ray auto --workers 2", "--workers cannot go with --ray"),
         ("export {tmp}/records --out {tmp}/o", "would be named records"),
     ],
 )  # fmt: skip

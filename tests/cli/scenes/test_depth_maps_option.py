@@ -14,7 +14,7 @@ from turned_cameras import SIZE, write_scene
 import semgs
 from semgs.cli.commands.networks.evaluate import Evaluate
 from semgs.cli.main import main
-from semgs.depth_maps.frame_maps import FrameMaps
+from semgs.depth_maps.depth_source import FrameMaps
 from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.files.images.pictures import write_png
@@ -93,10 +93,14 @@ def test_what_cannot_be_used_is_refused_in_one_line(tmp_path: Path, capsys, opti
     [
         (["--depth", "{maps}", "--workers", "2"], "--depth cannot go with --workers"),
         (["--depth-meaning", "scaled"], "--depth-meaning is for --depth"),
-        (["--depth", "{maps}", "--single"], "so it cannot go with --depth"),
+        (["--depth", "{maps}", "--single"], "--depth cannot go with --single"),
         (
             ["--depth", "sensor", "--views", "2"],
-            "sensor: expected maps, a folder of depth maps, an exported network (.onnx, .tflite), a model ",
+            "expected measured depth of each input view for --depth sensor, found none",
+        ),
+        (
+            ["--depth", "both", "--views", "2"],
+            "both: expected maps, a folder of depth maps, an exported network (.onnx, .tflite), a model ",
         ),
     ],
 )

@@ -231,6 +231,6 @@ def test_labels_and_confidence_are_columns_of_the_ply_where_asked(
     one = semgs.load_splat(tmp_path / "one" / "gaussians.ply")
     assert one.extra["label"].tolist() == [most] * int((splat.extra["label"] == most).sum())
     capsys.readouterr()
-    for options in (("--as", "points"), ("--as", "ply", "--colour", "classes")):
+    for options, mode in ((("--as", "points"), "--as ply"), (("--as", "ply", "--colour", "classes"), "--colour photo")):
         assert main(["export", str(done), "--out", str(tmp_path / "no"), *options, "--labels"]) == 2
-        assert "--labels is for gaussians.ply" in capsys.readouterr().err
+        assert f"--labels is for {mode};" in capsys.readouterr().err

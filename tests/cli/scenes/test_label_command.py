@@ -153,7 +153,7 @@ def test_what_cannot_be_is_refused_and_nothing_is_written(
     with_words = refused(capsys, scans, out, "--segmenter", maps, "--words", "mug")
     assert "expected a text-prompted model for --words, such as CLIPSeg" in with_words
     both = refused(capsys, scans, out, "--segmenter", maps, "--words", "mug", "--classes", "scannet20")
-    assert "--words makes the class table, so it cannot go with --classes scannet20" in both
+    assert "--classes scannet20 cannot go with --words" in both
     assert "nothing there" in refused(capsys, tmp_path / "nowhere", out, "--segmenter", maps)
     (maps / "classes.json").write_text('{"classes": []}')
     assert 'classes.json: expected an object with a list "classes"' in refused(capsys, scans, out, "--segmenter", maps)

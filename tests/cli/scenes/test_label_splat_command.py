@@ -114,7 +114,7 @@ def test_what_cannot_be_labelled_is_refused_with_one_line(
         return line
 
     assert "--hold-out 1 holds out every photo" in refused("--hold-out", "1")
-    assert "--weights and --segmenter both say" in refused("--segmenter", maps, "--weights", "small")
+    assert "--weights cannot go with --segmenter" in refused("--segmenter", maps, "--weights", "small")
     assert "--with-own-classes is for semgs reconstruct" in refused("--segmenter", maps, "--with-own-classes")
     photo = given / "room" / "images" / "000.png"
     assert main(["label-splat", str(photo), "--cameras", str(given / "room"), "--out", str(tmp_path / "no")]) == 2

@@ -14,7 +14,7 @@ from ply import read_ply
 import semgs
 from semgs.cli.main import main
 from semgs.geometry.cameras import inverse_rigid
-from semgs.geometry.rigid import move_cameras
+from semgs.geometry.gaussians import move_cameras
 from semgs.model.weights.load import load
 from semgs.model.weights.weights_file import save
 from semgs.rendering.render import render

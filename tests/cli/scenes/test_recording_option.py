@@ -102,8 +102,8 @@ def test_upright_files_objects_occupancy_and_the_viewer_take_a_merged_scene(
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--context", "0", "1"], "--context names the frames"),
-        (["--views", "5"], "--all uses every frame that adds something and --views 5"),
+        (["--context", "0", "1"], "--context cannot go with --all"),
+        (["--views", "5"], "--views cannot go with --all"),
     ],
 )
 def test_options_that_do_not_go_with_all_frames_are_refused(options, said, tmp_path: Path, capsys) -> None:

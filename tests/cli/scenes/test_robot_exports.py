@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from blocks import room_of_blocks
+from exports import refused
 from glb import read_glb
 from PIL import Image
 
@@ -19,24 +20,6 @@ from semgs.scene.scene_file import save_scene
 
 pytest.importorskip("sklearn")
 pytest.importorskip("trimesh")
-
-
-@pytest.fixture(scope="module")
-def scene_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A scene with two chairs, not to be changed. They have 300 Gaussians each, so they are things."""
-    path = tmp_path_factory.mktemp("blocks") / "scene.safetensors"
-    save_scene(path, room_of_blocks())
-    return path
-
-
-def refused(capsys: pytest.CaptureFixture[str], scene: Path, out: Path, *options: object) -> str:
-    """The line of a command that ends with exit code 2 and writes nothing."""
-    capsys.readouterr()
-    assert main(["export", str(scene), "--out", str(out), *map(str, options)]) == 2
-    shown = capsys.readouterr()
-    assert (shown.out, shown.err.count("\n")) == ("", 1)
-    assert not out.exists()
-    return shown.err
 
 
 def test_things_have_boxes_in_json_and_gltf_and_numbers_in_every_file(scene_file: Path, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ pytest.importorskip("embreex")
 
 from semgs.cli.main import main
 from semgs.files.images.pictures import read_rgb
-from semgs_rooms.sets import sheet
+from semgs_rooms.sets import room_stream
 
 SMALL = ["--size", "32x48", "--frames", "2", "--workers", "0"]
 
@@ -48,8 +48,8 @@ def test_it_writes_scenes_and_tells_what_is_in_them(tmp_path: Path, capsys: pyte
         (["OUT", "--assets", "EMPTY"], "missing"),
         ([], "expected a folder to write, as in semgs rooms --out OUT, or --sheet FILE.png; see"),
         (["--sheet", "sheet.jpg"], "ends in .png"),
-        (["--sheet", "sheet.png", "--size", "48x64"], "--size is for a data set, not for a sheet alone"),
-        (["--sheet", "sheet.png", "--workers", "0"], "--workers is for a data set, not for a sheet alone"),
+        (["--sheet", "sheet.png", "--size", "48x64"], "--size is for --out"),
+        (["--sheet", "sheet.png", "--workers", "0"], "--workers is for --out"),
         (["--sheet", "/nowhere/at/all/sheet.png"], "an existing folder"),
     ],
 )
@@ -85,11 +85,11 @@ def test_a_full_disk_is_one_line(
 
 
 def test_a_sheet_shows_frames_beside_their_labels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sheet, "FRAMES", 6)
-    monkeypatch.setattr(sheet, "FRAME_SIZE", (24, 32))
+    monkeypatch.setattr(room_stream, "SHEET_FRAMES", 6)
+    monkeypatch.setattr(room_stream, "FRAME_SIZE", (24, 32))
     assert main(["rooms", "--sheet", str(tmp_path / "sheet.png"), "--style", "other"]) == 0
     picture = read_rgb(tmp_path / "sheet.png")
-    assert picture.shape == (24 + 2 * sheet.LEGEND_PX, 6 * 2 * 32, 3)
+    assert picture.shape == (24 + 2 * room_stream.LEGEND_PX, 6 * 2 * 32, 3)
     assert [path.name for path in tmp_path.iterdir()] == ["sheet.png"]
 
 

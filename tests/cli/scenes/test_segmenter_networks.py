@@ -15,7 +15,7 @@ import tiny_models
 
 import semgs
 from semgs.cli.main import main
-from semgs.segmenters.networks.exported import Exported
+from semgs.segmenters.exported import Exported
 
 
 @pytest.fixture
@@ -63,7 +63,7 @@ def test_a_second_run_takes_the_maps_of_the_first(
         yield
 
     monkeypatch.setattr(Exported, "__call__", counted)
-    monkeypatch.setattr("semgs.run.reconstruct.show_stage", shown)
+    monkeypatch.setattr("semgs.cli.progress.Terminal.stage", staticmethod(shown))
     out = tmp_path / "out"
     run = command(room, out, "--segmenter", str(network))
 
@@ -112,8 +112,8 @@ def test_words_make_the_classes_of_a_scene(room: Path, tmp_path: Path, capsys: p
         (["--words", "mug"], "--words is for --segmenter"),
         (["--segmenter", "hf:a/b", "--words", "mug", " "], "--words: expected words, found an empty one"),
         (["--segmenter", "hf:a/b", "--words", "mug", "Mug"], "--words: expected different words, found 'mug' twice"),
-        (["--segmenter", "hf:a/b", "--words", "mug", "--classes", "scannet20"], "--words makes the class table, so it cannot go with --classes scannet20"),
-        (["--segmenter", "hf:a/b", "--words", "mug", "--with-own-classes"], "--words makes the class table, so it cannot go with --with-own-classes"),
+        (["--segmenter", "hf:a/b", "--words", "mug", "--classes", "scannet20"], "--classes scannet20 cannot go with --words"),
+        (["--segmenter", "hf:a/b", "--words", "mug", "--with-own-classes"], "--words cannot go with --with-own-classes"),
         (["--segmenter", "NETWORK", "--words", "mug"], "net.onnx: expected a text-prompted model for --words, such as CLIPSeg, found something else"),
         (["--segmenter", "hf:a"], "hf:a: expected hf:OWNER/NAME, optionally followed by @REVISION, found something else"),
     ],

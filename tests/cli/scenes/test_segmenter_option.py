@@ -70,7 +70,7 @@ def test_a_scene_has_the_classes_of_the_maps_with_every_network(
         (["--segmenter", "nowhere.onnx"], "nowhere.onnx"),
         (
             ["--segmenter", "maps", "--with-own-classes", "--classes", "own"],
-            "--classes own keeps the segmenter's table",
+            "--classes own cannot go with --with-own-classes",
         ),
     ],
 )

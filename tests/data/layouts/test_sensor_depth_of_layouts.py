@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,7 +51,7 @@ def test_gaussians_lie_at_the_depth_that_the_layout_gives(layout: str, network: 
     if layout != "ROS bag":  # whose writer makes it
         folder.mkdir()
     scene = SCENES[layout](folder)
-    result = reconstruct(scene, choose_named(scene, [0, 2]), network, (32, 48), depth="sensor")
+    result = reconstruct(scene, replace(choose_named(scene, [0, 2]), size=(32, 48)), network, depth="sensor")
     depths, cameras = result.context.views.depths, result.context.views.cameras
     assert depths is not None
     assert result.placement is not None

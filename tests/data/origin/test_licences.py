@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 
 from semgs.data.demo_scene import demo_scene
-from semgs.data.origin.licences import ATTRIBUTION, ROOM, terms_of
-from semgs.data.origin.prepared_record import RECORD
+from semgs.data.origin.licences import ATTRIBUTION, RECORD, ROOM, terms_of
 from semgs.data.origin.terms import (  # fmt: skip
     FURNISHED,
     REPLICA,

@@ -26,8 +26,8 @@ from semgs.data.resampling import cropped, resized
 from semgs.data.scene_details import SceneDetails
 from semgs.data.scene_lists import read_list
 from semgs.data.scenes import open_scene, open_scenes
+from semgs.files.contents import sha256
 from semgs.files.errors import InputError
-from semgs.files.hashes import sha256
 from semgs.files.images.pictures import write_png
 
 SMALL = Preparation((48, 64))

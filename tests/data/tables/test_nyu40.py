@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scannet_writer import tsv
 
-from semgs.data.layouts.scannet.scannet_labels import read_table
+from semgs.data.layouts.scannet.scannet_labels import NYU40_NAMES, read_table, scannet20_labels
 from semgs.data.tables.classes import SCANNET20
-from semgs.data.tables.nyu40 import NAMES, scannet20_labels
 
 IGNORED = (
     "blinds", "shelves", "dresser", "pillow", "mirror", "floor mat", "clothes", "ceiling", "books", "television", "paper",
@@ -19,14 +18,14 @@ IGNORED = (
 @pytest.mark.parametrize("number", range(41))
 def test_each_of_the_40_and_0_is_mapped_or_ignored(number):
     label = scannet20_labels()[number]
-    if number == 0 or NAMES[number - 1] in IGNORED:
+    if number == 0 or NYU40_NAMES[number - 1] in IGNORED:
         assert label == 255
     else:
-        assert SCANNET20.names[label] == NAMES[number - 1]
+        assert SCANNET20.names[label] == NYU40_NAMES[number - 1]
 
 
 def test_twenty_are_ignored_and_twenty_are_mapped():
-    assert len(NAMES) == len(set(NAMES)) == 40
+    assert len(NYU40_NAMES) == len(set(NYU40_NAMES)) == 40
     assert sorted(scannet20_labels()[scannet20_labels() < 255]) == list(range(20))
 
 

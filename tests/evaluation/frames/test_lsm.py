@@ -14,11 +14,11 @@ import torch
 from scannet_writer import long_scan, png, write_extracted
 
 from semgs.cli.main import main
+from semgs.data.layouts.scannet.scannet_labels import lsm8_labels
 from semgs.data.scene import Scene
 from semgs.data.scene_lists import read_list
 from semgs.data.scenes import open_scene
 from semgs.data.tables.classes import IGNORE, LSM8, SCANNET20
-from semgs.data.tables.nyu40 import lsm8_labels
 from semgs.evaluation.frames.frame_plan import frame_list, read_plan
 from semgs.evaluation.frames.protocols import lsm, read_lsm_list
 from semgs.evaluation.frames.reading import read_frame

@@ -18,7 +18,7 @@ from semgs.data.scene import Scene
 from semgs.data.tables.class_files import class_file
 from semgs.data.tables.classes import SCANNET20
 from semgs.data.views import Views
-from semgs.depth_maps.frame_maps import FrameMaps
+from semgs.depth_maps.depth_source import FrameMaps
 from semgs.evaluation.frames.frame_plan import make_plan
 from semgs.evaluation.frames.network_method import Handling, NetworkMethod
 from semgs.evaluation.frames.predictions import Inputs

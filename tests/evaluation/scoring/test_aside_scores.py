@@ -10,7 +10,7 @@ import torch
 from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.evaluation.frames.predictions import Prediction
 from semgs.evaluation.frames.protocols import kind_aside
-from semgs.evaluation.scoring.aside_scores import aside_scores, near_steps, psnr_gradients
+from semgs.evaluation.scoring.frame_scores import aside_scores, near_steps, psnr_gradients
 from semgs.geometry.cameras import Cameras
 
 HEIGHT, WIDTH = 4, 40

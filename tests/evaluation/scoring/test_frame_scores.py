@@ -16,13 +16,12 @@ from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.predictions import Prediction
 from semgs.evaluation.frames.protocols import TargetSample
 from semgs.evaluation.frames.reading import read_frame
-from semgs.evaluation.scoring.frame_scores import score
+from semgs.evaluation.scoring.frame_scores import score, ssim
 from semgs.evaluation.scoring.score_records import decode_scores, encode_scores
-from semgs.evaluation.scoring.similarity import ssim
 from semgs.evaluation.scoring.summary import summarise
-from semgs.objectives.metrics import depth_scores
+from semgs.objectives.metrics import depth_scores, mean_scores
 from semgs.rendering.rendering import Rendering, likeliest
-from semgs.run.steps.scores import by_measure, mean_scores, scores
+from semgs.run.steps.finishing import scores
 
 MakeScene = Callable[..., Scene]
 
@@ -190,7 +189,7 @@ def test_a_reconstruction_and_an_evaluation_give_one_number_for_one_measure(make
         )
         shown += scores(rendering, truth)
         frames.append(score(task, prediction, truth))
-    reconstructed, evaluated = by_measure(mean_scores(shown)), summarise(frames)
+    reconstructed, evaluated = mean_scores(shown).by_measure, summarise(frames)
     assert len(reconstructed) == 9
     assert reconstructed == pytest.approx({name: evaluated[name] for name in reconstructed}, rel=1e-5)
 

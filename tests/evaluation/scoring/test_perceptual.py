@@ -8,7 +8,7 @@ from types import ModuleType
 import pytest
 import torch
 
-from semgs.evaluation.scoring.similarity import perceptual_distance
+from semgs.evaluation.scoring.frame_scores import perceptual_distance
 
 
 def test_without_the_package_there_is_none(monkeypatch: pytest.MonkeyPatch):

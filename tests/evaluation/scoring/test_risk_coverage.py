@@ -9,8 +9,7 @@ import pytest
 import torch
 
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.scoring.intervals import intervals
-from semgs.evaluation.scoring.risk_coverage import COVERAGES, risk_coverage
+from semgs.evaluation.scoring.intervals import COVERAGES, intervals, risk_coverage
 from semgs.evaluation.scoring.score_records import decode_scores, encode_scores
 from semgs.evaluation.scoring.summary import summarise
 from semgs.objectives.selective import counts_by_confidence

@@ -24,7 +24,7 @@ def frame(scene: str, pixels: Pixels | None, **scores: object) -> FrameScores:
         predicted, true = (torch.tensor([column], dtype=torch.uint8) for column in zip(*pixels, strict=True))
         confusion = confusion_matrix(predicted, true, CLASSES).numpy()
         truth = np.bincount(true[true != 255].numpy(), minlength=CLASSES)
-    return FrameScores(scene, f"{id(pixels)}.png", ("a", "b"), confusion, truth, **scores)  # type: ignore[arg-type]
+    return FrameScores(scene, f"{id(pixels)}.png", ("a", "b"), confusion=confusion, truth=truth, **scores)  # type: ignore[arg-type]
 
 
 def drawn(seed: int, count: int = 60, given: float = 0.8) -> Pixels:

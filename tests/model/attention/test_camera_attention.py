@@ -7,7 +7,7 @@ from torch import nn
 
 from semgs.geometry.cameras import Cameras, project
 from semgs.model.attention.camera_attention import normalised_projections, token_transforms
-from semgs.model.attention.swin import WindowAttention, Windows
+from semgs.model.attention.transformer import WindowAttention, Windows
 
 D, GRID, VIEWS = 16, (4, 6), 3
 NEAR = torch.tensor([0.5], dtype=torch.float64)

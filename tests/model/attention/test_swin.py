@@ -5,7 +5,7 @@ import pytest
 import torch
 from golden import fill_golden
 
-from semgs.model.attention.swin import MultiViewSwin, WindowAttention, Windows
+from semgs.model.attention.transformer import MultiViewSwin, WindowAttention, Windows
 
 GRID, COUNT, D = (8, 12), 2, 8
 

@@ -16,12 +16,11 @@ from semgs.geometry.cameras import back_project
 from semgs.geometry.plane_sweep import depth_candidates, expected_depth
 from semgs.geometry.rotations import covariance
 from semgs.model.gaussians.placing import Rays, colour_appearance, points, semantic_appearance, shapes
-from semgs.model.layers.branch_head import upsample
-from semgs.model.layers.conventions import OURS, Conventions
+from semgs.model.layers.cnn import upsample
 from semgs.model.semgs import SemGS
+from semgs.model.settings import OURS, Conventions
 from semgs.rendering import reference
-from semgs.rendering.pinhole import Pinhole
-from semgs.rendering.splats import Splats
+from semgs.rendering.splats import Pinhole, Splats
 
 SIZE = (6, 9)
 

@@ -10,7 +10,7 @@ from semgs.geometry.cameras import back_project, pixel_centres, project
 from semgs.geometry.harmonics import basis
 from semgs.geometry.rotations import covariance, matrix_from_quaternion
 from semgs.model.gaussians.placing import Rays, colour_appearance, points, semantic_appearance
-from semgs.model.layers.conventions import MVSPLAT, OURS
+from semgs.model.settings import MVSPLAT, OURS
 
 SIZE, VIEWS = (6, 9), 2
 

@@ -9,7 +9,7 @@ from networks import network, preset
 from posed import posed_views
 
 from semgs.data.views import stack
-from semgs.model.layers.chunks import Chunks, by_chunks
+from semgs.model.layers.network_input import Chunks, by_chunks
 from semgs.model.semgs import STAGES
 from semgs.scene.encoding import Encoding
 

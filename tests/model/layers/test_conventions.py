@@ -14,15 +14,14 @@ from torch.nn.functional import normalize
 
 from semgs.geometry.cameras import Cameras, project
 from semgs.geometry.gaussians import Appearance, Gaussians
-from semgs.geometry.harmonics import basis, colours_from_harmonics
-from semgs.geometry.harmonics_rotation import rotate_harmonics
+from semgs.geometry.harmonics import basis, colours_from_harmonics, rotate_harmonics
 from semgs.geometry.plane_sweep import sweep
 from semgs.geometry.rotations import matrix_from_quaternion
-from semgs.model.attention.swin import Windows
+from semgs.model.attention.transformer import Windows
 from semgs.model.gaussians.placing import Rays, points
-from semgs.model.layers.branch_head import upsample
-from semgs.model.layers.conventions import MVSPLAT, OURS, Conventions
+from semgs.model.layers.cnn import upsample
 from semgs.model.semgs import SemGS
+from semgs.model.settings import MVSPLAT, OURS, Conventions
 from semgs.model.sweep.cost_volume import cost_volume
 from semgs.rendering.render import render
 

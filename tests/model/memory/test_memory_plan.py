@@ -26,7 +26,7 @@ from semgs.cli.main import main
 from semgs.data.choosing.choice import choose_named
 from semgs.data.scene import Scene
 from semgs.model.encode import Network
-from semgs.model.layers.chunks import WHOLE, Chunks
+from semgs.model.layers.network_input import WHOLE, Chunks
 from semgs.model.memory import memory_plan as planning
 from semgs.model.memory import stage_memory
 from semgs.model.memory.memory_plan import NotEnoughMemoryError, Work, stage_bytes

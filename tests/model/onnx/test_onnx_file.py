@@ -20,11 +20,10 @@ from semgs.geometry.gaussians import Appearance, Gaussians
 from semgs.geometry.plane_sweep import depth_candidates, expected_depth
 from semgs.model.attention.camera_attention import normalised_projections
 from semgs.model.gaussians.placing import Rays, points
-from semgs.model.layers.chunks import WHOLE
-from semgs.model.layers.conventions import OURS
-from semgs.model.layers.network_input import NetworkInput
+from semgs.model.layers.network_input import WHOLE, NetworkInput
 from semgs.model.onnx.onnx_file import check_fixed_size, onnx_bytes
 from semgs.model.onnx.tensor_form import INPUTS, arguments
+from semgs.model.settings import OURS
 from semgs.model.sweep.cost_volume import cost_volume
 from semgs.rendering.temperatures import Temperatures
 from semgs.scene.encoding import Encoding

@@ -12,7 +12,7 @@ from networks import preset
 from posed import posed_cameras, posed_views
 from torch.overrides import TorchFunctionMode
 
-from semgs.model.layers.chunks import WHOLE
+from semgs.model.layers.network_input import WHOLE
 from semgs.model.onnx import tensor_form
 from semgs.model.onnx.tensor_form import (
     StandardOperations,

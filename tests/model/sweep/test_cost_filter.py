@@ -5,8 +5,8 @@ from __future__ import annotations
 import torch
 from torch import nn
 
-from semgs.model.layers.memory_format import lay_out
-from semgs.model.sweep.cost_filter import CostFilter
+from semgs.model.layers.cnn import lay_out
+from semgs.model.sweep.cost_volume import CostFilter
 
 
 def test_it_starts_as_nothing_and_leaves_every_size():

@@ -6,8 +6,7 @@ from posed import posed_cameras
 
 from semgs.geometry.cameras import Cameras, back_project, pixel_centres, project
 from semgs.geometry.plane_sweep import depth_candidates
-from semgs.model.layers.conventions import MVSPLAT, OURS
-from semgs.model.settings import DepthSettings
+from semgs.model.settings import MVSPLAT, OURS, DepthSettings
 from semgs.model.sweep.cost_volume import cost_volume, unit_features
 from semgs.model.sweep.depth import CostRegressor
 

@@ -11,7 +11,7 @@ from networks import network, preset
 from posed import posed_views
 
 from semgs.geometry.plane_sweep import depth_candidates
-from semgs.model.layers.chunks import WHOLE, Chunks
+from semgs.model.layers.network_input import WHOLE, Chunks
 from semgs.model.sweep.depth import Depth, Planes
 
 

@@ -103,7 +103,7 @@ def test_gaussians_take_the_mode_of_the_sweep_s_depths_and_no_correction():
 
 
 def test_chunks_of_views_give_the_same_depths():
-    from semgs.model.layers.chunks import Chunks
+    from semgs.model.layers.network_input import Chunks
 
     model = preset("small_plain", depth_upsampling="convex").eval()
     views = posed_views(3, (32, 48))

@@ -13,7 +13,8 @@ from networks import network
 from semgs.data.origin.terms import FURNISHED, ROOMS, terms_text
 from semgs.files.errors import InputError
 from semgs.model.semgs import SemGS
-from semgs.model.weights.load import DATA_TERMS, SCENES, data_terms, trained_scenes
+from semgs.model.weights.header import DATA_TERMS, SCENES
+from semgs.model.weights.load import data_terms, trained_scenes
 from semgs.model.weights.weights_file import read_header, read_tensors, save
 
 AVERAGE = runpy.run_path(str(Path(__file__).parents[3] / "scripts" / "average_weights.py"))["average"]

@@ -15,8 +15,9 @@ from safetensors.torch import load_file, save_file
 from semgs.files.errors import InputError
 from semgs.files.tensor_files import open_tensors
 from semgs.model import networks
+from semgs.model.weights.header import CHECKSUM
 from semgs.model.weights.load import find, load, shipped
-from semgs.model.weights.weights_file import CHECKSUM, checksum, is_ours, read_header, read_tensors, restate
+from semgs.model.weights.weights_file import checksum, is_ours, read_header, read_tensors, restate
 
 
 def stored(path: Path, tensors: dict[str, torch.Tensor], **header: str) -> Path:

@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 from semgs.files.errors import InputError
-from semgs.model.weights.header_temperatures import KEY, read_temperatures, temperatures_text
+from semgs.model.weights.header import TEMPERATURES as KEY
+from semgs.model.weights.header import temperatures_text
 from semgs.model.weights.load import load
-from semgs.model.weights.weights_file import save
+from semgs.model.weights.weights_file import read_temperatures, save
 from semgs.rendering.temperatures import Temperatures
 
 

@@ -13,8 +13,8 @@ import torch
 
 from semgs import load
 from semgs.cli.main import main
+from semgs.files.contents import sha256
 from semgs.files.errors import InputError
-from semgs.files.hashes import sha256
 from semgs.model.weights.hub import HubId, is_hub_id
 from semgs.model.weights.initial_weights import initial_network
 from semgs.model.weights.load import find, shipped

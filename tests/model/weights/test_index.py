@@ -10,11 +10,12 @@ import torch
 from networks import preset
 from safetensors.torch import load_file
 
+from semgs.files.contents import sha256
 from semgs.files.errors import InputError
-from semgs.files.hashes import sha256
-from semgs.model.weights.header_scores import KEY, Figure, Score, read_scores, scores_text
+from semgs.model.weights.header import SCORES as KEY
+from semgs.model.weights.header import Figure, Score, scores_text
 from semgs.model.weights.index import FILE_NAME, check, matching, read_index, shipped_folder, write_index
-from semgs.model.weights.weights_file import count_parameters, read_header, restate, save
+from semgs.model.weights.weights_file import count_parameters, read_header, read_scores, restate, save
 
 SCORE = Score("rooms", "neighbours", 2, 96, "ab" * 32, {"miou": Figure(0.5, 0.4, 0.6), "psnr": Figure(25.0)})
 

@@ -12,9 +12,10 @@ from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.files.errors import InputError
 from semgs.model import networks
 from semgs.model.build import build
-from semgs.model.layers.conventions import Conventions
+from semgs.model.settings import Conventions
 from semgs.model.switches import switched
-from semgs.model.weights.load import DATA_TERMS, data_terms, find, shipped, table_of
+from semgs.model.weights.header import DATA_TERMS
+from semgs.model.weights.load import data_terms, find, shipped, table_of
 from semgs.model.weights.weights_file import is_ours, read_header, save
 
 

@@ -16,7 +16,7 @@ from semgs.files.errors import InputError
 from semgs.geometry.cameras import Cameras
 from semgs.geometry.harmonics import basis
 from semgs.geometry.rotations import covariance
-from semgs.model.weights.mvsplat import our_name, renamed
+from semgs.model.weights.load import our_name, renamed
 from semgs.model.weights.weights_file import fill
 
 AGREEMENT = 1e-4

@@ -18,8 +18,8 @@ import semgs
 from semgs import SemGS, load
 from semgs.data.origin.terms import TermsWarning
 from semgs.data.views import Views
+from semgs.files.contents import sha256
 from semgs.files.errors import InputError
-from semgs.files.hashes import sha256
 from semgs.geometry.cameras import Cameras
 from semgs.model.weights.load import shipped
 from semgs.model.weights.model_page import page

@@ -11,9 +11,8 @@ from safetensors.torch import save_file
 from semgs.files.errors import InputError
 from semgs.model.classes.mobilenet import MobileNetV2
 from semgs.model.classes.mosaic import OWN_LAYERS, Mosaic
-from semgs.model.weights.initial_weights import initial_network
+from semgs.model.weights.initial_weights import fill_backbone, initial_network, is_mosaic, is_published
 from semgs.model.weights.load import load, shipped
-from semgs.model.weights.published_backbones import fill_backbone, is_mosaic, is_published
 
 
 def published(path: Path, **changes: torch.Tensor | None) -> dict[str, torch.Tensor]:

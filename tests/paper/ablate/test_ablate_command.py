@@ -13,7 +13,7 @@ import torch
 from paper_commands import main
 
 from paper.ablate.ablation_rows import SEMANTIC_ROWS
-from semgs.files.hashes import sha256
+from semgs.files.contents import sha256
 from semgs.files.images.pictures import write_png
 from semgs.model.weights.initial_weights import initial_network
 from semgs.model.weights.load import load

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import subprocess
+from pathlib import Path
 
 import pytest
 
-from paper.release.audit import Audit, base_set, bundled, is_gpl, licence, without_hashes
+from paper.release.audit import Audit, base_set, bundled, is_gpl, licence, vulnerabilities, without_hashes
+from semgs.files.errors import InputError
 
 
 def answer(*packages: dict) -> str:
@@ -46,6 +49,17 @@ def test_only_packages_that_were_looked_up_and_are_sound_pass(packages, code: in
 def test_something_else_than_an_answer_is_refused(printed: str):
     with pytest.raises(ValueError, match="something else than its JSON"):
         Audit.of(printed)
+
+
+def test_without_an_answer_the_last_line_of_the_tool_says_why(monkeypatch: pytest.MonkeyPatch):
+    done = subprocess.CompletedProcess([], 1, stdout="", stderr="Looking up\nno connection to the service\n")
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
+    with pytest.raises(InputError) as caught:
+        vulnerabilities(Path("pins.txt"))
+    assert (
+        str(caught.value)
+        == "pins.txt: expected an answer of the vulnerability service, found no connection to the service"
+    )
 
 
 def test_a_pin_without_a_hash_is_named():

@@ -16,8 +16,8 @@ from semgs.evaluation import single_images
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.score_records import encode_scores
 from semgs.files.errors import InputError
-from semgs.model.weights.header_scores import read_scores
 from semgs.model.weights.index import SHOWN, read_index
+from semgs.model.weights.weights_file import read_scores
 
 NAMES = ("wall", "sofa", "desk", "lamp")
 
@@ -28,7 +28,7 @@ def photo(*rows: list[int], unknown: int = 0) -> FrameScores:
     confusion[: len(rows), : len(rows[0])] = rows
     truth = confusion.sum(1)
     truth[0] += unknown
-    return FrameScores("a", "b", (), confusion, truth)
+    return FrameScores("a", "b", (), confusion=confusion, truth=truth)
 
 
 PHOTOS = (

@@ -32,8 +32,8 @@ from semgs.evaluation.frames.predictions import Inputs, Prediction
 from semgs.evaluation.frames.protocols import neighbours
 from semgs.evaluation.frames.reading import read_frame
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.model.weights.header_scores import read_scores
 from semgs.model.weights.index import SHOWN, read_index
+from semgs.model.weights.weights_file import read_scores
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 
@@ -65,7 +65,9 @@ def found(make_scene: Callable[..., Scene]) -> tuple[ScoredTarget, ...]:
 def scores(confusion: list[list[int]], truth: list[int]) -> FrameScores:
     """Of the table's first three classes; no other occurs."""
     rest = len(SCANNET20) - 3
-    return FrameScores("a", "b", (), np.pad(np.int64(confusion), (0, rest)), np.pad(np.int64(truth), (0, rest)))
+    return FrameScores(
+        "a", "b", (), confusion=np.pad(np.int64(confusion), (0, rest)), truth=np.pad(np.int64(truth), (0, rest))
+    )
 
 
 def test_mistakes_are_shares_of_all_labelled_pixels_given_a_class_or_not_and_the_largest_comes_first():

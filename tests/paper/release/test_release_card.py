@@ -13,8 +13,9 @@ from paper.release.pages import CARD, SCORES, replace_between
 from paper.release.ship import known_scores, scores_of
 from semgs.evaluation.tables.evaluation_report import read_report
 from semgs.files.errors import InputError
-from semgs.model.weights.header_scores import Figure, read_scores
+from semgs.model.weights.header import Figure
 from semgs.model.weights.index import read_index, shipped_folder
+from semgs.model.weights.weights_file import read_scores
 
 REPORTS = sorted(SCORES.glob("*.json"))
 

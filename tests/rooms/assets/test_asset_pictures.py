@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from semgs.files.errors import InputError
+from semgs.files.images.colours import LINEAR
 from semgs_rooms.assets.asset_images import decode, fill_gaps, pack, pyramid
-from semgs_rooms.pieces.picture_kernels import LINEAR
 
 
 def levels(size):

@@ -12,9 +12,8 @@ pytest.importorskip("embreex")
 from semgs.data.tables.classes import IGNORE
 from semgs_rooms.assets.asset_library import Library, open_library
 from semgs_rooms.assets.catalogue import read_catalogue
-from semgs_rooms.assets.coverings import Coverings
+from semgs_rooms.assets.coverings import Coverings, UsedAssets
 from semgs_rooms.assets.swaps import RULES, Rule, Swaps, fit_scale
-from semgs_rooms.assets.used import UsedAssets
 from semgs_rooms.drawing.room import build_room
 from semgs_rooms.drawing.shading import look
 from semgs_rooms.pieces import fittings, furniture, openings

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("embreex")
 
-from semgs_rooms.assets.glb import read_glb
+from semgs_rooms.assets.glb import read_primitives
 from semgs_rooms.furniture import surfaces as s
 from semgs_rooms.furniture.books import books_on, compartments
 from semgs_rooms.furniture.cloth import PATTERNS, cloth_picture
@@ -46,7 +46,7 @@ def test_every_kind_becomes_pieces_of_real_sizes_that_read_back(kind, piece, usu
         assert (sides <= high + 2e-3).all()
         assert row["class"] == KINDS[kind].label
         made.write(tmp_path / "x.glb")
-        nodes = {primitive.name for primitive in read_glb(tmp_path / "x.glb")}
+        nodes = {primitive.name for primitive in read_primitives(tmp_path / "x.glb")}
         assert row.get("part_classes", {}).keys() <= nodes
         lowest, highest = s.box(made.surfaces)
         np.testing.assert_allclose([*(lowest + highest)[:2], lowest[2]], 0, atol=1e-9)

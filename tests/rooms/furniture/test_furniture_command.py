@@ -102,7 +102,7 @@ def test_its_help_and_that_of_rooms_name_each_other(capsys: pytest.CaptureFixtur
     assert "python -m semgs_rooms.furniture" in capsys.readouterr().out
     assert main(["--help"]) == 0
     told = capsys.readouterr().out
-    assert "usage: python -m semgs_rooms.furniture" in told
+    assert "Usage: python -m semgs_rooms.furniture" in told
     assert "semgs rooms --assets" in told
 
 

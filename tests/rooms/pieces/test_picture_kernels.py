@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
+from semgs.files.images.colours import LINEAR
 from semgs_rooms.assets.asset_images import pack, pyramid
 from semgs_rooms.pieces import texture_kernels as t
-from semgs_rooms.pieces.picture_kernels import LINEAR, PANORAMA, STRETCHED, TILED, VIEW, lookup, picture
+from semgs_rooms.pieces.picture_kernels import PANORAMA, STRETCHED, TILED, VIEW, lookup, picture
 
 SIZE = (11, 18)  # height, width
 

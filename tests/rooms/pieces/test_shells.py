@@ -3,7 +3,7 @@ import pytest
 
 from semgs_rooms.drawing.shading_kernels import barycentric
 from semgs_rooms.pieces import shell_kernels as kernels
-from semgs_rooms.pieces.shells import Shell, corner_normals, place_shells
+from semgs_rooms.pieces.solids import Shell, corner_normals, place_shells
 
 
 def sphere(rows: int, columns: int) -> np.ndarray:

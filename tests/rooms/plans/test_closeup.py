@@ -12,10 +12,10 @@ from semgs_rooms.pieces import materials as m
 from semgs_rooms.pieces import texture_kernels as t
 from semgs_rooms.pieces.furniture import LABEL
 from semgs_rooms.pieces.solids import block
-from semgs_rooms.plans import closeup, dressing, outlines
+from semgs_rooms.plans import dressing, outlines, worlds
 from semgs_rooms.plans.builder import Builder
-from semgs_rooms.plans.closeup import draw_closeup, recolour
 from semgs_rooms.plans.floor_plan import FloorPlan
+from semgs_rooms.plans.worlds import draw_closeup, recolour
 from semgs_rooms.sets.carried_cameras import LARGE_SUBJECTS
 from semgs_rooms.sets.room_stream import sample
 
@@ -39,13 +39,13 @@ def test_a_pattern_keeps_its_contrast_and_an_image_its_structure_in_another_colo
     """Stripes of brightness 0.4 and 0.2 become red and half as red; an image at 0.6 of its own brightness is multiplied by 0.6 of red."""
     rng = np.random.default_rng(0)
     stripes = m.patterned(rng, m.Pattern(t.STRIPES, (0.5, 0.4, 0.3), (0.1, 0.2, 0.3)))
-    changed = closeup._with_colour(stripes, RED)
+    changed = worlds._with_colour(stripes, RED)
     assert changed[t.COLOUR_A : t.COLOUR_A + 3] == pytest.approx(RED)
     assert changed[t.COLOUR_B : t.COLOUR_B + 3] == pytest.approx((0.25, 0.05, 0.075))
     picture = m.patterned(rng, m.Pattern(t.PICTURE, (0.6, 0.6, 0.6)))
-    assert closeup._with_colour(picture, RED)[t.COLOUR_A : t.COLOUR_A + 3] == pytest.approx((0.3, 0.06, 0.09))
+    assert worlds._with_colour(picture, RED)[t.COLOUR_A : t.COLOUR_A + 3] == pytest.approx((0.3, 0.06, 0.09))
     shelf = m.books(rng)
-    assert np.array_equal(closeup._with_colour(shelf, RED), shelf), "books stay colourful"
+    assert np.array_equal(worlds._with_colour(shelf, RED), shelf), "books stay colourful"
 
 
 def plan_of(kind: str, names: list[str]) -> FloorPlan:

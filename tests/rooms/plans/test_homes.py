@@ -11,8 +11,7 @@ from semgs_rooms.pieces import small_things as things
 from semgs_rooms.pieces.furniture import LABEL
 from semgs_rooms.plans import home
 from semgs_rooms.plans.builder import Builder, snug
-from semgs_rooms.plans.footprints import rectangle
-from semgs_rooms.plans.outlines import rectangular
+from semgs_rooms.plans.outlines import rectangle, rectangular
 
 
 def furnished(seed: int, size=(6.5, 5.0, 2.6), kind="living") -> Builder:

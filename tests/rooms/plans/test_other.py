@@ -6,9 +6,9 @@ import torch
 
 pytest.importorskip("embreex")
 
-from semgs_rooms.plans.footprints import overlap
 from semgs_rooms.plans.home import draw_home
 from semgs_rooms.plans.other import draw_other
+from semgs_rooms.plans.outlines import overlap
 from semgs_rooms.sets.room_stream import sample
 
 

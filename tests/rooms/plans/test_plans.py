@@ -8,9 +8,8 @@ pytest.importorskip("embreex")
 from semgs.data.raycast import Raycaster
 from semgs_rooms.pieces.solids import BALL, BOX, CUSHION, CYLINDER, Solid, gather, triangulate
 from semgs_rooms.plans.builder import Builder
-from semgs_rooms.plans.footprints import around, overlap, rectangle
 from semgs_rooms.plans.home import SHARES, draw_home, open_door
-from semgs_rooms.plans.outlines import PARTITION, two_rooms
+from semgs_rooms.plans.outlines import PARTITION, around, overlap, rectangle, two_rooms
 
 
 def test_furniture_neither_intersects_nor_leaves_the_room():

@@ -69,7 +69,6 @@ def test_a_toilet_is_chosen_four_times_as_often_as_a_cabinet():
     np.testing.assert_allclose((toilet.low, toilet.high), ((5, 0, 0), (5.5, 0.4, 1)))
 
 
-@pytest.mark.long
 def test_close_cameras_are_within_90_cm_of_their_subject_and_fill_the_frame_with_it(monkeypatch):
     """Of ten close cameras; the depths are medians of frames."""
     subjects, depths, shares = [], [], []

@@ -11,11 +11,11 @@ from PIL import Image
 from semgs.data.choosing.choice import choose_named
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import SCANNET20, ClassTable
-from semgs.figures.depth_images import millimetres
+from semgs.figures.view_images import millimetres
 from semgs.files.images.pictures import read_rgb, read_uint8, read_uint16
 from semgs.model.encode import Network
 from semgs.rendering.rendering import label_maps
-from semgs.run.output.renders import per_thousand, percent, write_renders
+from semgs.run.output.files import per_thousand, whole_percent, write_renders
 from semgs.run.steps.pipeline import reconstruct
 
 
@@ -117,7 +117,7 @@ def test_thresholds_of_the_files_separate_the_pixels_that_the_option_separates(
 
 def test_shares_are_rounded_down_to_percent_and_spreads_to_the_nearest_thousandth() -> None:
     shares = np.array([[0.0, 0.699, 0.7], [0.7099, 0.8, 1.0]], np.float32)
-    assert percent(shares).tolist() == [[0, 69, 70], [70, 80, 100]]
+    assert whole_percent(shares).tolist() == [[0, 69, 70], [70, 80, 100]]
     assert per_thousand(torch.tensor([[0.0, 0.0124, torch.nan], [0.5, 65.0, 70.0]])).tolist() == [
         [0, 12, 65535], [500, 65000, 65535],
     ]  # fmt: skip

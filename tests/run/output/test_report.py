@@ -11,12 +11,12 @@ from semgs.data.choosing.choice import choose_named
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import ClassTable
 from semgs.model.encode import Network
+from semgs.objectives.metrics import ViewScores, mean_scores
 from semgs.rendering.temperatures import Temperatures
 from semgs.run.output.report import Provenance, outputs, report_numbers, rounded
 from semgs.run.output.report_page import report_page
 from semgs.run.output.score_table import score_lines, score_table
 from semgs.run.steps.pipeline import reconstruct
-from semgs.run.steps.scores import ViewScores, mean_scores
 
 ORIGIN = Provenance("semgs 9.9", "drawn from a hat", 1234567, "cpu")
 SECONDS = {"read": 0.25, "encode": 1.5, "render": 0.125}
@@ -123,7 +123,7 @@ def test_the_scores_are_those_of_input_views_too_in_the_words_of_an_evaluation(
     assert held_out.startswith("held-out views: mIoU/image ")
     assert own == (
         f"input views: mIoU/image {means.miou:.2f}, acc./image {means.accuracy:.2f}, PSNR {means.psnr:.2f} dB, "
-        f"depth error {means.depth_abs_rel:.2f}"
+        f"depth error {means.depth.abs_rel:.2f}"
     )
 
 
@@ -133,7 +133,12 @@ def test_where_much_is_not_seen_the_scores_over_the_seen_pixels_have_a_line_of_t
     scene = wall_scene(shifts=(0.0, 0.08))
     result = reconstruct(scene, choose_named(scene, [0, 1]), colour_oracle)
     lines = score_lines(
-        replace(result, target=replace(result.context, role="target", scores=(ViewScores(9.7, 0.66, 19.1),) * 2))
+        replace(
+            result,
+            target=replace(
+                result.context, role="target", scores=(ViewScores(psnr=9.7, unseen=0.34, psnr_seen=19.1),) * 2
+            ),
+        )
     )
     assert lines[:2] == ["held-out views: PSNR 9.70 dB", "held-out views, the 66 % that is seen: PSNR (seen) 19.10 dB"]
 

@@ -14,7 +14,7 @@ import pytest
 from semgs import ros
 from semgs.files.bags import write_message
 from semgs.robotics.boxes import Box
-from semgs.robotics.level import level_from_world
+from semgs.robotics.floor import level_from_world
 from semgs.robotics.objects import Objects, Thing
 from semgs.robotics.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
 from semgs.run.output.rerun_file import _boxes, _grid

@@ -11,7 +11,7 @@ from posed import posed_views
 
 from semgs.data.views import Views
 from semgs.training.data.augmentation import Variation, crop_to_size, flip, recolour, roll, vary_exposure
-from semgs.training.data.augmentation_settings import Augmentation
+from semgs.training.data.data_settings import Augmentation
 from semgs.training.data.teacher import coordinates
 
 SIZE = (48, 70)

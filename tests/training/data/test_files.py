@@ -22,15 +22,13 @@ from semgs.evaluation.frames import protocols
 from semgs.evaluation.frames.frame_plan import Task
 from semgs.evaluation.frames.reading import read_frame
 from semgs.files.errors import InputError
-from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.data.batches import Portion, training_batches
 from semgs.training.data.data_check.counts import inverse_frequency
 from semgs.training.data.data_check.open_sources import check_bad
-from semgs.training.data.data_sources import Source
+from semgs.training.data.data_settings import Augmentation, Source
 from semgs.training.data.samples import Folder, Form, Mixture, Samples, convert_labels, fill_missing_maps
 from semgs.training.loop import Feed, fit
-from semgs.training.run.faults import BadScenes
-from semgs.training.run.session import Session
+from semgs.training.run.session import BadScenes, Session
 from semgs.training.training_settings import TrainingSettings
 
 SETTINGS = TrainingSettings(model="small_plain", steps=4, batch=2, size=(16, 24), contexts=(2, 3), targets=2, seed=3)

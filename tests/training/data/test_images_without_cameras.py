@@ -15,7 +15,7 @@ from training_data import run_data, run_portions, run_validation
 
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import write_png
-from semgs.training.data.augmentation_settings import Augmentation
+from semgs.training.data.data_settings import Augmentation
 from semgs.training.training_settings import TrainingSettings
 
 SETTINGS = TrainingSettings(

@@ -17,8 +17,8 @@ from semgs.data.views import Batch, Views
 from semgs.files.errors import InputError
 from semgs.model.weights.load import load, trained_scenes
 from semgs.model.weights.weights_file import read_header, save
-from semgs.training.data.augmentation_settings import Augmentation
 from semgs.training.data.data_check.scene_record import RECORD, scenes_of
+from semgs.training.data.data_settings import Augmentation
 from semgs.training.training_settings import TrainingSettings
 
 SETTINGS = TrainingSettings(

@@ -10,7 +10,7 @@ from scenes_on_disk import write_labelled
 
 from semgs.data.frames import Frame
 from semgs.data.scenes import open_scene
-from semgs.training.data.augmentation_settings import Augmentation
+from semgs.training.data.data_settings import Augmentation
 from semgs.training.data.samples import Folder, Form, Mixture, Samples
 
 DRAWN = 12

@@ -11,8 +11,8 @@ import torch
 from scenes_on_disk import write_labelled
 from training_data import run_data, run_portions, run_validation
 
-from semgs.training.data.augmentation_settings import Augmentation
-from semgs.training.data.image_schedule import ImageSchedule, Turn, frame_of
+from semgs.training.data.data_settings import Augmentation
+from semgs.training.data.samples import ImageSchedule, Turn, frame_of
 from semgs.training.training_settings import TrainingSettings
 from semgs_rooms.sets.pool import WINDOW, PooledSamples
 from semgs_rooms.sets.room_stream import RoomSamples

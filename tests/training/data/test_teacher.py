@@ -18,7 +18,7 @@ from semgs.data.views import Batch
 from semgs.files.errors import InputError
 from semgs.model.weights.initial_weights import initial_network
 from semgs.training.data.augmentation import Variation
-from semgs.training.data.augmentation_settings import Augmentation
+from semgs.training.data.data_settings import Augmentation
 from semgs.training.data.teacher import Teacher, coordinates, divergence
 from semgs.training.loop import train
 from semgs.training.run.checkpoints import newest_checkpoint

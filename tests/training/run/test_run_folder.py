@@ -18,12 +18,10 @@ from semgs.model.switches import Switches
 from semgs.model.weights.load import load
 from semgs.model.weights.weights_file import read_header
 from semgs.objectives.loss_weights import DepthLossWeights, LossWeights
-from semgs.training.data.augmentation_settings import Augmentation
-from semgs.training.data.data_settings import VALIDATION_SEED
+from semgs.training.data.data_settings import VALIDATION_SEED, Augmentation
 from semgs.training.loop import train
 from semgs.training.presets import PRESETS, preset_changes
 from semgs.training.run.checkpoints import Checkpoint, save_checkpoint
-from semgs.training.run.differences import differences, find_changes, list_changes
 from semgs.training.run.execution import Execution
 from semgs.training.run.run_folder import (
     BEST,
@@ -40,7 +38,7 @@ from semgs.training.run.run_folder import (
 )
 from semgs.training.state import TrainingState
 from semgs.training.supervision.supervision import make_supervision
-from semgs.training.training_settings import TrainingSettings
+from semgs.training.training_settings import TrainingSettings, differences, find_changes, list_changes
 
 
 def begin(run: Path) -> None:

@@ -14,7 +14,8 @@ from semgs.data.origin.terms import REPLICA, ROOMS, SCANNET, Terms, terms_text
 from semgs.data.preparation.archive import Preparation, prepare_scene
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
-from semgs.model.weights.load import DATA_TERMS, load
+from semgs.model.weights.header import DATA_TERMS
+from semgs.model.weights.load import load
 from semgs.model.weights.weights_file import save
 from semgs.training.data.data_check.scene_record import RECORD, UNSTATED, data_terms_of
 from semgs.training.training_settings import TrainingSettings

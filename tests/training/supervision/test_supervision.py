@@ -26,11 +26,19 @@ from semgs.training.data.batches import Portion
 from semgs.training.loop import Feed, fit
 from semgs.training.run.checkpoints import best_checkpoint, newest_checkpoint
 from semgs.training.run.session import Session
-from semgs.training.state import TrainingState
-from semgs.training.step import training_step
-from semgs.training.supervision.objective import TERMS, Objective, Supervision, render_targets
-from semgs.training.supervision.rates import Rates, relative_rates, what_learns
-from semgs.training.supervision.supervision import Depth, Labels, Pictures, Rendered, make_supervision
+from semgs.training.schedule import Rates, relative_rates, what_learns
+from semgs.training.state import TrainingState, training_step
+from semgs.training.supervision.supervision import (
+    TERMS,
+    Depth,
+    Labels,
+    Objective,
+    Pictures,
+    Rendered,
+    Supervision,
+    make_supervision,
+    render_targets,
+)
 from semgs.training.supervision.supervision_settings import SupervisionSettings
 from semgs.training.supervision.validation import Validation, validation_of_depth, validation_of_views
 from semgs.training.training_settings import TrainingSettings

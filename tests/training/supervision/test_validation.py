@@ -8,9 +8,8 @@ import torch
 
 from semgs.data.tables.classes import IGNORE, SCANNET20
 from semgs.rendering.rendering import Rendering
-from semgs.training.supervision.objective import render_targets
-from semgs.training.supervision.strips import strip
-from semgs.training.supervision.supervision import Rendered
+from semgs.training.supervision.supervision import Rendered, render_targets
+from semgs.training.supervision.validation import strip
 
 
 def test_scores_are_those_of_all_target_pixels_together(network, batch):

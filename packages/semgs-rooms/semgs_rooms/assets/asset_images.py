@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int64, UInt8
 
 from semgs.files.errors import InputError
+from semgs.files.images.colours import LINEAR
 from semgs_rooms.pieces import shell_kernels
-from semgs_rooms.pieces.picture_kernels import LINEAR
 
 LONGEST = 1024
 """Larger images are reduced to this [px]."""

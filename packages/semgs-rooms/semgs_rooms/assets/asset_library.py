@@ -16,10 +16,10 @@ from semgs.files.errors import InputError
 from semgs.files.paths import typed_path
 from semgs_rooms.assets.asset_images import Pyramid, decode
 from semgs_rooms.assets.catalogue import ImageEntry, MeshEntry, read_catalogue, usable
-from semgs_rooms.assets.glb import Primitive, read_glb
+from semgs_rooms.assets.glb import Primitive, read_primitives
 from semgs_rooms.assets.lock import LockEntry, lock_digest, lock_of, read_lock, verify
 from semgs_rooms.assets.splits import Split, split_images, split_meshes
-from semgs_rooms.pieces.shells import Shell, corner_normals
+from semgs_rooms.pieces.solids import Shell, corner_normals
 
 T = TypeVar("T")
 Folders = str | Path | Sequence[str | Path]
@@ -167,7 +167,7 @@ def open_library(folders: Folders, style: str = "home", *, check: bool = True) -
 def _panels(path: Path, entry: MeshEntry) -> tuple[Panel, ...]:
     labels = dict(entry.parts)
     panels = []
-    primitives = read_glb(path)
+    primitives = read_primitives(path)
     triangles = [p.vertices[p.faces] * np.array([-1, -1, 1], np.float32) for p in primitives]
     side = _fuller_side(primitives, triangles)
     for primitive, corners in zip(primitives, triangles, strict=True):

@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from semgs.data.tables.classes import IGNORE
-from semgs_rooms.assets.asset_images import Pyramid
+from semgs.files.images.colours import LINEAR
+from semgs_rooms.assets.asset_images import Pack, Pyramid, pack
 from semgs_rooms.assets.asset_library import Library
 from semgs_rooms.assets.catalogue import ImageEntry
-from semgs_rooms.assets.used import UsedAssets
 from semgs_rooms.pieces import materials as m
 from semgs_rooms.pieces import texture_kernels as t
 from semgs_rooms.pieces.furniture import LABEL
 from semgs_rooms.pieces.materials import Material
-from semgs_rooms.pieces.picture_kernels import LINEAR, PANORAMA, STRETCHED, TILED, UNWRAPPED, VIEW
+from semgs_rooms.pieces.picture_kernels import PANORAMA, STRETCHED, TILED, UNWRAPPED, VIEW
 from semgs_rooms.pieces.solids import SHELL, Solid
 
 TILE = {
@@ -226,3 +226,32 @@ def _in_place_of(material: Material, chosen: Material) -> Material:
 def _mean(pyramid: Pyramid) -> np.ndarray:
     """Mean of an image, linear RGB: its last level."""
     return LINEAR[pyramid.pixels[-1]]
+
+
+class UsedAssets:
+    """The images of a room, for its kernels, and the files of its images and meshes, for attribution."""
+
+    def __init__(self) -> None:
+        self._pyramids: list[Pyramid] = []
+        self._numbers: dict[int, int] = {}
+        self._files: set[str] = set()
+
+    def number(self, pyramid: Pyramid) -> int:
+        """Index of the image in the pack, which is the same for the same image."""
+        if id(pyramid) not in self._numbers:
+            self._numbers[id(pyramid)] = len(self._pyramids)
+            self._pyramids.append(pyramid)
+        return self._numbers[id(pyramid)]
+
+    def add_file(self, file: str) -> None:
+        """Record that a file is used."""
+        self._files.add(file)
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """All files that are used, sorted by name."""
+        return tuple(sorted(self._files))
+
+    def pack(self) -> Pack:
+        """All images, for the kernels."""
+        return pack(self._pyramids)

@@ -9,8 +9,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from semgs.files.atomic import write_bytes
+from semgs.files.contents import sha256
 from semgs.files.errors import InputError
-from semgs.files.hashes import sha256
 from semgs.files.strict_json import parse_json
 from semgs.files.text import listed
 from semgs_rooms.assets.catalogue import FileSource, ImageEntry, MeshEntry, inside, read_catalogue

@@ -15,8 +15,7 @@ from semgs_rooms.pieces import materials as m
 from semgs_rooms.pieces import texture_kernels as t
 from semgs_rooms.pieces.furniture import LABEL
 from semgs_rooms.pieces.materials import Material
-from semgs_rooms.pieces.shells import Shell
-from semgs_rooms.pieces.solids import SHELL, Piece, Solid, Triple
+from semgs_rooms.pieces.solids import SHELL, Piece, Shell, Solid, Triple
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,7 @@
-"""Random rooms as triangles, materials and lights, ready for ray casting."""
+"""Random rooms as triangles, materials and lights, ready for ray casting.
+
+Light comes through the windows, from the sun through one of them, and from lamps.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,10 @@ from semgs.data.raycast import Raycaster
 from semgs_rooms.assets.asset_images import Pack
 from semgs_rooms.assets.asset_library import Library
 from semgs_rooms.drawing import shading_kernels as kernels
-from semgs_rooms.drawing.lighting import draw_lights
 from semgs_rooms.pieces import shell_kernels
 from semgs_rooms.pieces import texture_kernels as t
-from semgs_rooms.pieces.shells import ShellTriangles, place_shells
-from semgs_rooms.pieces.solids import SHELL, Solids, gather, triangulate
-from semgs_rooms.plans.floor_plan import WALL, FloorPlan
+from semgs_rooms.pieces.solids import SHELL, ShellTriangles, Solids, gather, place_shells, triangulate
+from semgs_rooms.plans.floor_plan import WALL, FloorPlan, Lamp, Opening
 from semgs_rooms.plans.style import Style
 from semgs_rooms.plans.worlds import furnish
 
@@ -30,6 +31,11 @@ SENT_BACK = 0.6
 """Light on surfaces close to others, as a share of the room's ambient light."""
 SCATTER = 0.05
 """Spacing of the points on shells that represent them in the distance field [m]."""
+
+MOST = 8
+"""Maximum number of lights; each costs one ray per pixel."""
+SHARES = {1: 4, 2: 2}
+"""Lights per window, by the number of windows; one if there are more."""
 
 
 @dataclass(frozen=True)
@@ -150,3 +156,62 @@ def _distance_field(
         field, corner, FIELD_STEP, FIELD_REACH, solids.rotations[which], solids.centres[which], solids.sizes[which]
     )
     return field, corner
+
+
+def draw_lights(
+    rng: np.random.Generator, plan: FloorPlan
+) -> tuple[Float64[np.ndarray, "l 16"], Float64[np.ndarray, " 3"]]:
+    """Lights for the shading kernels, at least one, and the ambient light (linear RGB).
+
+    A window has up to four lights spread over it, for soft shadows. Sometimes the sun shines through one window.
+    """
+    warm = np.array([1.0, rng.uniform(0.75, 0.95), rng.uniform(0.5, 0.85)])
+    cool = np.array([rng.uniform(0.85, 1.0), rng.uniform(0.93, 1.0), 1.0])
+    windows = sorted(plan.windows, key=lambda window: -window.light * window.half_height)[:3]
+    day = sum(window.light for window in windows)
+    lamps = plan.lamps or (() if day > 0.15 else (Lamp((0.0, 0.0, plan.size[2] - 0.15), rng.uniform(1.0, 3.0)),))
+    rows = []
+    shares = SHARES.get(len(windows), 1)
+    gain = rng.uniform(1.2, 3.0)
+    for window in windows:
+        area = 4 * np.hypot(*window.half_width[:2]) * window.half_height
+        for place in _spread(window, shares):
+            rows.append(_light(kernels.WINDOW, place, cool * (gain * window.light * np.sqrt(area) / shares), window))
+    if windows and windows[0].light > 0.3 and rng.random() < 0.45:
+        rows.append(_sun(rng, windows[0]))
+    for lamp in lamps[: MOST - len(rows)]:
+        rows.append(_light(kernels.LAMP, np.array(lamp.place), warm * lamp.power / np.sqrt(len(lamps)), None))
+    lamplight = sum(lamp.power for lamp in lamps)
+    tone = (cool * day + warm * 0.5 * lamplight) / max(day + 0.5 * lamplight, 1e-6)
+    ambient = rng.uniform(0.18, 0.5) * min(1.0, 0.35 + 0.6 * day + 0.25 * lamplight) * tone
+    return np.array(rows), ambient
+
+
+def _spread(window: Opening, count: int) -> list[Float64[np.ndarray, " 3"]]:
+    """Positions 12 cm in front of a window: at its centre, two side by side, or four."""
+    middle = np.array(window.middle) + 0.12 * np.array(window.facing)
+    across, up = np.array(window.half_width) / 2, np.array([0.0, 0.0, window.half_height / 2])
+    if count == 1:
+        return [middle]
+    if count == 2:
+        return [middle - across, middle + across]
+    return [middle + a * across + b * up for a in (-1, 1) for b in (-1, 1)]
+
+
+def _sun(rng: np.random.Generator, window: Opening) -> Float64[np.ndarray, " 16"]:
+    """The sun through a window."""
+    aside = np.array([-window.facing[1], window.facing[0], 0.0]) * rng.uniform(-1, 1)
+    way = np.array(window.facing) + aside + (0, 0, -rng.uniform(0.25, 0.9))
+    strength = rng.uniform(1.0, 3.0) * min(1.0, window.light)
+    row = _light(kernels.SUN, np.array(window.middle), np.array([1.0, 0.93, 0.82]) * strength, window)
+    row[7:10] = way / np.linalg.norm(way)
+    return row
+
+
+def _light(kind: int, place: np.ndarray, colour: np.ndarray, window: Opening | None) -> Float64[np.ndarray, " 16"]:
+    row = np.zeros(kernels.LIGHT_WIDTH)
+    row[0] = kind
+    row[1:4], row[4:7] = place, colour
+    if window is not None:
+        row[7:10], row[10:13], row[13] = window.facing, window.half_width, window.half_height
+    return row

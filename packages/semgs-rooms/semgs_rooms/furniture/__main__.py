@@ -9,11 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
 from semgs.cli.main import run_command, run_guarded
 from semgs.cli.progress import show_progress
-from semgs.run.options.types import BY_POSITION
+from semgs.run.options.words import LAST_WORD, Words
 from semgs.run.usage_errors import UsageError, what_the_user_gave
 from semgs_rooms.furniture.environment import default_folder, prepare
 from semgs_rooms.furniture.generation import claim, generate
@@ -45,7 +43,7 @@ class Furniture:
     - semgs rooms --out data/mixed --scenes 1000 --assets assets --assets furniture
     """
 
-    out: Annotated[Path, tyro.conf.arg(metavar="OUT"), BY_POSITION]
+    out: Annotated[Path, Words(metavar="OUT"), LAST_WORD]
     """Output folder: new, empty, or one with the same seed to resume."""
     pieces: int = 100
     """Number of pieces to try. A few of a hundred are excluded."""
@@ -55,9 +53,9 @@ class Furniture:
     """Number of pieces generated in parallel. Each needs one core and about 1 GB of memory."""
     limit: float = 1200.0
     """Maximum time for one piece, in seconds. Pieces that take longer are tried again by the next call."""
-    environment: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
+    environment: Annotated[Path | None, Words(metavar="FOLDER")] = None
     """Folder of Infinigen's environment; by default in the user's cache."""
-    python: Annotated[str | None, tyro.conf.arg(metavar="PROGRAM")] = None
+    python: Annotated[str | None, Words(metavar="PROGRAM")] = None
     """Python 3.11 to create the environment with; by default it is searched for."""
 
     def run(self) -> None:

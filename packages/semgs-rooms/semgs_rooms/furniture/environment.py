@@ -11,8 +11,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from semgs.files.atomic import write_text
+from semgs.files.contents import sha256
 from semgs.files.errors import InputError
-from semgs.files.hashes import sha256
 
 PYTHON = (3, 11)
 """The only version that Blender's package supports."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs_rooms.assets.glb import read_glb, write_glb
+from semgs_rooms.assets.glb import read_primitives, write_primitives
 from semgs_rooms.furniture import surfaces as s
 from semgs_rooms.furniture import tints as t
 from semgs_rooms.furniture.books import books_on
@@ -62,8 +62,8 @@ class FinishedPiece:
     def write(self, path: Path) -> None:
         """Write the .glb file and check that it can be read."""
         written = s.primitives(self.surfaces)
-        write_glb(path, written)
-        assert len(read_glb(path)) == len(written)
+        write_primitives(path, written)
+        assert len(read_primitives(path)) == len(written)
 
 
 def finish(job: PieceJob, meshes: Sequence[RawMesh]) -> list[FinishedPiece]:

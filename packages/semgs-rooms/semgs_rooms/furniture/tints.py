@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Int, UInt8
 from scipy import ndimage
 
+from semgs.files.images.colours import LINEAR
 from semgs_rooms.furniture.kinds import Random
 from semgs_rooms.furniture.raw import RawMesh
 
@@ -108,6 +109,5 @@ def _regions(mesh: RawMesh) -> tuple[Int[np.ndarray, "h w"], Int[np.ndarray, "h 
 
 def linear_rgb(colour: Colour) -> tuple[float, float, float]:
     """Linear RGB of an sRGB colour."""
-    value = np.array(colour) / 255
-    red, green, blue = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
-    return float(red), float(green), float(blue)
+    red, green, blue = LINEAR[list(colour)].tolist()
+    return red, green, blue

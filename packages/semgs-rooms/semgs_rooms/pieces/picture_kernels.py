@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
+from semgs.files.images.colours import LINEAR
 from semgs.runtime.jit import njit
 from semgs_rooms.pieces.texture_kernels import ASPECT, AXIS, AZIMUTH, COLOUR_A, MAPPING, PICTURE_NUMBER, SCALE
 
 TILED, STRETCHED, UNWRAPPED, PANORAMA, VIEW = range(5)
 """How an image is mapped: tiled on each face; stretched over a face; by the shell's texture coordinates; as a distant panorama
 behind the part; as a distant view of limited angle, mirrored beyond it."""
-
-_VALUES = np.arange(256) / 255
-LINEAR = np.where(_VALUES <= 0.04045, _VALUES / 12.92, ((_VALUES + 0.055) / 1.055) ** 2.4)
-"""Linear light of an sRGB byte."""
 
 
 @njit()

@@ -15,8 +15,7 @@ from semgs_rooms.pieces.furniture import LABEL
 from semgs_rooms.pieces.materials import Material
 from semgs_rooms.pieces.solids import Piece, Solid, block, gather, move
 from semgs_rooms.plans.floor_plan import WALL, Lamp, Opening
-from semgs_rooms.plans.footprints import Span, Wall, around, overlap, rectangle
-from semgs_rooms.plans.outlines import PARTITION, Outline, Zone
+from semgs_rooms.plans.outlines import PARTITION, Outline, Span, Wall, Zone, around, overlap, rectangle
 
 Footprint = Float64[np.ndarray, "4 2"]
 Swap = Callable[[Piece], Piece]

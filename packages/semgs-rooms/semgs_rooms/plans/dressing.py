@@ -14,8 +14,7 @@ from semgs_rooms.pieces import small_things as things
 from semgs_rooms.pieces.solids import Piece, block, move, post
 from semgs_rooms.plans.builder import Builder, snug
 from semgs_rooms.plans.floor_plan import Lamp
-from semgs_rooms.plans.footprints import Span, Wall, floor_point, rectangle
-from semgs_rooms.plans.outlines import Zone
+from semgs_rooms.plans.outlines import Span, Wall, Zone, floor_point, rectangle
 
 
 def hang_curtains(builder: Builder, wall: Wall, window: Span) -> bool:

@@ -14,8 +14,7 @@ from semgs_rooms.pieces.solids import Piece, move
 from semgs_rooms.plans import dressing, outlines
 from semgs_rooms.plans.builder import Builder, Swap, cut_door, daylight, snug
 from semgs_rooms.plans.floor_plan import FloorPlan
-from semgs_rooms.plans.footprints import Wall, floor_point, rectangle
-from semgs_rooms.plans.outlines import PARTITION, Outline, Zone
+from semgs_rooms.plans.outlines import PARTITION, Outline, Wall, Zone, floor_point, rectangle
 
 
 def _choose_from(*makers: Maker) -> Maker:

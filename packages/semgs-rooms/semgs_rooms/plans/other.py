@@ -22,8 +22,7 @@ from semgs_rooms.pieces.materials import Material
 from semgs_rooms.pieces.solids import Piece, Solid, block, move, post
 from semgs_rooms.plans.builder import Swap, cut_door, daylight, lining, masonry
 from semgs_rooms.plans.floor_plan import WALL, FloorPlan, Lamp, Opening
-from semgs_rooms.plans.footprints import Wall, floor_point, overlap, rectangle
-from semgs_rooms.plans.outlines import rectangular
+from semgs_rooms.plans.outlines import Wall, floor_point, overlap, rectangle, rectangular
 
 ZONES = ("sleeping", "sitting", "working", "eating", "cooking", "bathing", "storing")
 ZONE_LENGTH = 2.3

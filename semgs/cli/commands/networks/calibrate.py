@@ -6,15 +6,14 @@ from dataclasses import astuple, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
 from semgs.cli.progress import show_progress, show_stage
 from semgs.figures.plotting import check_plotting
 from semgs.files.errors import InputError
 from semgs.files.folders import check_new_file
 from semgs.files.paths import existing_folder
 from semgs.run.options.scene_options import SceneOptions
-from semgs.run.options.types import AutoSize, Protocol, Views, Weights, optional
+from semgs.run.options.types import AutoSize, Protocol, Views, Weights
+from semgs.run.options.words import INLINE, Words, optional, positional
 from semgs.run.usage_errors import what_fits, what_the_user_gave
 
 if TYPE_CHECKING:
@@ -43,9 +42,9 @@ class Calibrate:
     - semgs weights calibrate small --data scans
     """
 
-    weights: Annotated[tyro.conf.Positional[Weights], tyro.conf.arg(metavar="WEIGHTS")]
+    weights: Annotated[Weights, positional("WEIGHTS")]
     """"small" for the included weights, a weights file, or hf://OWNER/NAME on the hub."""
-    data: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    data: Annotated[Path, Words(metavar="DIR")]
     """A labelled scene, or a folder of scenes."""
     out: Annotated[Path | None, optional("FILE")] = None
     """Output file: the same tensors, with the temperatures in the header."""
@@ -57,7 +56,7 @@ class Calibrate:
     """Number of input views."""
     size: AutoSize = None
     """Height x width; by default 240x320, 320x240 for portrait scenes."""
-    reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
+    reading: Annotated[SceneOptions, INLINE] = field(default_factory=SceneOptions)
 
     def run(self) -> None:
         """Fit or measure, write, and print a table.
@@ -73,9 +72,10 @@ class Calibrate:
             from semgs.evaluation.scoring.confidence_calibration import KINDS, collect_statements, measure_temperature
             from semgs.evaluation.tables.table_grid import printed
             from semgs.files.atomic import write_bytes
-            from semgs.model.weights.header_temperatures import KEY, read_temperatures, temperatures_text
+            from semgs.model.weights.header import TEMPERATURES as KEY
+            from semgs.model.weights.header import temperatures_text
             from semgs.model.weights.load import find, load, trained_scenes
-            from semgs.model.weights.weights_file import is_ours, read_header, restate
+            from semgs.model.weights.weights_file import is_ours, read_header, read_temperatures, restate
             from semgs.rendering.temperatures import Temperatures
 
             data = open_labelled_scenes(self.data, self.reading.as_peers, self.reading.asked, needs_labels=True)
@@ -129,7 +129,7 @@ def _grid(found: Mapping[str, TemperatureEffect], data: str) -> Grid:
 
 def _plot(found: Mapping[str, TemperatureEffect]) -> bytes:
     """The reliability plot of each kind."""
-    from semgs.figures.reliability import ReliabilityPlot, reliability_png
+    from semgs.figures.plotting import ReliabilityPlot, reliability_png
 
     plots = []
     for kind, effect in found.items():

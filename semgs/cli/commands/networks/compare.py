@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
-
-import tyro
+from typing import Annotated, ClassVar, Literal
 
 from semgs.files.errors import InputError
-from semgs.run.options.types import optional
+from semgs.run.options.words import optional, positional
 from semgs.run.usage_errors import UsageError, what_the_user_gave
 
 
@@ -26,16 +24,14 @@ class Compare:
     - semgs compare eval/before/report.json eval/after/report.json --layout difference
     """
 
-    reports: Annotated[
-        tyro.conf.Positional[tuple[Path, ...]], tyro.conf.arg(metavar="REPORT.json ...", help_behavior_hint="")
-    ]
+    only_with: ClassVar = {"--layout paper": ("--published",)}
+
+    reports: Annotated[tuple[Path, ...], positional("REPORT.json ...")]
     """Reports, or the folders that contain them. Differences are relative to the first."""
     layout: Literal["paper", "difference", "data", "card"] = "paper"
     """paper: the columns of the paper's tables, then metrics over all targets together. difference: each report minus the first, with paired 95 % bootstrap intervals. data:
     reports of different data, one below the other. card: as data, with intervals and a table of classes, for a model card."""
-    published: Annotated[
-        Literal["scannet", "scannetpp", "ablation"] | None, optional("{scannet,scannetpp,ablation}")
-    ] = None
+    published: Annotated[Literal["scannet", "scannetpp", "ablation"] | None, optional()] = None
     """With --layout paper: add the numbers that the paper published, with a note on what is unknown about them."""
     merge: Annotated[str, optional("alike|coarse13|FILE")] = ""
     """Add metrics of groups of classes: alike (table, desk and counter; chair and sofa; curtains), coarse13 (13 groups of ScanNet's 20), or a JSON file; see
@@ -50,13 +46,9 @@ class Compare:
             InputError: a report cannot be read, or has other frames.
             UsageError: the options do not fit the reports.
         """
-        if not self.reports:
-            raise UsageError("no report given; expected report.json of one or more evaluations")
         for path in self.reports:
             if not path.exists():
                 raise InputError(path, "the report.json of an evaluation", "nothing there")
-        if self.published and self.layout != "paper":
-            raise UsageError("--published needs --layout paper")
         if self.layout == "difference" and len(self.reports) < 2:
             raise UsageError("--layout difference needs two or more reports")
         from semgs.data.tables.class_groups import class_groups

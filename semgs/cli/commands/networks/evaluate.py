@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-import tyro
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from semgs.cli.progress import show_progress, show_stage
 from semgs.files.errors import InputError
 from semgs.files.folders import check_apart, check_folder
 from semgs.files.paths import existing_folder, files_among, found_at
 from semgs.run.device import chosen_device, chosen_precision
-from semgs.run.options.depth_options import OWN, DepthMeaning
+from semgs.run.options.depth_options import OWN, SENSOR, DepthMeaning
 from semgs.run.options.scene_options import SceneOptions
 from semgs.run.options.segmenter_options import SegmenterOptions
 from semgs.run.options.types import (
@@ -29,8 +27,8 @@ from semgs.run.options.types import (
     SeveralViews,
     Weights,
     Workers,
-    optional,
 )
+from semgs.run.options.words import INLINE, Words, optional, positional
 from semgs.run.usage_errors import UsageError, what_fits, what_the_user_gave
 
 if TYPE_CHECKING:
@@ -82,11 +80,25 @@ class Evaluate:
     - semgs evaluate small --single --data photos --out eval/photos
     """
 
-    data: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    only_with: ClassVar = {"--single": ("--sides", "--flip"), "--protocol peers": ("--gsnerf-distance",)}
+    excludes: ClassVar = {
+        "--single": (
+            "--predictions", "--protocol", "--views", "--depth-range", "--nearest", "--refine", "--exposure", "--workers", "--depth", "--merge",
+            "--panoptic", "--free-space",
+        ),
+        "--predictions": (
+            "--nearest", "--refine", "--exposure", "--depth-range", "--precision", "--allow-seen", "--free-space", "--protocol pairs",
+            "--segmenter", "--depth",
+        ),
+        "--workers": ("--segmenter", "--depth"),
+        "--sides": ("--size",),
+    }  # fmt: skip
+
+    data: Annotated[Path, Words(metavar="DIR")]
     """A scene or a folder of scenes."""
-    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    out: Annotated[Path, Words(metavar="DIR")]
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
-    weights: Annotated[tyro.conf.Positional[Weights], optional("[WEIGHTS]")] = ""
+    weights: Annotated[Weights, positional("[WEIGHTS]")] = ""
     """"small" for the included weights, a weights file, or hf://OWNER/NAME on the hub."""
     scenes: Annotated[str, optional("LIST")] = ""
     """Only the scenes of a list: an included one (scannet-sray-test), or a text file with one name per line; see docs/reproduce.md."""
@@ -138,11 +150,11 @@ class Evaluate:
     """Replace an output folder from an earlier run, once the new result is complete."""
     depth: Annotated[str | None, optional("SOURCE")] = None
     """Add depth maps from elsewhere, aligned to the network's depth: a folder of depth maps, an exported network, a model folder of transformers, or
-    hf:OWNER/NAME, as for semgs reconstruct."""
+    hf:OWNER/NAME. With sensor, Gaussians are at the measured depth of the input views. Both as for semgs reconstruct."""
     depth_meaning: DepthMeaning = None
     """What the numbers of these maps are, as for semgs reconstruct."""
-    segmenting: Annotated[SegmenterOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SegmenterOptions)
-    reading: Annotated[SceneOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=SceneOptions)
+    segmenting: Annotated[SegmenterOptions, INLINE] = field(default_factory=SegmenterOptions)
+    reading: Annotated[SceneOptions, INLINE] = field(default_factory=SceneOptions)
 
     def run(self) -> None:
         """Evaluate, write the folder, and print the table.
@@ -162,6 +174,7 @@ class Evaluate:
             data = open_labelled_scenes(self.data, self.reading.as_peers, self.reading.asked, self.scenes)
         check_apart(self.out, (place for scene in data.scenes for place in scene.places))
         plan = self._plan(data.scenes)
+        self._check_measured(plan)
         self._check_things(plan)
         with show_stage("Loading"):
             labelling = self.segmenting.labelling()
@@ -223,10 +236,6 @@ class Evaluate:
         """Check what can be checked without importing torch."""
         if bool(self.weights) == (self.predictions is not None):
             raise UsageError("expected either WEIGHTS or --predictions DIR; see semgs evaluate --help")
-        if self.single:
-            self._check_single()
-        elif self.sides or self.flip:
-            raise UsageError(f"{'--sides' if self.sides else '--flip'} needs --single")
         existing_folder(self.data)
         if self.predictions is not None and not self.predictions.is_dir():
             raise InputError(self.predictions, "a folder of predictions", found_at(self.predictions))
@@ -244,50 +253,10 @@ class Evaluate:
                 self.reading.images,
             ),
         )
-        of_weights = {
-            "--nearest": self.nearest is not None,
-            "--refine": bool(self.refine),
-            "--exposure": self.exposure != "as-taken",
-            "--depth-range": self.depth_range is not None,
-            "--precision": self.precision != "float32",
-            "--allow-seen": self.allow_seen,
-            "--free-space": self.free_space,
-        }
-        if self.predictions is not None and (given := [option for option, is_given in of_weights.items() if is_given]):
-            raise UsageError(f"{given[0]} is for WEIGHTS; --predictions are rendered already")
-        if self.predictions is not None and self.protocol[0] == "pairs":
-            raise UsageError("--protocol pairs is for WEIGHTS; --predictions have each target once")
-        if self.gsnerf_distance and self.protocol[0] != "peers":
-            raise UsageError("--gsnerf-distance needs --protocol peers")
         self.reading.check()
         self.segmenting.check()
-        if self.segmenting.segmenter is not None and (self.predictions is not None or self.workers):
-            raise UsageError(f"--segmenter cannot go with {'--predictions' if self.predictions else '--workers'}")
-        if self.depth is not None and (self.predictions is not None or self.workers):
-            raise UsageError(f"--depth cannot go with {'--predictions' if self.predictions else '--workers'}")
-        if self.depth_meaning is not None and self.depth is None:
-            raise UsageError("--depth-meaning is for --depth")
-
-    def _check_single(self) -> None:
-        """Refuse options that say how views become other views, which --single does not do."""
-        refused = {
-            "--predictions": self.predictions is not None,
-            "--protocol": self.protocol != ("neighbours",),
-            "--views": bool(self.views),
-            "--depth-range": self.depth_range is not None,
-            "--nearest": self.nearest is not None,
-            "--refine": bool(self.refine),
-            "--exposure": self.exposure != "as-taken",
-            "--workers": bool(self.workers),
-            "--depth": self.depth is not None,
-            "--merge": bool(self.merge),
-            "--panoptic": bool(self.panoptic),
-            "--free-space": self.free_space,
-        }
-        if given := [option for option, is_given in refused.items() if is_given]:
-            raise UsageError(f"--single classifies each image by itself, so it cannot go with {', '.join(given)}")
-        if self.sides and self.size is not None:
-            raise UsageError("--sides cannot go with --size")
+        if self.depth_meaning is not None and self.depth in (None, SENSOR):
+            raise UsageError("--depth-meaning is for --depth SOURCE")
 
     def _plan(self, scenes: tuple[Scene, ...]) -> FramePlan:
         """The targets and their input views."""
@@ -323,6 +292,7 @@ class Evaluate:
                 labelling=labelling,
                 passes=self._passes(),
                 depth=depth,
+                sensor=self.depth == SENSOR,
                 exposure=self.exposure,
                 things=bool(self.panoptic),
                 free_space=self.free_space,
@@ -343,6 +313,18 @@ class Evaluate:
         if classes is None:
             raise InputError(self.data, "labelled scenes for --merge", "none with labels")
         return class_groups(self.merge, classes.names)
+
+    def _check_measured(self, plan: FramePlan) -> None:
+        """Refuse input views without depth if the Gaussians are to be at it.
+
+        Raises:
+            InputError: a frame has none.
+        """
+        for task in plan.tasks if self.depth == SENSOR else ():
+            for frame in (task.scene.frames[place] for place in task.sample.contexts):
+                if frame.depth is None:
+                    wanted = "measured depth of each input view for --depth sensor"
+                    raise InputError(task.scene.path, wanted, "none", frame.name)
 
     def _check_things(self, plan: FramePlan) -> None:
         """Refuse scenes whose things cannot be scored.
@@ -371,11 +353,12 @@ class Evaluate:
             check_object_libraries()
 
     def _depth_maps(self) -> Callable[[Scene], DepthMaps] | None:
-        """The source of depth maps; None without the option."""
-        if self.depth is None:
+        """The source of depth maps; None without one."""
+        if self.depth in (None, SENSOR):
             return None
         from semgs.depth_maps.opening import open_depth_maps
 
+        assert self.depth is not None
         return open_depth_maps(self.depth, self.depth_meaning)
 
     def _passes(self) -> int:
@@ -386,9 +369,8 @@ class Evaluate:
 
     def _name(self, segmented: bool) -> str:
         """The name in tables; "" for that of the network."""
-        choices = (
-            ["segmenter"] * segmented + ["depth maps"] * (self.depth is not None) + ["refined"] * bool(self.refine)
-        )
+        depth = [] if self.depth is None else ["sensor depth" if self.depth == SENSOR else "depth maps"]
+        choices = ["segmenter"] * segmented + depth + ["refined"] * bool(self.refine)
         choices += [] if self.exposure == "as-taken" else [f"exposure {self.exposure}"]
         choices += [] if self.nearest is None else [f"nearest {self.nearest}"]
         return self.name or (" + ".join([Path(self.weights).stem, *choices]) if choices else "")
@@ -425,6 +407,8 @@ class Evaluate:
             said = (f"The classes are from {first.description}.", *first.notes)
         if depth is not None:
             said += (f"The depth is from the network and {depth(plan.scenes[0]).title}.",)
+        if self.depth == SENSOR:
+            said += ("The depth of the input views is measured.",)
         if self.depth == OWN:
             said += ("The same maps are the truth of the depth error.",)
         if self.exposure != "as-taken":

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
 from semgs.cli.progress import show_stage
 from semgs.files.folders import check_new_file
 from semgs.files.paths import files_among
 from semgs.run.options.types import Size, Views, Weights
+from semgs.run.options.words import Words, positional
 from semgs.run.usage_errors import UsageError, what_the_user_gave
 
 MOST_VIEWS = 16
@@ -33,9 +32,9 @@ class ExportNetwork:
     - semgs export-network runs/mine/weights.safetensors --views 4 --size 480x640 --out mine.onnx
     """
 
-    weights: Annotated[tyro.conf.Positional[Weights], tyro.conf.arg(metavar="WEIGHTS")]
+    weights: Annotated[Weights, positional("WEIGHTS")]
     """"small" for the included weights, a weights file, or hf://OWNER/NAME on the hub."""
-    out: Annotated[Path, tyro.conf.arg(metavar="FILE")]
+    out: Annotated[Path, Words(metavar="FILE")]
     """Output file."""
     views: Views = 2
     """Number of input views, at most 16."""

@@ -6,16 +6,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-import tyro
-
-from semgs.cli.options.execution_options import ExecutionOptions
-from semgs.cli.options.training_options import PresetSettings
+from semgs.cli.options.training_options import ExecutionOptions, TypedSettings
 from semgs.run.options.types import Count
+from semgs.run.options.words import INLINE, Words
 from semgs.run.usage_errors import UsageError, what_the_user_gave
 from semgs.training.presets import PRESETS
 
 
-@tyro.conf.configure(tyro.conf.CascadeSubcommandArgs, tyro.conf.OmitSubcommandPrefixes)
 @dataclass(frozen=True)
 class Train:
     """Train a network on generated rooms, on your own scenes, or on both.
@@ -34,16 +31,16 @@ class Train:
     - semgs train paper --data scannet/train --init re10k.ckpt --devices 4 --out runs/paper
     """
 
-    presets: ClassVar = tuple(PRESETS)
+    presets: ClassVar = PRESETS
 
-    settings: Annotated[PresetSettings, tyro.conf.arg(name="")]
-    out: Annotated[Path, tyro.conf.arg(metavar="RUN")]
+    settings: Annotated[TypedSettings, INLINE]
+    out: Annotated[Path, Words(metavar="RUN")]
     """Run folder: new, empty, one whose run has no checkpoint yet, or a run with the same settings to resume. You may then raise --steps, move files
     and folders without renaming them, and change how to compute (--device, --devices, --nodes, --precision, --accumulate, --minutes,
     --workers, --save-minutes, --cache-gib)."""
     nodes: Count = 1
     """Machines, each with that many --devices, started by torchrun or SLURM."""
-    compute: Annotated[ExecutionOptions, tyro.conf.OmitArgPrefixes] = field(default_factory=ExecutionOptions)
+    compute: Annotated[ExecutionOptions, INLINE] = field(default_factory=ExecutionOptions)
 
     def run(self) -> None:
         """Train, and write the averaged weights into the run folder.

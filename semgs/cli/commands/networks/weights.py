@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
 from semgs.files.paths import typed_path
-from semgs.run.options.types import optional
+from semgs.run.options.words import positional
 from semgs.run.usage_errors import what_the_user_gave
 
 if TYPE_CHECKING:
@@ -30,7 +28,7 @@ class Weights:
     - semgs weights verify
     """
 
-    weights: Annotated[tyro.conf.Positional[tuple[str, ...]], optional("[WEIGHTS ...]")] = ()
+    weights: Annotated[tuple[str, ...], positional("[WEIGHTS ...]")] = ()
     """Names, files, or hf://OWNER/NAME on the hub; by default all included weights."""
 
     def run(self) -> None:
@@ -62,7 +60,7 @@ class Verify:
     - semgs weights verify downloads/small.safetensors
     """
 
-    weights: Annotated[tyro.conf.Positional[tuple[str, ...]], optional("[NAME or FILE ...]")] = ()
+    weights: Annotated[tuple[str, ...], positional("[NAME or FILE ...]")] = ()
     """Names or files to check; by default all included weights."""
 
     def run(self) -> None:
@@ -85,7 +83,7 @@ class Verify:
 def _files_grid(files: Mapping[str, Path]) -> Grid:
     """The table of files, with the terms of their training data below."""
     from semgs.evaluation.tables.table_grid import Cell, Grid
-    from semgs.files.hashes import sha256
+    from semgs.files.contents import sha256
     from semgs.model.weights.index import SHOWN
     from semgs.model.weights.load import data_terms
     from semgs.model.weights.weights_file import count_parameters, read_header
@@ -106,9 +104,9 @@ def _files_grid(files: Mapping[str, Path]) -> Grid:
 
 def _scores_grid(files: Mapping[str, Path]) -> list[Grid]:
     """The table of scores with intervals; none if no header has scores."""
-    from semgs.evaluation.tables.score_cells import with_interval
-    from semgs.evaluation.tables.table_grid import Cell, Grid
-    from semgs.model.weights.header_scores import Figure, read_scores
+    from semgs.evaluation.tables.table_grid import Cell, Grid, with_interval
+    from semgs.model.weights.header import Figure
+    from semgs.model.weights.weights_file import read_scores
     from semgs.objectives.measures import TITLES
 
     def cell(metric: str, figure: Figure | None) -> Cell:

@@ -8,17 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
 from semgs.app.jobs import Jobs
 from semgs.app.limits import Limits
 from semgs.app.page import check_page_library
 from semgs.cli.progress import show_stage
-from semgs.files.cache import cache_folder
 from semgs.files.errors import InputError
 from semgs.files.folders import lock_folder
-from semgs.files.paths import found_at, typed_path
-from semgs.run.options.types import AllowedHosts, at_least, one_word, optional
+from semgs.files.paths import cache_folder, found_at, typed_path
+from semgs.run.options.types import AllowedHosts, at_least
+from semgs.run.options.words import Words, one_word, optional
 from semgs.run.usage_errors import UsageError
 from semgs.viewer.access import Access, access_to
 from semgs.viewer.server import LOOPBACK, check_viewer_library, is_this_machine, url_of_address
@@ -48,9 +46,7 @@ class App:
     """Another name under which browsers open this page, such as that of a notebook's or a company's proxy. Repeatable."""
     port: Annotated[int, one_word("INT", at_least(0))] = 7860
     """Port to listen on; 0 is any free one."""
-    folder: Annotated[
-        Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(default: in the user's cache)")
-    ] = None
+    folder: Annotated[Path | None, Words(metavar="DIR", shown="in the user's cache")] = None
     """Where rooms are kept."""
     keep_hours: Annotated[float, one_word("HOURS", at_least(0.0, more=True))] = 24.0
     """Rooms and their photos are deleted after this time."""

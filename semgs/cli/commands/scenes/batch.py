@@ -11,16 +11,15 @@ from functools import partial
 from glob import glob
 from pathlib import Path
 from time import localtime, strftime, time
-from typing import TYPE_CHECKING, Annotated, Literal
-
-import tyro
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from semgs.cli.arguments import parse
 from semgs.cli.progress import show_progress
 from semgs.files.errors import InputError, readable
 from semgs.files.paths import found_at, typed_path
 from semgs.files.text import counted, shortened
-from semgs.run.options.types import CountOrAuto, one_word, optional
+from semgs.run.options.types import CountOrAuto
+from semgs.run.options.words import Words, one_word, optional, positional
 from semgs.run.usage_errors import UsageError, what_the_user_gave
 from semgs.runtime.cores import usable_cores
 
@@ -97,13 +96,13 @@ class Batch:
     - semgs batch label scannetpp/data --out data/labelled --segmenter segformer.onnx --ray auto
     """
 
-    command: Annotated[Command, tyro.conf.Positional, tyro.conf.arg(metavar="COMMAND")]
+    excludes: ClassVar = {"--ray": ("--workers", "--shard")}
+
+    command: Annotated[Command, positional("COMMAND")]
     """What to run: reconstruct, poses, doctor, export, label or label-splat."""
-    data: Annotated[
-        tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="DATA [DATA ...]", help_behavior_hint="")
-    ]
+    data: Annotated[tuple[str, ...], positional("DATA [DATA ...]")]
     """Scenes, or folders of scenes; for poses, folders of photos and clips; for export, reconstructions; for label-splat, splats."""
-    out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
+    out: Annotated[Path, Words(metavar="OUT")]
     """Folder for the results: new, empty, or that of an earlier call."""
     scenes: Annotated[str, optional("LIST")] = ""
     """Only the scenes of a list: an included one (scannet-val), or a text file with one name per line; see docs/reproduce.md."""
@@ -176,13 +175,7 @@ class Batch:
 
     def _check(self) -> None:
         """Check what can be checked without looking for scenes."""
-        if not self.data:
-            raise UsageError(
-                f"expected scenes, as in semgs batch {self.command} DATA --out OUT; see semgs batch --help"
-            )
         if self.ray:
-            if self.workers or self.shard:
-                raise UsageError("--ray spreads the scenes over its machines; leave out --workers and --shard")
             from semgs.batch.cluster import check_ray
 
             check_ray()
@@ -227,7 +220,7 @@ class Batch:
         if not tasks:
             return
         from semgs.batch.cluster import run_on_cluster
-        from semgs.batch.demands import demands_of
+        from semgs.batch.tasks import demands_of
         from semgs.batch.work import begin, settle, work
         from semgs.runtime.free_memory import free_bytes
         from semgs.runtime.workers import finished

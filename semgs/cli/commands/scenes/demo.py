@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
-
 from semgs.files.strict_json import parse_json
-from semgs.run.options.types import Device, Passes, Views, optional
+from semgs.run.options.types import Device, Passes, Views
+from semgs.run.options.words import Words, optional
 from semgs.run.outcome import Outcome, Run
 from semgs.run.reconstruct import Reconstruct
-from semgs.runtime.progress import Progress
+from semgs.runtime.notes import Progress
 
 
 @dataclass(frozen=True)
@@ -22,7 +21,7 @@ class Demo(Run):
     This is `semgs reconstruct` on a scene of ours, so you can see the output before you use your own photos. Nothing is downloaded.
     """
 
-    out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("demo")
+    out: Annotated[Path, Words(metavar="DIR")] = Path("demo")
     """Output folder: new, empty, or from an earlier demo, which is replaced."""
     views: Views = 2
     """Number of input views."""

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import tyro
-
 from semgs._version import __version__
 from semgs.cli.progress import show_stage
 from semgs.files.errors import InputError
 from semgs.files.folders import check_folder, own_folder
 from semgs.files.text import aligned
-from semgs.run.options.types import optional
+from semgs.run.options.words import Words, optional, positional
 from semgs.run.usage_errors import UsageError
 from semgs.splats.endings import is_splat
 
@@ -51,11 +49,11 @@ class Query:
     - semgs query out/office --embedding mug.npy --threshold 0.25 --out out/mug --overwrite
     """
 
-    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+    scene: Annotated[Path, positional("SCENE")]
     """Folder from semgs reconstruct --features."""
-    embedding: Annotated[Path, tyro.conf.arg(metavar="FILE")]
+    embedding: Annotated[Path, Words(metavar="FILE")]
     """The embedding: a .npy file with as many numbers as a feature has."""
-    out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
+    out: Annotated[Path, Words(metavar="OUT")]
     """Output folder: new, empty, or, with --overwrite, one from an earlier run."""
     threshold: Annotated[float | None, optional("FLOAT")] = None
     """Write the Gaussians whose similarity is above this, from -1 to 1. By default, the tenth of them that is most similar, or more if the most
@@ -101,7 +99,7 @@ class Query:
         from semgs.files.atomic import write_json
         from semgs.files.images.colours import heat_picture
         from semgs.files.images.pictures import write_png, write_tiff
-        from semgs.scene.selection import part_of
+        from semgs.scene.confidence import part_of
         from semgs.scene.upright import up_of, upright
 
         of_gaussians = features.similarity(embedding)

@@ -10,9 +10,7 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, Any, Literal
-
-import tyro
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from semgs.cli.progress import Terminal, show_stage
 from semgs.files.atomic import write_text
@@ -21,17 +19,8 @@ from semgs.files.folders import check_new_file
 from semgs.files.paths import existing_folder
 from semgs.robotics.object_libraries import check_object_libraries
 from semgs.run.opened_scene import check_for_robots, open_given
-from semgs.run.options.types import (
-    Activated,
-    AllowedHosts,
-    Count,
-    Probability,
-    Views,
-    WeightsOrRandom,
-    at_least,
-    one_word,
-    optional,
-)
+from semgs.run.options.types import Activated, AllowedHosts, Count, Probability, Views, WeightsOrRandom, at_least
+from semgs.run.options.words import Words, one_word, optional, positional
 from semgs.run.reconstruct import Reconstruct
 from semgs.run.usage_errors import UsageError
 from semgs.splats.endings import is_splat, lacks_classes
@@ -64,13 +53,13 @@ class View:
     - semgs view office.ply --cameras scans/office
     """
 
-    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+    excludes: ClassVar = {"--html": ("--port", "--host", "--allow-host")}
+
+    scene: Annotated[Path, positional("SCENE")]
     """Folder from semgs reconstruct, a scene file, a splat, or posed photos."""
     html: Annotated[Path | None, optional("FILE.html")] = None
     """Write the scene as one page and exit."""
-    max_gaussians: Annotated[
-        Count | None, tyro.conf.arg(metavar="INT", help_behavior_hint="(default: all; 153,600 for --html)")
-    ] = None
+    max_gaussians: Annotated[Count | None, Words(metavar="INT", shown="all; 153,600 for --html")] = None
     """Show at most this many Gaussians, those that cover most pixels of the input views. A page of 100,000 has up to 9 MB."""
     min_confidence: Probability = 0.0
     """Gaussians whose likeliest class is less likely than this are unknown."""
@@ -91,7 +80,7 @@ class View:
     """Another name under which browsers open the viewer, such as that of a notebook's or a company's proxy. Repeatable."""
     views: Annotated[Views | None, optional()] = None
     """Posed photos: number of input views; by default all that add something, at most 12."""
-    weights: Annotated[WeightsOrRandom, tyro.conf.arg(help_behavior_hint="(default: small)")] = None
+    weights: Annotated[WeightsOrRandom, Words(shown="small")] = None
     """Posed photos: the weights, as for semgs reconstruct."""
     overwrite: bool = False
     """Replace FILE of --html."""
@@ -133,14 +122,9 @@ class View:
         return ours or is_splat(self.scene)
 
     def _check_page(self, page: Path) -> None:
-        """Check that the page can be written, and that no option is for the viewer."""
+        """Check that the page can be written."""
         if page.suffix.lower() != PAGE:
             raise UsageError(f"--html is {page}; expected a file name that ends with {PAGE}")
-        for option, given, default in (
-            ("--port", self.port, View.port), ("--host", self.host, View.host), ("--allow-host", self.allow_host, View.allow_host),
-        ):  # fmt: skip
-            if given != default:
-                raise UsageError(f"{option} is for the viewer, not for --html")
         check_new_file(page, self.overwrite)
 
     @contextmanager

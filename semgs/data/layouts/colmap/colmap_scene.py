@@ -17,7 +17,7 @@ from semgs.data.frames import Frame
 from semgs.data.layouts.colmap.colmap_files import ColmapPoints, read_cameras, read_images, read_points
 from semgs.data.layouts.parts.letter_forms import OTHER_FORM, in_other_form
 from semgs.data.layouts.parts.pose_files import checked_poses
-from semgs.data.layouts.parts.sentences import note_damaged_points, note_lacking, note_transparent
+from semgs.data.layouts.parts.usable_frames import note_damaged_points, note_lacking, note_transparent
 from semgs.data.maps import MaskMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails

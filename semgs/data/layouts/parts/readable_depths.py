@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from semgs.data.frames import Frame
-from semgs.data.layouts.parts.sentences import note_lacking
+from semgs.data.layouts.parts.usable_frames import note_lacking
 from semgs.data.maps import DepthMap, DepthThroughLens
 from semgs.data.scene import Scene
 from semgs.files.contents import LFS_POINTER

@@ -7,6 +7,8 @@
 lines of 4            4x4 or 3x4 matrices below each other: SUN3D's
 
 If a comment names the columns of positions and quaternions, they are read by their names, in any order.
+
+Entries of two streams are associated by time, as in TUM RGB-D's own tool.
 """
 
 from __future__ import annotations
@@ -17,9 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from semgs.data.layouts.parts.association import in_seconds
-from semgs.data.layouts.parts.named_columns import pose_columns, times_per_second
-from semgs.data.layouts.parts.text_numbers import read_rows
+from semgs.data.layouts.parts.text_numbers import pose_columns, read_rows, times_per_second
 from semgs.files.errors import InputError
 from semgs.files.stored import Stored
 
@@ -27,6 +27,16 @@ FORMS = "poses as 8 numbers per line (time, tx ty tz, qx qy qz qw) or the last 7
 
 UNIT_TOLERANCE = 0.1
 """Quaternions may differ from unit length by this much."""
+
+TOLERANCE = 0.02
+"""Largest time difference of associated entries [s]: TUM RGB-D's default."""
+
+
+NEAREST = 25
+"""So many entries before one, and so many after it, are looked at: a stream that has more within the tolerance is no stream of images or poses."""
+
+MILLISECONDS, MICROSECONDS, NANOSECONDS = 1e11, 1e14, 1e17
+"""Times of the clock that are larger than these are in that unit: in seconds, the first is in the year 5138."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,3 +182,48 @@ def _rows_of_a_matrix(held: list[list[float]], lengths: list[int]) -> int:
     if set(lengths) != {4}:
         return 0
     return 4 if all(values == [0, 0, 0, 1] for values in held[3::4]) and len(held) % 4 == 0 else 3
+
+
+def in_seconds(times: np.ndarray, per_second: float | None = None) -> np.ndarray:
+    """Times [n] in seconds.
+
+    Args:
+        times: in any unit.
+        per_second: how many units are a second; None if unknown: then they are of the clock, in seconds, milliseconds, microseconds or nanoseconds since 1970.
+    """
+    if per_second is not None:
+        return times / per_second
+    known = np.abs(times[np.isfinite(times)])
+    largest = float(known.max()) if len(known) else 0.0
+    units = ((NANOSECONDS, 1e9), (MICROSECONDS, 1e6), (MILLISECONDS, 1e3))
+    return times / next((per_second for least, per_second in units if largest >= least), 1.0)
+
+
+def associate(first: np.ndarray, second: np.ndarray, tolerance: float = TOLERANCE) -> dict[int, int]:
+    """For entries of the first stream, the entry of the second at nearly the same time. Nearest pairs first; each entry is used once.
+
+    Args:
+        first: times [n] in any order [s].
+        second: times [m] [s].
+        tolerance: pairs are less than this apart [s].
+
+    Returns:
+        Positions in the second by positions in the first, in the order of the first. Entries without a partner are left out.
+    """
+    order = np.argsort(second, kind="stable")
+    middles = np.searchsorted(second[order], first)
+    begins = np.maximum(np.searchsorted(second[order], first - tolerance, side="left"), middles - NEAREST)
+    ends = np.minimum(np.searchsorted(second[order], first + tolerance, side="right"), middles + NEAREST)
+    pairs = sorted(
+        (abs(first[i] - second[j]), i, int(j))
+        for i in range(len(first))
+        for j in order[begins[i] : ends[i]]
+        if abs(first[i] - second[j]) < tolerance
+    )
+    found: dict[int, int] = {}
+    used: set[int] = set()
+    for _, i, j in pairs:
+        if i not in found and j not in used:
+            found[i] = j
+            used.add(j)
+    return dict(sorted(found.items()))

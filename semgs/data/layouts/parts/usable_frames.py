@@ -1,4 +1,4 @@
-"""Recordings: scenes of many frames, some of which lack a pose, a map or an image. These are left out and counted."""
+"""Recordings: scenes of many frames, some of which lack a pose, a map or an image. These are left out and counted, and notes say so."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from semgs.data.cameras.lens import Lens
 from semgs.data.confined import may_read
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.pose_files import checked_poses
-from semgs.data.layouts.parts.sentences import note_lacking
 from semgs.data.layouts.parts.trajectories import FoundPose
 from semgs.data.maps import MapSource
 from semgs.data.scene import Scene
@@ -20,6 +19,7 @@ from semgs.data.tables.classes import ClassTable
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import is_turned, read_header
 from semgs.files.stored import Stored
+from semgs.files.text import counted
 
 PICTURES = (".png", ".jpg", ".jpeg", ".jfif", ".jpe", ".mpo", ".heic")
 """Endings of images, in lower case."""
@@ -178,3 +178,34 @@ def _checked(poses: Sequence[FoundPose]) -> np.ndarray:
         some = [poses[index] for index in indices]
         checked[indices] = checked_poses(file, [pose.matrix for pose in some], [pose.place for pose in some])
     return checked
+
+
+def note_lacking(names: Sequence[str], count: int, what: str) -> list[str]:
+    """A note: how many of `count` frames lack something, and the first of them. Empty if there are none.
+
+    Args:
+        names: of those frames.
+        count: of all frames.
+        what: what they lack ("frames have no depth").
+    """
+    return [f"{len(names)} of {count} {what}, the first is {names[0]}."] if names else []
+
+
+def note_transparent(count: int, masks: str) -> list[str]:
+    """A note about images with transparent areas, if there are any.
+
+    Args:
+        count: how many.
+        masks: where the layout has masks ("mask_path of its frame").
+    """
+    if not count:
+        return []
+    images = counted(count, "image has", "images have")
+    return [
+        f"{images} an alpha channel; transparent areas become white. To hide them, write a mask of each image (black = hidden): {masks}."
+    ]
+
+
+def note_damaged_points(error: InputError | None) -> list[str]:
+    """A note about sparse points that cannot be read, if so; a scene does not need them."""
+    return [f"The sparse points are left out: {error}."] if error else []

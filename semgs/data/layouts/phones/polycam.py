@@ -19,9 +19,8 @@ import numpy as np
 
 from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details
 from semgs.data.layouts.parts.fields import Fields, read_fields
-from semgs.data.layouts.parts.sentences import note_lacking
 from semgs.data.layouts.parts.trajectories import FoundPose
-from semgs.data.layouts.parts.usable_frames import PICTURES, Shot, ShotList
+from semgs.data.layouts.parts.usable_frames import PICTURES, Shot, ShotList, note_lacking
 from semgs.data.layouts.phones.capture import find_capture
 from semgs.data.maps import DepthMap, DepthThroughLens, MapSource
 from semgs.data.scene import Scene

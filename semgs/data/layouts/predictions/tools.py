@@ -72,19 +72,19 @@ def _read_depth_anything(file: NpzFile, tool: str) -> Predicted:
     metric = "is_metric" in file.names and bool(file.truths("is_metric", shape="whether depth is metric").all())
     unit = "metric" if metric else "unknown"
     return _predicted(
-        file, tool, "extrinsics", "intrinsics", "depth", "conf", ("image", "images"), depth_anything, unit=unit
+        file, tool, ("extrinsics", "intrinsics", "depth", "conf"), ("image", "images"), depth_anything, unit=unit
     )
 
 
 def _read_vggt(file: NpzFile, tool: str) -> Predicted:
     """VGGT's `predictions.npz`."""
-    return _predicted(file, tool, "extrinsic", "intrinsic", "depth", "depth_conf", ("images",), vggt)
+    return _predicted(file, tool, ("extrinsic", "intrinsic", "depth", "depth_conf"), ("images",), vggt)
 
 
 def _read_map_anything_app(file: NpzFile, tool: str) -> Predicted:
     """The `predictions.npz` of MapAnything's demo."""
     return _predicted(
-        file, tool, "extrinsic", "intrinsic", "depth", "final_mask", ("images",), map_anything,
+        file, tool, ("extrinsic", "intrinsic", "depth", "final_mask"), ("images",), map_anything,
         to_world=True, masked=True, unit="metric", upright=True, shift=HALF,
     )  # fmt: skip
 
@@ -92,18 +92,18 @@ def _read_map_anything_app(file: NpzFile, tool: str) -> Predicted:
 def _read_map_anything(file: NpzFile, tool: str) -> Predicted:
     """What MapAnything's `infer` returns, the photos stacked."""
     return _predicted(
-        file, tool, "camera_poses", "intrinsics", "depth_z", "mask", ("img_no_norm",), map_anything,
+        file, tool, ("camera_poses", "intrinsics", "depth_z", "mask"), ("img_no_norm",), map_anything,
         to_world=True, masked=True, unit="metric", upright=True, shift=HALF,
     )  # fmt: skip
 
 
 def _read_dust3r(file: NpzFile, tool: str) -> Predicted:
     """DUSt3R's results."""
-    return _predicted(
-        file, tool, file.first_of(POSES_OF_DUST3R) or "", file.first_of(FOCALS_OF_DUST3R) or "",
-        file.first_of(DEPTHS_OF_DUST3R) or "", file.first_of(("im_conf", "confs", "conf")) or "", ("imgs", "images", "rgb"), dust3r,
-        to_world=True, upright=True,
-    )  # fmt: skip
+    fields = [
+        file.first_of(names) or ""
+        for names in (POSES_OF_DUST3R, FOCALS_OF_DUST3R, DEPTHS_OF_DUST3R, ("im_conf", "confs", "conf"))
+    ]
+    return _predicted(file, tool, fields, ("imgs", "images", "rgb"), dust3r, to_world=True, upright=True)
 
 
 TOOLS = (
@@ -138,10 +138,7 @@ def read_predicted(file: NpzFile) -> Predicted:
 def _predicted(
     file: NpzFile,
     tool: str,
-    poses: str,
-    intrinsics: str,
-    depth: str,
-    sure: str,
+    fields: Sequence[str],
     images: Sequence[str],
     preprocessing: Preprocessing,
     *,
@@ -156,8 +153,7 @@ def _predicted(
     Args:
         file: the file.
         tool: the name of its tool.
-        poses, intrinsics, depth: names of the fields.
-        sure: the field with the confidence or the mask, which may be missing.
+        fields: the names of those with poses, intrinsics, depth, and with the confidence or the mask, which may be missing.
         images: the fields that may have the images.
         preprocessing: what the tool does with photos.
         to_world: whether poses are camera to world, not world to camera.
@@ -166,6 +162,7 @@ def _predicted(
         upright: whether the tool turns photos as their EXIF orientation says.
         shift: what is added to principal points [px].
     """
+    poses, intrinsics, depth, sure = fields
     depths = check_depth(file.path, depth, file.numbers(depth, shape="depth maps"))
     matrices = _intrinsics(file, intrinsics, depths)
     because = ""

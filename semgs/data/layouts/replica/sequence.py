@@ -19,9 +19,15 @@ from pathlib import Path
 from semgs.data.cameras.lens import HALF, Lens
 from semgs.data.layouts.parts.calibrations import calibration_from_details
 from semgs.data.layouts.parts.fields import read_fields
-from semgs.data.layouts.parts.sentences import note_lacking
 from semgs.data.layouts.parts.trajectories import read_trajectory
-from semgs.data.layouts.parts.usable_frames import Shot, ShotList, first_file, numbered_files, sequence_name
+from semgs.data.layouts.parts.usable_frames import (
+    Shot,
+    ShotList,
+    first_file,
+    note_lacking,
+    numbered_files,
+    sequence_name,
+)
 from semgs.data.layouts.scannet.scannet_labels import labels_of_ids
 from semgs.data.maps import DepthMap, IdMap
 from semgs.data.paper_variants import READINGS, ROW_229

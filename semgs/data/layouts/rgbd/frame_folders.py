@@ -24,13 +24,11 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.cameras.lens import HALF, Lens
-from semgs.data.layouts.parts.association import associate
 from semgs.data.layouts.parts.calibrations import YAML, Calibration, calibration_from_details, read_calibration
-from semgs.data.layouts.parts.named_columns import notes_on_names
 from semgs.data.layouts.parts.readable_depths import fault_of_depth
-from semgs.data.layouts.parts.sentences import note_lacking
-from semgs.data.layouts.parts.trajectories import FoundPose, Trajectory, read_pose, read_trajectory
-from semgs.data.layouts.parts.usable_frames import PICTURES, Shot, ShotList, first_file, sequence_name
+from semgs.data.layouts.parts.text_numbers import notes_on_names
+from semgs.data.layouts.parts.trajectories import FoundPose, Trajectory, associate, read_pose, read_trajectory
+from semgs.data.layouts.parts.usable_frames import PICTURES, Shot, ShotList, first_file, note_lacking, sequence_name
 from semgs.data.maps import MILLIMETRE, DepthMap
 from semgs.data.scene import Scene
 from semgs.data.scene_details import SceneDetails

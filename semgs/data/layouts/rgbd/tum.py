@@ -18,11 +18,9 @@ import numpy as np
 
 from semgs.data.cameras.lens import HALF
 from semgs.data.confined import named_file
-from semgs.data.layouts.parts.association import associate, in_seconds
 from semgs.data.layouts.parts.calibrations import Calibration, calibration_from_details, read_calibration
-from semgs.data.layouts.parts.named_columns import notes_on_names, times_per_second
-from semgs.data.layouts.parts.text_numbers import read_lines
-from semgs.data.layouts.parts.trajectories import read_trajectory
+from semgs.data.layouts.parts.text_numbers import notes_on_names, read_lines, times_per_second
+from semgs.data.layouts.parts.trajectories import associate, in_seconds, read_trajectory
 from semgs.data.layouts.parts.usable_frames import Shot, ShotList, sequence_name
 from semgs.data.maps import DepthMap
 from semgs.data.scene import Scene

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from semgs.data.frames import Frame
-from semgs.data.layouts.parts.association import associate
-from semgs.data.layouts.parts.sentences import note_lacking
+from semgs.data.layouts.parts.trajectories import associate
+from semgs.data.layouts.parts.usable_frames import note_lacking
 from semgs.data.layouts.ros.bag import COMPRESSED, IMAGE, Bag, BagFile, frame_id_of, open_bag
 from semgs.data.layouts.ros.camera import choose_pictures, find_lens
 from semgs.data.layouts.ros.image_messages import depth_fault, is_depth

@@ -1,4 +1,8 @@
-"""`scannetv2-labels.combined.tsv`: maps the ids and names of ScanNet's annotations to NYU40 classes."""
+"""ScanNet's labels: `scannetv2-labels.combined.tsv` maps the ids and names of its annotations to the 40 classes of NYUv2.
+
+Through these, ScanNet's labels are mapped to the 20 of its benchmark. The other 20 (ceiling, books, television, lamp, otherprop, ...) are ignored and count in no metric. So is 0, which ScanNet writes for
+unlabelled pixels.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ from jaxtyping import UInt8
 
 from semgs.data.confined import may_read
 from semgs.data.paper_variants import GSNERF_LABELS, LSM8_LABELS
-from semgs.data.tables.nyu40 import NAMES, OTHERPROP, lsm8_labels, scannet20_labels
+from semgs.data.tables.classes import IGNORE, LSM8, SCANNET20
 from semgs.files.contents import read_text
 from semgs.files.errors import InputError
 
@@ -23,6 +27,22 @@ ID, NAME, NYU40 = "id", "raw_category", "nyu40id"
 
 MOST_IDS = 1 << 16
 """Label maps have 16 bits."""
+
+NYU40_NAMES = (
+    "wall", "floor", "cabinet", "bed", "chair", "sofa", "table", "door", "window", "bookshelf", "picture", "counter", "blinds",
+    "desk", "shelves", "curtain", "dresser", "pillow", "mirror", "floor mat", "clothes", "ceiling", "books", "refrigerator",
+    "television", "paper", "towel", "shower curtain", "box", "whiteboard", "person", "night stand", "toilet", "sink", "lamp",
+    "bathtub", "bag", "otherstructure", "otherfurniture", "otherprop",
+)  # fmt: skip
+"""The name of class n is at n - 1. ScanNet's files also spell the 24th "refridgerator"."""
+
+OTHERPROP = len(NYU40_NAMES)
+"""The id of what has no class of its own."""
+
+GSNERF_OTHER = 6
+"""The label that GSNeRF's code gives to otherfurniture: table."""
+GSNERF_VOID = 19
+"""The label that it gives to unlabelled pixels: a class that it trains and scores."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +113,7 @@ def read_table(path: Path) -> LabelTable:
         values = line.split("\t")
         raw_id, name, nyu40 = (values[place].strip() if place < len(values) else "" for place in places)
         identity = _whole(path, number, ID, raw_id, range(1, MOST_IDS))
-        by_id[identity] = _whole(path, number, NYU40, nyu40 or "0", range(len(NAMES) + 1))  # 0: unknown
+        by_id[identity] = _whole(path, number, NYU40, nyu40 or "0", range(len(NYU40_NAMES) + 1))  # 0: unknown
         by_name[normal(name)] = by_id[identity]
     return LabelTable(path, by_id, by_name)
 
@@ -110,3 +130,26 @@ def _whole(path: Path, line: int, column: str, text: str, allowed: range) -> int
             path, f"a whole number {allowed[0]}..{allowed[-1]}", f"{text!r:.60}", key=f"line {line}, {column}"
         )
     return int(text)
+
+
+def scannet20_labels(as_gsnerf: bool = False) -> UInt8[np.ndarray, " 41"]:
+    """The label of each NYU40 id, 0..40, in the table `scannet20`; 255 = none.
+
+    Args:
+        as_gsnerf: follow GSNeRF's released code instead of the benchmark and S-Ray: otherfurniture is table, and unlabelled pixels are
+            class 19 (`utils/scannet_utils.py`, in the loop after its mapping, which was meant for Replica).
+    """
+    labels = np.full(len(NYU40_NAMES) + 1, IGNORE, np.uint8)
+    labels[list(SCANNET20.raw_ids)] = np.arange(len(SCANNET20), dtype=np.uint8)
+    if as_gsnerf:
+        labels[labels == SCANNET20.index("otherfurniture")] = GSNERF_OTHER
+        labels[labels == IGNORE] = GSNERF_VOID
+    return labels
+
+
+def lsm8_labels() -> UInt8[np.ndarray, " 41"]:
+    """The label of each NYU40 id, 0..40, in the table `lsm8`; all that it does not name is "other", 0 has none."""
+    labels = np.full(len(NYU40_NAMES) + 1, LSM8.index("other"), np.uint8)
+    labels[list(LSM8.raw_ids)] = np.arange(len(LSM8), dtype=np.uint8)
+    labels[0] = IGNORE
+    return labels

@@ -19,17 +19,15 @@ import numpy as np
 from semgs.data.cameras.lens import HALF, Lens
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.pose_files import checked_poses
-from semgs.data.layouts.parts.sentences import note_lacking
 from semgs.data.layouts.parts.trajectories import read_pose
-from semgs.data.layouts.parts.usable_frames import numbered_files
+from semgs.data.layouts.parts.usable_frames import note_lacking, numbered_files
 from semgs.data.layouts.scannet.intrinsics import PLACES, ScanCamera, find_camera, has_intrinsics
-from semgs.data.layouts.scannet.scannet_labels import FILE_NAME, find_table, labels_of_ids, read_table
+from semgs.data.layouts.scannet.scannet_labels import FILE_NAME, NYU40_NAMES, find_table, labels_of_ids, read_table
 from semgs.data.layouts.scannet.sens import read_recording
 from semgs.data.maps import DepthMap, DepthThroughLens, IdMap, InstanceMap, MapSource
 from semgs.data.paper_variants import GSNERF_LABELS, LSM8_LABELS, READINGS, ROWS_972
 from semgs.data.scene import Scene
 from semgs.data.tables.classes import LSM8, SCANNET20
-from semgs.data.tables.nyu40 import NAMES
 from semgs.files.archives import members
 from semgs.files.errors import InputError, input_error
 from semgs.files.images.pictures import read_header, read_numbers, read_uint16
@@ -309,7 +307,7 @@ def read_scan_labels(folder: Path, as_peers: Collection[str]) -> ScanLabels:
             advice = f"if they are NYU40's, name the folder {UNFILTERED}"
             raise InputError(first, "16-bit ids, as ScanNet has them", "8 bits", advice=advice)
         # scannet_frames_25k
-        labels = labels_of_ids({number: number for number in range(len(NAMES) + 1)}, as_peers)
+        labels = labels_of_ids({number: number for number in range(len(NYU40_NAMES) + 1)}, as_peers)
         return ScanLabels(_meant(maps, labels), ("The 8-bit labels are NYU40's, as in scannet_frames_25k.",))
     table = find_table(folder)
     if table is None:

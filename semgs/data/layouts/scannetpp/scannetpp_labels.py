@@ -11,8 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from semgs.data.layouts.scannet.scannet_labels import LabelTable, normal
-from semgs.data.tables.nyu40 import NAMES, scannet20_labels
+from semgs.data.layouts.scannet.scannet_labels import NYU40_NAMES, LabelTable, normal, scannet20_labels
 
 BY_SCANNET = {
     "wall": ("wall", "shower wall"),
@@ -78,7 +77,10 @@ BY_US = {
 """Names that are not in ScanNet's file, by the NYU40 class of the most similar name in it."""
 
 NYU40_OF = {
-    name: NAMES.index(nyu40) + 1 for table in (BY_SCANNET, BY_US) for nyu40, names in table.items() for name in names
+    name: NYU40_NAMES.index(nyu40) + 1
+    for table in (BY_SCANNET, BY_US)
+    for nyu40, names in table.items()
+    for name in names
 }
 """The NYU40 class of each name."""
 

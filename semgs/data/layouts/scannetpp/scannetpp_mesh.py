@@ -18,14 +18,13 @@ import numpy as np
 from jaxtyping import Float64, Int, UInt8
 
 from semgs.data.layouts.parts.fields import Fields, read_fields
-from semgs.data.layouts.parts.triangles import LabelledTriangles
+from semgs.data.layouts.parts.mesh_maps import LabelledTriangles
 from semgs.data.layouts.scannet.scannet_labels import normal
 from semgs.data.ply_tables import with_plain_header
 from semgs.data.raycast import Raycaster
 from semgs.data.tables.classes import IGNORE
 from semgs.files.contents import read_bytes
-from semgs.files.errors import InputError, input_error
-from semgs.files.extras import needs_extra
+from semgs.files.errors import InputError, input_error, needs_extra
 
 MESH = "mesh_aligned_0.05.ply"
 SEGMENTS = "segments.json"

@@ -19,7 +19,7 @@ from pathlib import Path
 from semgs.data.cameras.lens import AbstractLens
 from semgs.data.frames import Frame
 from semgs.data.layouts.parts.mesh_maps import MeshDepth, MeshLabels
-from semgs.data.layouts.parts.sentences import note_lacking
+from semgs.data.layouts.parts.usable_frames import note_lacking
 from semgs.data.layouts.scannet.scannet_labels import find_table, read_table
 from semgs.data.layouts.scannetpp.devices import (
     DSLR,

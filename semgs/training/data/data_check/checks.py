@@ -11,8 +11,7 @@ from semgs.data.tables.classes import SCANNET20
 from semgs.files.errors import InputError
 from semgs.training.data.data_check.counts import any_labelled
 from semgs.training.data.data_check.open_sources import check_bad, open_source
-from semgs.training.data.data_settings import DataSettings, view_counts
-from semgs.training.data.data_sources import Source
+from semgs.training.data.data_settings import DataSettings, Source, view_counts
 from semgs.training.supervision.supervision_settings import SupervisionSettings
 
 

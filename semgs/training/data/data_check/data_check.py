@@ -17,8 +17,7 @@ from semgs.training.data.data_check.counts import (
 )
 from semgs.training.data.data_check.open_sources import check_bad, open_source, training_paths
 from semgs.training.data.data_check.scene_record import RECORD, read_counts, scenes_before, terms_of_run, write_record
-from semgs.training.data.data_settings import DataSettings, view_counts
-from semgs.training.data.data_sources import ROOMS
+from semgs.training.data.data_settings import ROOMS, DataSettings, view_counts
 from semgs.training.data.samples import Folder
 from semgs.training.supervision.supervision_settings import CLASS_WEIGHTINGS, SupervisionSettings
 

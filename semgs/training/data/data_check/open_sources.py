@@ -10,8 +10,7 @@ from semgs.data.scene import Scene
 from semgs.data.scene_lists import read_list, scenes_by_name
 from semgs.data.scenes import open_scene, scene_paths
 from semgs.files.errors import InputError
-from semgs.training.data.data_settings import DataSettings
-from semgs.training.data.data_sources import Source
+from semgs.training.data.data_settings import DataSettings, Source
 
 TOLERATED = 0.05
 """Share of all scenes that may be bad."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from traced_memory import most_memory
 
-from semgs.data.layouts.parts.association import associate
+from semgs.data.layouts.parts.trajectories import associate
 
 
 def test_the_nearest_pose_of_a_motion_capture_at_1000_hz_is_taken():

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from semgs.data.layouts.parts.named_columns import times_per_second
+from semgs.data.layouts.parts.text_numbers import times_per_second
 from semgs.data.layouts.parts.trajectories import Trajectory, read_pose, read_trajectory
 from semgs.files.errors import InputError
 

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("embreex")
 
-from semgs.data.layouts.parts.triangles import LabelledTriangles, metres
+from semgs.data.layouts.parts.mesh_maps import LabelledTriangles, metres
 from semgs.data.raycast import Raycaster
 
 

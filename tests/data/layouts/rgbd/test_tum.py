@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from miniatures import Miniature, back_projected, check_projection, check_read, miniature, quaternion, write_picture
 
-from semgs.data.layouts.parts.association import associate, in_seconds
+from semgs.data.layouts.parts.trajectories import associate, in_seconds
 from semgs.data.scenes import open_scene
 from semgs.files.errors import InputError
 from semgs.files.images.pictures import write_tiff

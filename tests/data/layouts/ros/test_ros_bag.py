@@ -40,8 +40,7 @@ from miniatures import back_projected, check_projection, check_read, miniature
 from semgs.data.layouts.ros.bag import BagFile, stamp_of
 from semgs.data.layouts.ros.camera import lens_of
 from semgs.data.layouts.ros.cut_bags import recordings_of
-from semgs.data.layouts.ros.image_messages import as_file, ending_of
-from semgs.data.layouts.ros.rvl import decode_rvl
+from semgs.data.layouts.ros.image_messages import as_file, decode_rvl, ending_of
 from semgs.data.scene import Scene
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.files.errors import InputError

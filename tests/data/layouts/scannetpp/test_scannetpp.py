@@ -41,14 +41,14 @@ from scannetpp_writer import (
 
 from semgs.data.cameras.fisheye import FisheyeLens
 from semgs.data.layouts.parts import mesh_maps
-from semgs.data.layouts.parts.triangles import LabelledTriangles
+from semgs.data.layouts.parts.mesh_maps import LabelledTriangles
+from semgs.data.layouts.scannet.scannet_labels import NYU40_NAMES
 from semgs.data.layouts.scannetpp import scannetpp_scan as scannetpp
 from semgs.data.layouts.scannetpp.devices import in_mesh_world
 from semgs.data.layouts.scannetpp.scannetpp_labels import BY_SCANNET, BY_US, NYU40_OF, labels_of
 from semgs.data.layouts.scannetpp.scannetpp_mesh import object_names, read_mesh, vertex_labels
 from semgs.data.scenes import open_scene, open_scenes
 from semgs.data.tables.classes import SCANNET20
-from semgs.data.tables.nyu40 import NAMES as NYU40_NAMES
 from semgs.files.errors import InputError
 from semgs.geometry.cameras import project
 

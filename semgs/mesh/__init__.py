@@ -1,0 +1,1 @@
+"""Meshes: the depth of all input views, fused into one labelled surface."""

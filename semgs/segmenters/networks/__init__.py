@@ -1,1 +1,0 @@
-"""Segmentation networks: exported files and models of the Hugging Face hub."""
