@@ -174,7 +174,9 @@ def _lock_name(target: Path) -> tuple[Path, FileLock | None]:
         partial = partial_name(target)
         path = partial.with_suffix(_LOCKED)
         path.touch(exist_ok=False)  # where that is impossible, filelock would try for ever
-        path.unlink()  # where the system has no locks, the file itself is filelock's
+        path.unlink(
+            missing_ok=True
+        )  # where the system has no locks, the file itself is filelock's; another process may have taken it for a killed one's
         lock = FileLock(path)
         try:
             lock.acquire(timeout=0)
@@ -298,7 +300,13 @@ def own_folder(path: str | Path, command: str, overwrite: bool = False) -> Itera
         (staging / MARK).write_text(_WRITER.format(command), encoding="utf-8")
         yield staging
         _check_free(path, command, overwrite)  # again, as time has passed
-        _swap(staging, target)
+        try:
+            _swap(staging, target)
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                raise
+            _check_free(path, command, overwrite)  # another process was first
+            _swap(staging, target)
 
 
 @contextlib.contextmanager

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from semgs.files import folders
+from semgs.files.errors import InputError
 from semgs.files.folders import MARK, check_folder, own_folder, remove_left, staged
 
 FILLS = """
@@ -159,3 +160,54 @@ def test_without_locks_a_file_gets_one_temporary_name_and_nothing_stays(tmp_path
         partial.replace(tmp_path / "a.txt")
     assert len(tried) == 1
     assert names(tmp_path) == ["a.txt"]
+
+
+def test_another_process_may_clean_up_while_a_name_is_being_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    touch = Path.touch
+    cleaned = []
+
+    def touch_then_clean(path: Path, mode: int = 0o666, exist_ok: bool = True) -> None:
+        touch(path, mode, exist_ok)
+        cleaned.append(path)
+        remove_left(tmp_path / "out")  # takes the new lock, which nobody holds yet, for that of a killed process
+        assert not path.exists()
+
+    monkeypatch.setattr(Path, "touch", touch_then_clean)
+    with own_folder(tmp_path / "out", "export") as folder:
+        (folder / "a.txt").write_text("whole")
+    assert len(cleaned) == 1
+    assert names(tmp_path) == ["out"]
+    assert names(tmp_path / "out") == [MARK, "a.txt"]
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_another_process_may_finish_the_same_folder_just_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, overwrite: bool
+):
+    swap = folders._swap
+    tries = []
+
+    def swap_second(staging: Path, target: Path) -> None:
+        tries.append(staging)
+        if len(tries) == 1:
+            with monkeypatch.context() as quiet:
+                quiet.setattr(folders, "_swap", swap)
+                with own_folder(target, "export") as first:
+                    (first / "a.txt").write_text("first")
+            staging.replace(target)  # as after finding that it did not exist
+        swap(staging, target)
+
+    monkeypatch.setattr(folders, "_swap", swap_second)
+
+    def write() -> None:
+        with own_folder(tmp_path / "out", "export", overwrite) as second:
+            (second / "a.txt").write_text("second")
+
+    if overwrite:
+        write()
+    else:
+        with pytest.raises(InputError, match="expected a new folder, found one that semgs wrote before"):
+            write()
+    assert len(tries) == 1 + overwrite
+    assert names(tmp_path) == ["out"]
+    assert (tmp_path / "out" / "a.txt").read_text() == ("second" if overwrite else "first")
