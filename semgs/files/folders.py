@@ -172,11 +172,11 @@ def _lock_name(target: Path) -> tuple[Path, FileLock | None]:
     """A temporary name and its lock, which this process holds; None if the file system has no locks. Then what a killed process leaves stays."""
     while True:
         partial = partial_name(target)
-        path = partial.with_suffix(_LOCKED)
-        path.touch(exist_ok=False)  # where that is impossible, filelock would try for ever
-        path.unlink(
-            missing_ok=True
-        )  # where the system has no locks, the file itself is filelock's; another process may have taken it for a killed one's
+        partial.touch(exist_ok=False)  # where that is impossible, filelock would try for ever
+        partial.unlink()
+        path = partial.with_suffix(
+            _LOCKED
+        )  # must not exist before it is locked: another process would take it for one of a killed process
         lock = FileLock(path)
         try:
             lock.acquire(timeout=0)
