@@ -182,6 +182,7 @@ def load_candidate(
     device: str,
     name: str = "",
     precision: Precision = "float32",
+    looks: int = 1,
     nearest: int | None = None,
     handling: Handling = AS_THEY_ARE,
 ) -> Candidate:
@@ -193,6 +194,7 @@ def load_candidate(
         device: to encode on.
         name: in tables; by default that of the network.
         precision: of the network's layers.
+        looks: how often it looks at each view for its classes (`SemGS.looks`).
         nearest: render each target with the Gaussians of only so many input views, the nearest; None for all.
         handling: what else is done with the Gaussians. With a `labelling`, the network needs no classes.
 
@@ -200,7 +202,8 @@ def load_candidate(
         ValueError: there are no included weights of that name, or `nearest` is not positive.
         InputError: the file cannot be used, or has another class table.
     """
-    model, subject = open_network(weights, None if handling.labelling else classes, name, precision, coarser=True)
+    own = None if handling.labelling else classes
+    model, subject = open_network(weights, own, name, precision, looks, coarser=True)
     chosen = None if nearest is None else NearestViews(nearest, model.placer.shrink_seen)
     method = NetworkMethod(model, device, subject.name, replace(handling, nearest=chosen, classes=classes))
     return Candidate(method, subject, device)
@@ -211,6 +214,7 @@ def open_network(
     classes: ClassTable | None,
     name: str = "",
     precision: Precision = "float32",
+    looks: int = 1,
     *,
     coarser: bool = False,
 ) -> tuple[SemGS, EvaluatedMethod]:
@@ -223,7 +227,7 @@ def open_network(
     own = table_of(path)
     groups = coarser and own is not None and classes not in (None, own) and own.within(classes) is not None
     model = load(network, path, classes=own if groups else classes or own)
-    model.precision = precision
+    model.precision, model.looks = precision, looks
     parameters = sum(parameter.numel() for parameter in model.parameters())
     origin = model.origin
     if groups and own is not None and classes is not None:

@@ -13,7 +13,7 @@ from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
 from semgs.model.attention.transformer import CameraTransformer
 from semgs.model.classes.refinement import Cues, ViewFeatures
-from semgs.model.classes.semantic import SHAPE, ClassMaps, SemanticBranch
+from semgs.model.classes.semantic import SHAPE, Attributes, ClassMaps, SemanticBranch, in_full, mean_logits
 from semgs.model.gaussians.heads import Decoder, coarse_disparities
 from semgs.model.gaussians.placing import Placer
 from semgs.model.layers.cnn import FeatureCNN, lay_out
@@ -99,6 +99,7 @@ class SemGS(nn.Module):
         self.colour = colour
         self.semantic = semantic
         self.fuses = settings.semantic is not None and settings.semantic.fusion
+        self._looks = 1
         self.placer = Placer(
             settings.stride, settings.colour.from_image, settings.conventions, settings.colour.shrink_seen
         )
@@ -143,7 +144,7 @@ class SemGS(nn.Module):
             features = self.colour.transformer(shallow, inputs)
         with stage("transformer_semantic"):
             single = None if self.semantic is None else self.semantic.refine(inputs, self.cnn, shallow)
-            classify = None if self.semantic is None else self.semantic(single, inputs)
+            classify = None if single is None else self._classify(single, inputs)
         with stage("cost_volume"):
             cost = self.colour.depth.cost(features, inputs, chunks.cost)
         with stage("depth"):
@@ -195,11 +196,13 @@ class SemGS(nn.Module):
         single = self.semantic.refine(inputs, self.cnn)
         if alone:
             logits, evidence = self.semantic.single_view_logits(single, inputs), single.evidence
+            if self._looks_twice:
+                logits = mean_logits(logits, self.semantic.second_look(inputs, self.cnn, alone=True))
         else:
-            logits = self.semantic(single, inputs)(slice(None))[:, SHAPE:]
+            logits = self._classify(single, inputs)(slice(None))[:, SHAPE:]
         rows, columns = (-(-side // self.stride) for side in views.size)
         inside = logits[..., :rows, :columns]
-        classes = inside.to(torch.promote_types(inside.dtype, torch.float32)).softmax(1)
+        classes = in_full(inside).softmax(1)
         return ClassMaps(classes.reshape(*views.images.shape[:-3], *classes.shape[1:]), evidence)
 
     def sweep(self, views: Views) -> CoarseDepth:
@@ -294,6 +297,40 @@ class SemGS(nn.Module):
         return {name for name, parameter in self.named_parameters() if id(parameter) in own}
 
     @property
+    def looks(self) -> int:
+        """How often, outside training, it looks at each view for its classes: once, or twice, the second time at the mirror image in 1.5 times the
+        size. Then classes are the mean of both distributions (test-time augmentation).
+
+        Raises:
+            ValueError: it is set to more than `most_looks`.
+        """
+        return self._looks
+
+    @looks.setter
+    def looks(self, looks: int) -> None:
+        if not 1 <= looks <= self.most_looks:
+            why = "" if self.most_looks > 1 else f", as {self.name} has no classes that depend on single views alone"
+            raise ValueError(f"looks is {looks}; expected 1{' or 2' if self.most_looks > 1 else why}")
+        self._looks = looks
+
+    @property
+    def most_looks(self) -> int:
+        """How often it can look at each view: twice if the semantic branch does not compare views, else once."""
+        return 1 if self.semantic is None else self.semantic.most_looks
+
+    @property
+    def _looks_twice(self) -> bool:
+        return self.looks > 1 and not self.training
+
+    def _classify(self, single: ViewFeatures, inputs: NetworkInput) -> Attributes:
+        """The semantic branch's attributes of Gaussians, from one or two looks at each view."""
+        assert self.semantic is not None
+        if self._looks_twice:
+            return self.semantic.forward_twice(single, inputs, self.cnn)
+        attributes: Attributes = self.semantic(single, inputs)
+        return attributes
+
+    @property
     def _shares_cnn(self) -> bool:
         """Whether both branches use the shallow CNN."""
         return self.semantic is not None and self.semantic.shares_cnn
@@ -336,7 +373,7 @@ class SemGS(nn.Module):
         """
         weight = self.cnn.conv1.weight
         network = (self.settings, self.class_count, self.fuses, weight.dtype, weight.device)
-        return Work(*network, views, size, drawn)
+        return Work(*network, views, size, drawn, looks=self.looks)
 
     def _chunks(self, views: Views) -> Chunks:
         """How many views to process at a time."""

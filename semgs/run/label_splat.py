@@ -19,12 +19,13 @@ from semgs.run.options.types import (
     AutoSize,
     Count,
     Device,
+    Looks,
     PrecisionOrAuto,
     Probability,
     WeightsOrRandom,
     at_least,
 )
-from semgs.run.options.words import INLINE, Words, one_word, positional
+from semgs.run.options.words import INLINE, Words, one_word, optional, positional
 from semgs.run.outcome import Outcome, Run
 from semgs.run.usage_errors import UsageError, what_the_user_gave
 from semgs.runtime.notes import Progress
@@ -74,6 +75,8 @@ class LabelSplat(Run):
     """The direction that is up in the scene's coordinates."""
     activated: Activated = "auto"
     """PLY or glTF: whether scales are lengths and opacities 0 to 1, not logarithms and logits; auto is what they look like."""
+    looks: Annotated[Looks | None, optional()] = None
+    """How often the network looks at each photo to classify it, as for semgs reconstruct."""
     min_confidence: Probability = 0.0
     """Pixels whose likeliest class is less likely than this are unknown in class maps: light grey, 254 in label files."""
     device: Device = "auto"
@@ -178,6 +181,7 @@ class LabelSplat(Run):
             name = self.weights or "small"
             model = kept(load, "small", "random") if name == "random" else kept(load, name)
             model.precision = chosen_precision(self.precision, device)
+            model.looks = self.looks or model.most_looks
             source = NetworkClasses(model.eval().to(device))
         parameters = sum(parameter.numel() for parameter in model.parameters())
-        return Labelling(source), Provenance(software, model.origin, parameters, device, model.precision)
+        return Labelling(source), Provenance(software, model.origin, parameters, device, model.precision, model.looks)

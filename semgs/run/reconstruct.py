@@ -18,6 +18,7 @@ from semgs.run.options.types import (
     AutoSize,
     Device,
     Exposure,
+    Looks,
     NearFar,
     Passes,
     PrecisionOrAuto,
@@ -130,6 +131,9 @@ class Reconstruct(Run):
     refine: Annotated[Passes, optional()] = -1
     """Refine the Gaussians on the input photos, which makes images sharp: PASSES steps for each photo, by default 15, or 7 for more than 12. The first
     held-out frame decides when to stop, and is held out no longer. 0 is the paper's single forward pass. See docs/refine.md."""
+    looks: Annotated[Looks | None, optional()] = None
+    """How often the network looks at each photo to classify it: the second time at its mirror image, 1.5 times as large. By default 2, which finds
+    better classes; 1 with --refine 0, with a segmenter instead, or if classes depend on the cameras. See docs/method.md."""
     min_confidence: Probability = 0.0
     """Pixels whose likeliest class is less likely than this are unknown in class maps: light grey, 254 in label files. Unseen pixels are
     hatched and 255. Scores do not change."""
@@ -335,7 +339,7 @@ class Reconstruct(Run):
 
         model = self.load_network(device)
         parameters = sum(parameter.numel() for parameter in model.parameters())
-        return model, Provenance(f"semgs {__version__}", model.origin, parameters, device, model.precision)
+        return model, Provenance(f"semgs {__version__}", model.origin, parameters, device, model.precision, model.looks)
 
     def load_network(self, device: str) -> SemGS:
         """The network on a device.
@@ -349,6 +353,7 @@ class Reconstruct(Run):
 
         with what_the_user_gave():
             network = kept(load, *self._network_and_weights()).eval().to(device)
+            network.looks = self.looks or (1 if self.refine == 0 or self.segmenting.replaces else network.most_looks)
         network.precision = chosen_precision(self.precision, device)
         return network
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -11,13 +11,24 @@ from torch import Tensor, nn
 from torch.nn.functional import interpolate
 
 from semgs.model.attention.transformer import CameraTransformer
+from semgs.model.classes.mobilenet import SIDE, downsampled_size
 from semgs.model.classes.mosaic import Mosaic
 from semgs.model.classes.refinement import ClassRefinement, ViewFeatures
 from semgs.model.layers.cnn import FeatureCNN, Head, PlainUpsampler, Upsampler, beside, upsample
-from semgs.model.layers.network_input import NetworkInput
+from semgs.model.layers.network_input import MULTIPLE, NetworkInput
+from semgs.scene.coarse_depth import SHRINK
 
 SHAPE = 7
 """Channels of the head before its classes: 3 sizes and a quaternion."""
+
+CLOSER = 1.5
+"""A second look at a view is at its mirror image, so many times as large as the class backbone reads it; but at most as large as it reads whole."""
+
+LARGEST = (3 * SIDE // 2 - 1) // MULTIPLE * MULTIPLE
+"""The shorter side of the largest images that the class backbone reads whole: 352 px."""
+
+SMALLEST = 1e-9
+"""Mean probabilities of two looks below this count as this."""
 
 
 Attributes = Callable[[slice], Tensor]
@@ -78,6 +89,45 @@ class SemanticBranch(nn.Module):
         features: Tensor = self.transformer(single.features, inputs)
         return lambda at: self._attributes(inputs.small[at], features[at], single[at])
 
+    @property
+    def most_looks(self) -> int:
+        """How often it can look at each view: twice if it does not compare views."""
+        return 2 if self.transformer is None else 1
+
+    def forward_twice(self, single: ViewFeatures, inputs: NetworkInput, cnn: FeatureCNN) -> Attributes:
+        """As `forward`; but the classes are the mean of the distributions of two looks at each view (test-time augmentation).
+
+        Args:
+            single, inputs: as for `forward`.
+            cnn: the shared CNN.
+        """
+        first, second = self(single, inputs), self.second_look(inputs, cnn)
+
+        def attributes(at: slice) -> Tensor:
+            raw = first(at)
+            return self._with_logits(raw, mean_logits(raw[:, SHAPE:], second[at]))
+
+        return attributes
+
+    def second_look(self, inputs: NetworkInput, cnn: FeatureCNN, alone: bool = False) -> Float[Tensor, "n class h w"]:
+        """Class distributions from the views' enlarged mirror images, one view after the other, at the Gaussians' scale.
+
+        Args:
+            inputs: the views.
+            cnn: the shared CNN.
+            alone: as `single_view_logits`, without the head.
+        """
+        found, size = [], second_size(inputs.images.shape[-2:])
+        for view in range(len(inputs.images)):
+            mirrored = inputs.mirrored(view, size)
+            single = self.refine(mirrored, cnn)
+            logits = (
+                self.single_view_logits(single, mirrored) if alone else self(single, mirrored)(slice(None))[:, SHAPE:]
+            )
+            maps = in_full(logits).softmax(1).flip(-1)
+            found.append(interpolate(maps, inputs.small.shape[-2:], mode="bilinear", align_corners=False))
+        return torch.cat(found)
+
     def single_view_logits(self, single: ViewFeatures, inputs: NetworkInput) -> Float[Tensor, "n class h w"]:
         """Class logits of single views: those of the refinement, or else those of the head without the transformer; with a second network,
         the mean of both."""
@@ -122,13 +172,18 @@ class SemanticBranch(nn.Module):
         logits = raw[:, SHAPE:]
         if self.refinement.classifier is not None:
             logits = logits + self._own_logits(self.refinement.classifier, single)
+        return self._with_logits(raw, self._mean(logits, single))
+
+    @staticmethod
+    def _with_logits(
+        raw: Float[Tensor, "n channel h w"], logits: Float[Tensor, "n class h w"]
+    ) -> Float[Tensor, "n channel h w"]:
+        """The output of the head with other class logits."""
         layout = (
             torch.channels_last if raw.is_contiguous(memory_format=torch.channels_last) else torch.contiguous_format
         )
-        mean = self._mean(logits, single).contiguous(
-            memory_format=layout
-        )  # in another format, shapes would round otherwise
-        return torch.cat((raw[:, :SHAPE], mean), dim=1)
+        # In another format, shapes would round otherwise.
+        return torch.cat((raw[:, :SHAPE], logits.contiguous(memory_format=layout)), dim=1)
 
     def _own_logits(self, classifier: nn.Conv2d, single: ViewFeatures) -> Float[Tensor, "n class h w"]:
         """The refinement's logits at the Gaussians' scale."""
@@ -167,3 +222,24 @@ class SemanticBranch(nn.Module):
         """Layers that can start from published weights."""
         second = () if self.mosaic is None else self.mosaic.pretrained_layers()
         return (*self.refinement.pretrained_layers(), *second)
+
+
+def second_size(size: Sequence[int]) -> tuple[int, int]:
+    """The (height, width) for a second look at images of that size: multiples of 16 [px]."""
+    read = downsampled_size(size, SHRINK)
+    most = max(1.0, LARGEST / min(read))
+    times = CLOSER if round(CLOSER * min(read) / MULTIPLE) * MULTIPLE <= LARGEST else most
+    height, width = (MULTIPLE * round(times * side / MULTIPLE) for side in read)
+    return height, width
+
+
+def mean_logits(
+    first: Float[Tensor, "n class h w"], second: Float[Tensor, "n class h w"]
+) -> Float[Tensor, "n class h w"]:
+    """Logarithms of the mean of two class distributions, the first from its logits."""
+    return ((in_full(first).softmax(1) + second) / 2).clamp(min=SMALLEST).log()
+
+
+def in_full(maps: Tensor) -> Tensor:
+    """The maps in single precision or better."""
+    return maps.to(torch.promote_types(maps.dtype, torch.float32))

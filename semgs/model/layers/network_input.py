@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from jaxtyping import Float
 from torch import Tensor
-from torch.nn.functional import avg_pool2d, pad
+from torch.nn.functional import avg_pool2d, interpolate, pad
 
 from semgs.data.views import Views
 from semgs.geometry.cameras import Cameras
@@ -54,6 +54,19 @@ class NetworkInput:
         cameras = views.cameras.arranged(lambda array: array.reshape(-1, count, *array.shape[-2:]))
         cameras = Cameras.trusted(cameras.world_from_camera, cameras.intrinsics, padded)
         return NetworkInput(images, small, cameras, views.depth_range.reshape(-1, count, 2), count)
+
+    def mirrored(self, view: int, size: tuple[int, int]) -> NetworkInput:
+        """The mirror image of one view, resized, for layers that do not use cameras: it keeps those of the views.
+
+        Args:
+            view: its position.
+            size: (height, width), multiples of 16 [px].
+        """
+        image = interpolate(
+            self.images[view : view + 1].flip(-1), size, mode="bicubic", antialias=True, align_corners=False
+        )
+        stride = self.images.shape[-1] // self.small.shape[-1]
+        return replace(self, images=image.clamp(0, 1), small=avg_pool2d(image.clamp(0, 1), stride))
 
     @property
     def near(self) -> Float[Tensor, " b"]:

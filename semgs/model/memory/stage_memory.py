@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import torch
 
 from semgs.model.classes.mobilenet import CUE_WIDTHS
-from semgs.model.classes.semantic import SHAPE
+from semgs.model.classes.semantic import CLOSER, SHAPE
 from semgs.model.gaussians.heads import RENDERED_HARMONICS
 from semgs.model.layers.network_input import WHOLE, Chunks
 from semgs.model.settings import MobileNet, NetworkSettings, PaperHeads, TransformerSettings
@@ -56,6 +56,7 @@ class Work:
         views: number of input views.
         size: (height, width) after padding [px].
         drawn: number of rendered views.
+        looks: at each view for its classes.
         padded: whether padding copies the images.
     """
 
@@ -68,6 +69,7 @@ class Work:
     size: tuple[int, int]
     drawn: int
     padded: bool = False
+    looks: int = 1
 
     @property
     def number_bytes(self) -> int:
@@ -141,6 +143,8 @@ def _numbers(work: Work, chunks: Chunks) -> dict[str, float]:
     known = features * ((4 if s.semantic else 2) + s.colour.depth.cosine_cost)
     if s.semantic is not None and s.semantic.mosaic is not None:
         known += texels * s.semantic.mosaic.enlargement**2 * work.classes
+    if work.looks > 1:
+        known += gaussians * work.classes
     cost = known + _cost(work, texels, chunks)
     # The cost, the distribution, its largest probability and its spread.
     known += 2 * texels * s.colour.depth.candidates + 2 * gaussians
@@ -165,7 +169,7 @@ def _numbers(work: Work, chunks: Chunks) -> dict[str, float]:
     return {
         "cnn": images + cnn,
         "transformer_colour": images + features + _attention(s.colour.transformer, features, views),
-        "transformer_semantic": images + 3 * features + _semantic(s, features, views),
+        "transformer_semantic": images + 3 * features + max(_semantic(s, features, views), _second_look(work)),
         "cost_volume": images + cost,
         "depth": images + depth,
         "heads": images + last,
@@ -193,6 +197,15 @@ def _semantic(settings: NetworkSettings, features: float, views: int) -> float:
         refinement = max(refinement, features / settings.channels * semantic.mosaic.enlargement**2 * widest)
     attention = _attention(semantic.transformer, features, views) if semantic.compares_views else 0.0
     return max(attention, refinement)
+
+
+def _second_look(work: Work) -> float:
+    """What a second look adds while it looks at the last view: its image, the refinement or second network, and the classes of all views."""
+    if work.looks < 2:
+        return 0.0
+    features = work.texels(SHRINK) * work.settings.channels
+    one = 3 * work.pixels / work.views + 3 * features + _semantic(work.settings, features, 1)
+    return CLOSER**2 * one + work.gaussians * work.classes
 
 
 def _cost(work: Work, texels: float, chunks: Chunks) -> float:

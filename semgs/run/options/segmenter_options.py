@@ -70,6 +70,11 @@ class SegmenterOptions:
     """With --segmenter: the model's own classes vote too. A --correspondence may say how much each does."""
 
     @property
+    def replaces(self) -> bool:
+        """Whether the classes are a segmenter's alone."""
+        return self.segmenter is not None and not self.with_own_classes
+
+    @property
     def inputs(self) -> tuple[str | Path | None, ...]:
         """The files and folders to read."""
         return self.segmenter, self.answers.correspondence

@@ -111,6 +111,9 @@ Device = Annotated[str, one_word("{auto, cpu, cuda}", _device)]
 PrecisionOrAuto = Literal["auto", "float32", "bf16"]
 """Of the layers of a network; `chosen_precision` decides what "auto" is."""
 
+Looks = Literal[1, 2]
+"""How often a network looks at each photo for its classes (`SemGS.looks`)."""
+
 Exposure = Literal["auto", "fitted", "as-taken"]
 """Whether photos come to a common exposure: if they clearly differ, always, or never. The `ExposureChoice` of `semgs.scene.exposure`, which imports torch."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 from types import UnionType
@@ -91,8 +91,9 @@ def words_of(hint: Any) -> tuple[Any, Words]:
     if get_origin(hint) in (Union, UnionType):
         return words_of(kinds[0]) if len(kinds) == 1 else (hint, _any_of([words_of(kind)[1] for kind in kinds]))
     if get_origin(hint) is Literal:
-        choices = one_word(f"{{{', '.join(kinds)}}}", lambda word: _choice(kinds, word))
-        return hint, replace(choices, dashed=any(kind.startswith("-") for kind in kinds))
+        known = {str(kind): kind for kind in kinds}
+        choices = one_word(f"{{{', '.join(known)}}}", lambda word: _choice(known, word))
+        return hint, replace(choices, dashed=any(word.startswith("-") for word in known))
     if get_origin(hint) is tuple:
         elements = [words_of(kind)[1] for kind in kinds]
         names = " ".join(element.metavar or "" for element in elements)
@@ -121,10 +122,10 @@ def _any_of(kinds: Sequence[Words]) -> Words:
     return Words(count=count, metavar="|".join(kind.metavar or "" for kind in kinds), read=read)
 
 
-def _choice(known: Sequence[str], word: str) -> str:
+def _choice(known: Mapping[str, str | int], word: str) -> str | int:
     if word not in known:
         raise ValueError(f"expected one of {', '.join(known)}, found {word!r}")
-    return word
+    return known[word]
 
 
 def _number(kind: type[int] | type[float], word: str) -> float:

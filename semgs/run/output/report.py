@@ -29,6 +29,7 @@ class Provenance:
         parameters: of the model.
         device: where it ran.
         precision: of its layers.
+        looks: at each photo, for classes.
     """
 
     software: str
@@ -36,6 +37,7 @@ class Provenance:
     parameters: int
     device: str
     precision: Precision = "float32"
+    looks: int = 1
 
 
 SCENE_PAGE = "scene.html"
@@ -115,6 +117,7 @@ def report_numbers(result: Reconstruction, origin: Provenance, seconds: dict[str
             "segmenter": result.segmenter,
             "device": origin.device,
             "precision": origin.precision,
+            "looks": origin.looks,
         },
         "size": dict(zip(("height", "width"), result.size, strict=True)),
         "native_size": dict(zip(("height", "width"), result.native_size, strict=True)),

@@ -268,7 +268,8 @@ def _makers(result: Reconstruction, origin: Provenance) -> list[tuple[str, str]]
     if origin.weights:
         model = result.model if result.splat is None or result.labelling is None else result.labelling.source.title
         precision = "" if origin.precision == "float32" else f", in {origin.precision}"
-        rows.append(("Model", f"{model}, {origin.parameters:,} parameters, on {origin.device}{precision}"))
+        looks = "" if origin.looks == 1 else ", two looks at each photo"
+        rows.append(("Model", f"{model}, {origin.parameters:,} parameters, on {origin.device}{precision}{looks}"))
         rows.append(("Weights", origin.weights))
     return rows
 

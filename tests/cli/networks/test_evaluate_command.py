@@ -428,6 +428,22 @@ def test_single_images_are_scored_without_cameras(done: tuple[Path, str], tmp_pa
         assert len(list((tmp_path / f"of {label}" / "predictions" / label).iterdir())) == images
 
 
+def test_two_looks_are_counted_and_told(done: tuple[Path, str], refused: Refused, tmp_path: Path):
+    photos = write_image_set(tmp_path / "photos", {"a": random_numbers(0, (32, 48))})
+    arguments = ("--single", "--size", "48x64", "--data", photos)
+    said = {}
+    for looks in (1, 2):
+        code, said[looks], errors = run(
+            "evaluate", done[0] / "random.safetensors", "--out", tmp_path / f"of {looks}", "--looks", looks, *arguments
+        )
+        assert (code, errors) == (0, "")
+    note = "The network looked at each view twice to classify it (--looks 2)."
+    assert (note in said[1], note in said[2]) == (False, True)
+    assert numbers(tmp_path / "of 1")["ece"] != numbers(tmp_path / "of 2")["ece"]
+    assert "looks is 2; expected 1" in refused("small_plain", "--looks", "2", "--views", "2")
+    assert "--looks: expected one of 1, 2, found '3'" in refused("small", "--looks", "3")
+
+
 def test_weights_without_classes_cannot_score_single_images(refused: Refused, tmp_path: Path, monkeypatch):
     photos = write_image_set(tmp_path / "photos", {"a": random_numbers(0, (32, 48))})
     monkeypatch.setattr("semgs.evaluation.run.open_network", lambda *given: (SimpleNamespace(classes=None), None))

@@ -17,6 +17,8 @@ from semgs.geometry.cameras import inverse_rigid
 from semgs.geometry.gaussians import move_cameras
 from semgs.model.weights.load import load
 from semgs.model.weights.weights_file import save
+from semgs.run.options.segmenter_options import SegmenterOptions
+from semgs.run.reconstruct import Reconstruct
 from semgs.rendering.render import render
 from semgs.runtime.stopwatch import COMPILE
 
@@ -64,7 +66,40 @@ def test_all_files_appear_and_the_summary_tells_what_was_done(done: tuple[Path, 
     ):  # fmt: skip
         assert part in told, part
     assert len(list((out / "renders").glob("target_002_*.png"))) == 9
-    assert "untrained" in (out / "report.html").read_text()
+    report = (out / "report.html").read_text()
+    assert "untrained" in report
+    assert numbers["model"]["looks"] == 2
+    assert ", two looks at each photo" in report
+
+
+@pytest.mark.parametrize(
+    ("options", "looks"),
+    [
+        ({}, 2),
+        ({"refine": 30}, 2),
+        ({"looks": 1}, 1),
+        ({"refine": 0}, 1),
+        ({"refine": 0, "looks": 2}, 2),
+        ({"segmenting": SegmenterOptions("maps")}, 1),
+        ({"segmenting": SegmenterOptions("maps", with_own_classes=True)}, 2),
+        ({"model": "small_plain"}, 1),
+        ({"model": "mvsplat"}, 1),
+    ],
+)
+def test_photos_are_looked_at_twice_if_nothing_else_was_asked(options: dict, looks: int) -> None:
+    given = Reconstruct(Path("room"), Path("out"), weights="random", **options)
+    assert given.load_network("cpu").looks == looks
+
+
+def test_a_network_whose_classes_depend_on_the_cameras_cannot_look_twice(
+    room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["--model", "small_plain", "--weights", "random", "--looks", "2"]
+    assert main(["reconstruct", str(room), "--out", str(tmp_path / "out"), *arguments]) == 2
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        "semgs: error: looks is 2; expected 1, as small_plain has no classes that depend on single views alone"
+    )
+    assert not (tmp_path / "out").exists()
 
 
 def test_labels_of_another_version_do_not_stop_a_reconstruction(scene: Path, tmp_path: Path) -> None:

@@ -44,12 +44,26 @@ def model_of(name: str) -> SemGS:
         return fill_golden(preset("small_plain", depth_upsampling="convex"))
     if name == "mosaic":
         return fill_golden(preset("small_plain", class_mosaic=True))
+    if name == "two looks":
+        model = fill_golden(preset("small_plain", class_mosaic=True, semantic_transformer=False))
+        model.looks = 2
+        return model
     return fill_golden(network(paper_heads=True) if name == "text" else preset(name))
 
 
 def work_of(model: SemGS, views: int, size: tuple[int, int], drawn: int) -> Work:
     weight = model.cnn.conv1.weight
-    return Work(model.settings, model.class_count, model.fuses, weight.dtype, weight.device, views, size, drawn)
+    return Work(
+        model.settings,
+        model.class_count,
+        model.fuses,
+        weight.dtype,
+        weight.device,
+        views,
+        size,
+        drawn,
+        looks=model.looks,
+    )
 
 
 @cache
@@ -92,6 +106,7 @@ def allocated(name: str, views: int, size: tuple[int, int], chunks: Chunks) -> d
         ("small_plain", 6, (96, 112), Chunks(2, 1)),
         ("convex", 2, (112, 160), WHOLE),
         ("mosaic", 2, (160, 224), WHOLE),
+        ("two looks", 2, (160, 224), WHOLE),
         pytest.param("convex", 6, (96, 112), Chunks(2, 1), marks=pytest.mark.long),
         pytest.param("base", 2, (64, 96), WHOLE, marks=pytest.mark.long),
         pytest.param("base", 3, (64, 80), Chunks(1, 1), marks=pytest.mark.long),
@@ -136,6 +151,11 @@ def test_the_terms_of_small_are_those_worked_out_by_hand() -> None:
     backbone = stage_bytes(work)
     # At each of a texel's four positions at half the image, 16 channels in and 96 before and after padding; 96 out.
     assert backbone["transformer_semantic"] == 4 * (3072 + 3 * 12_288 + 256 * (4 * (16 + 2 * 96) + 96))
+    # A second look at one of them is at 2.25 times its 2,048 pixels of 3 colours and 6,144 features; the classes of 1,024 Gaussians are kept.
+    one = 3 * 2048 + 3 * 6144 + 128 * (4 * (16 + 2 * 96) + 96)
+    twice = stage_bytes(replace(work, looks=2))
+    assert twice["transformer_semantic"] == 4 * (3072 + 3 * 12_288 + 2.25 * one + 20 * 1024)
+    assert twice["cost_volume"] - backbone["cost_volume"] == 4 * 20 * 1024
     padded = stage_bytes(replace(work, padded=True))
     assert padded["transformer_semantic"] - backbone["transformer_semantic"] == 4 * 3 * 4096
 

@@ -19,6 +19,7 @@ from semgs.run.options.types import (
     Count,
     Device,
     Exposure,
+    Looks,
     NearFar,
     Passes,
     PrecisionOrAuto,
@@ -44,6 +45,9 @@ if TYPE_CHECKING:
     from semgs.runtime.precision import Precision
     from semgs.segmenters.class_source import ClassSource
     from semgs.segmenters.labelling import Labelling
+
+
+TWO_LOOKS = "The network looked at each view twice to classify it (--looks 2)."
 
 
 @dataclass(frozen=True)
@@ -88,7 +92,7 @@ class Evaluate:
         ),
         "--predictions": (
             "--nearest", "--refine", "--exposure", "--depth-range", "--precision", "--allow-seen", "--free-space", "--protocol pairs",
-            "--segmenter", "--depth",
+            "--segmenter", "--depth", "--looks 2",
         ),
         "--workers": ("--segmenter", "--depth"),
         "--sides": ("--size",),
@@ -122,6 +126,8 @@ class Evaluate:
     before. See docs/refine.md."""
     exposure: Exposure = "as-taken"
     """Bring the input views to a common exposure, as for semgs reconstruct. Target views stay as taken; by default all views do, as in the paper."""
+    looks: Looks = 1
+    """How often the network looks at each view to classify it, as for semgs reconstruct; 1 is the paper's single pass."""
     merge: Annotated[str, optional("alike|coarse13|FILE")] = ""
     """Add metrics of groups of classes: alike (table, desk and counter; chair and sofa; curtains), coarse13 (13 groups of ScanNet's 20), or a JSON file; see
     docs/evaluate.md."""
@@ -204,7 +210,7 @@ class Evaluate:
             remarks = self._seen(data.scenes)
             device = chosen_device(self.device)
             precision = chosen_precision(self.precision, device)
-            network, subject = open_network(self.weights, data.classes, self.name, precision)
+            network, subject = open_network(self.weights, data.classes, self.name, precision, self.looks)
             if network.classes is None:
                 raise InputError(self.weights, "weights with classes", "weights for colour and depth only")
             network.to(device)
@@ -298,7 +304,7 @@ class Evaluate:
                 free_space=self.free_space,
             )
             name = self._name(labelling is not None)
-            return load_candidate(self.weights, classes, device, name, precision, self.nearest, handling)
+            return load_candidate(self.weights, classes, device, name, precision, self.looks, self.nearest, handling)
 
     def _groups(self, classes: ClassTable | None) -> ClassGroups | None:
         """The groups of classes; None without the option.
@@ -417,8 +423,9 @@ class Evaluate:
         return (*said, *self._seen(plan.scenes)) if self.weights else said
 
     def _computed(self, precision: Precision) -> tuple[str, ...]:
-        """A remark if the layers did not compute in float32."""
-        return (f"The layers computed in {precision}.",) if self.weights and precision != "float32" else ()
+        """Remarks if the layers did not compute in float32, or the network looked twice at each view."""
+        computed = (f"The layers computed in {precision}.",) if self.weights and precision != "float32" else ()
+        return computed if self.looks == 1 else (*computed, TWO_LOOKS)
 
     def _seen(self, scenes: Sequence[Scene]) -> tuple[str, ...]:
         """A remark if the weights were trained on rooms that are scored here; such rooms are refused without --allow-seen."""
