@@ -23,7 +23,26 @@ OF_NEAREST = ("tests/scene/test_nearest.py",)
 OF_NETWORK = ("tests/model/test_semgs.py::test_each_pixel_becomes_a_gaussian_on_its_ray",)
 OF_PRECISION = ("tests/runtime/test_precision.py",)
 
+OF_LOOKS = ("tests/model/classes/test_looks.py",)
+
 MODEL = (
+    Mutant(
+        "what a second look finds stays mirrored", "semgs/model/classes/semantic.py",
+        "in_full(logits).softmax(1).flip(-1)", "in_full(logits).softmax(1)", OF_LOOKS,
+    ),
+    Mutant(
+        "a second look is at an image that the backbone averages down", "semgs/model/classes/semantic.py",
+        "CLOSER if round(CLOSER * min(read) / MULTIPLE) * MULTIPLE <= LARGEST else most", "CLOSER", OF_LOOKS,
+    ),
+    Mutant(
+        "two looks are summed instead of averaged", "semgs/model/classes/semantic.py",
+        "((in_full(first).softmax(1) + second) / 2)", "(in_full(first).softmax(1) + second)", OF_LOOKS,
+    ),
+    Mutant(
+        "the single pass looks twice", "semgs/run/reconstruct.py",
+        "1 if self.refine == 0 or self.segmenting.replaces else", "1 if self.segmenting.replaces else",
+        ("tests/cli/scenes/test_reconstruct_command.py::test_photos_are_looked_at_twice_if_nothing_else_was_asked",),
+    ),
     Mutant(
         "the plain sweep samples half a texel off", COST,
         "((2 * u + 1) / w - 1, (2 * v + 1) / h - 1)", "(2 * u / w - 1, 2 * v / h - 1)", OF_COST,
