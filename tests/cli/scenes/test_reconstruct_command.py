@@ -17,9 +17,9 @@ from semgs.geometry.cameras import inverse_rigid
 from semgs.geometry.gaussians import move_cameras
 from semgs.model.weights.load import load
 from semgs.model.weights.weights_file import save
+from semgs.rendering.render import render
 from semgs.run.options.segmenter_options import SegmenterOptions
 from semgs.run.reconstruct import Reconstruct
-from semgs.rendering.render import render
 from semgs.runtime.stopwatch import COMPILE
 
 BINARIES = ("gaussians.ply", "semantics.ply", "scene.safetensors")
