@@ -58,7 +58,9 @@ def encoded(frames: tuple[int, ...] = INPUTS) -> SavedScene:
     """The room from some of its photos, as `semgs demo` makes it."""
     scene = open_scene(demo_scene())
     views = scene.read(frames)
-    return SavedScene.of(refine(load("small")(views), views), views, unit=scene.unit)
+    network = load("small")
+    network.looks = 2
+    return SavedScene.of(refine(network(views), views), views, unit=scene.unit)
 
 
 def save(name: str, picture: np.ndarray) -> None:
