@@ -174,9 +174,8 @@ def _lock_name(target: Path) -> tuple[Path, FileLock | None]:
         partial = partial_name(target)
         partial.touch(exist_ok=False)  # where that is impossible, filelock would try for ever
         partial.unlink()
-        path = partial.with_suffix(
-            _LOCKED
-        )  # must not exist before it is locked: another process would take it for one of a killed process
+        # The lock must not exist before it is held: another process would take it for that of a killed one.
+        path = partial.with_suffix(_LOCKED)
         lock = FileLock(path)
         try:
             lock.acquire(timeout=0)

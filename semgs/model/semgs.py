@@ -13,7 +13,7 @@ from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
 from semgs.model.attention.transformer import CameraTransformer
 from semgs.model.classes.refinement import Cues, ViewFeatures
-from semgs.model.classes.semantic import SHAPE, Attributes, ClassMaps, SemanticBranch, in_full, mean_logits
+from semgs.model.classes.semantic import SHAPE, Attributes, ClassMaps, SemanticBranch, mean_logits
 from semgs.model.gaussians.heads import Decoder, coarse_disparities
 from semgs.model.gaussians.placing import Placer
 from semgs.model.layers.cnn import FeatureCNN, lay_out
@@ -24,7 +24,7 @@ from semgs.model.settings import NetworkSettings
 from semgs.model.sweep.depth import PlaneSweepDepth
 from semgs.rendering.temperatures import Temperatures
 from semgs.runtime.kernels import check_not_forked
-from semgs.runtime.precision import Precision, in_own_precision
+from semgs.runtime.precision import Precision, in_full, in_own_precision
 from semgs.scene.coarse_depth import SHRINK, CoarseDepth, FinerDepth
 from semgs.scene.encoding import Encoding
 

@@ -22,6 +22,7 @@ from semgs.data.views import Views
 from semgs.objectives.loss_weights import LossWeights
 from semgs.objectives.metrics import squared_error
 from semgs.rendering.rendering import Rendering
+from semgs.runtime.precision import in_full
 
 
 @dataclass(frozen=True)
@@ -155,8 +156,7 @@ def _true_class_probability(
     distributions: Float[Tensor, "v class h w"], labels: UInt8[Tensor, "v s h w"]
 ) -> Float[Tensor, "v s h w"]:
     """The probability that each distribution gives to each of its s true classes, in float32 or better; of class 0 if ignored."""
-    exact = distributions.to(torch.promote_types(distributions.dtype, torch.float32))
-    return exact.gather(-3, _indices(labels))
+    return in_full(distributions).gather(-3, _indices(labels))
 
 
 def _per_distribution(labels: UInt8[Tensor, "v h w"], size: tuple[int, ...], stride: int) -> UInt8[Tensor, "v s h2 w2"]:

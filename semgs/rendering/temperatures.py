@@ -14,6 +14,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from semgs.files.errors import check_type
+from semgs.runtime.precision import in_full
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ def tempered(distributions: Float[Tensor, "*batch class"], temperature: float) -
 
 def logarithms(distributions: Float[Tensor, "*batch class"]) -> Float[Tensor, "*batch class"]:
     """log p in float32 or better; the smallest normal number replaces zeros."""
-    exact = distributions.to(torch.promote_types(distributions.dtype, torch.float32))
+    exact = in_full(distributions)
     return exact.clamp(min=torch.finfo(exact.dtype).tiny).log()
 
 

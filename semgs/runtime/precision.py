@@ -33,6 +33,11 @@ def has_bfloat16_units(root: Path = ROOT) -> bool:
     return not BFLOAT16_UNITS.isdisjoint(flags.split())
 
 
+def in_full(maps: Tensor) -> Tensor:
+    """A tensor in its own precision, or float32 if that is better."""
+    return maps.to(torch.promote_types(maps.dtype, torch.float32))
+
+
 def in_own_precision(forward: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
     """Let a method of a network compute in its `precision`. In float32 an autocast around it stays in force, as in training."""
 

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, conv2d, interpolate, pad, relu
 
 from semgs.model.classes.mobilenet import SameConv2d, downsampled_size
-from semgs.runtime.precision import outside_autocast
+from semgs.runtime.precision import in_full, outside_autocast
 from semgs.scene.coarse_depth import SHRINK
 
 PUBLISHED = 32
@@ -157,9 +157,7 @@ class GeometricMean(nn.Module):
 
         With the probabilities p and q, those of known classes are p^(1 - w) q^w, scaled to the sum that p has over them; all others are p.
         """
-        first, second = (
-            maps.to(torch.promote_types(maps.dtype, torch.float32)).log_softmax(1) for maps in (first, second)
-        )
+        first, second = (in_full(maps).log_softmax(1) for maps in (first, second))
         known = self.get_buffer("known")[:, None, None]
         mean = (1 - self.share) * first + self.share * second
         mass, total = (maps.masked_fill(~known, -torch.inf).logsumexp(1, keepdim=True) for maps in (first, mean))

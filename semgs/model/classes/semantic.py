@@ -16,6 +16,7 @@ from semgs.model.classes.mosaic import Mosaic
 from semgs.model.classes.refinement import ClassRefinement, ViewFeatures
 from semgs.model.layers.cnn import FeatureCNN, Head, PlainUpsampler, Upsampler, beside, upsample
 from semgs.model.layers.network_input import MULTIPLE, NetworkInput
+from semgs.runtime.precision import in_full
 from semgs.scene.coarse_depth import SHRINK
 
 SHAPE = 7
@@ -238,8 +239,3 @@ def mean_logits(
 ) -> Float[Tensor, "n class h w"]:
     """Logarithms of the mean of two class distributions, the first from its logits."""
     return ((in_full(first).softmax(1) + second) / 2).clamp(min=SMALLEST).log()
-
-
-def in_full(maps: Tensor) -> Tensor:
-    """The maps in single precision or better."""
-    return maps.to(torch.promote_types(maps.dtype, torch.float32))

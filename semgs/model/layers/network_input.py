@@ -64,9 +64,9 @@ class NetworkInput:
         """
         image = interpolate(
             self.images[view : view + 1].flip(-1), size, mode="bicubic", antialias=True, align_corners=False
-        )
+        ).clamp(0, 1)
         stride = self.images.shape[-1] // self.small.shape[-1]
-        return replace(self, images=image.clamp(0, 1), small=avg_pool2d(image.clamp(0, 1), stride))
+        return replace(self, images=image, small=avg_pool2d(image, stride))
 
     @property
     def near(self) -> Float[Tensor, " b"]:
