@@ -6,6 +6,7 @@ import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, is_dataclass
+from functools import cache
 from typing import Any
 
 import cyclopts
@@ -32,11 +33,11 @@ class Help:
 def help_of(options: type, program: str, preset: str = "") -> Help:
     """The help of a command; with the settings of a preset if it has some and one is named."""
     found, presets = _shown(options, preset), getattr(options, "presets", {})
-    texts, groups = {option.owner: _texts(option.owner) for option in found}, defaultdict(list)
+    groups = defaultdict(list)
     for option in found:
         words = option.words.metavar or ""
         default = option.words.shows(option.default)
-        text = texts[option.owner].get(option.path[-1], "")
+        text = _texts(option.owner).get(option.path[-1], "")
         typed = words if option.words.positional else f"{option.flag} {words}".rstrip()
         groups[_title(options, option)].append((typed, f"{text} [default: {default}]" if default else text))
     choices = [] if preset or not presets else [f"{{{','.join(presets)}}}"]
@@ -51,12 +52,11 @@ def help_of(options: type, program: str, preset: str = "") -> Help:
 def print_help(options: type, program: str, preset: str) -> None:
     """Print what a command does, and its options."""
     found, told = _shown(options, preset), help_of(options, program, preset)
-    texts = {owner: _texts(owner) for owner in {option.owner for option in found}}
     groups = {title: cyclopts.Group.create_ordered(title) for title in told.groups}
     app = app_for(
         program,
         found,
-        help=[texts[option.owner].get(option.path[-1]) for option in found],
+        help=[_texts(option.owner).get(option.path[-1]) for option in found],
         show_default=[option.words.shows(option.default) or False for option in found],
         required=[option.default is MISSING for option in found],
         group=[None if option.words.positional else groups[_title(options, option)] for option in found],
@@ -73,8 +73,9 @@ def _shown(options: type, preset: str) -> list[Option]:
     return sorted(found, key=lambda option: (not option.words.positional, option.owner is not options))
 
 
+@cache
 def _texts(owner: type) -> dict[str, str]:
-    """The help of each field of a dataclass, as paragraphs."""
+    """The help of each field of a dataclass, as paragraphs. It is read from source code, which takes long."""
     kinds = [kind for kind in reversed(owner.__mro__) if is_dataclass(kind)]
     told = [one for kind in kinds for one in docstring_parser.parse_from_object(kind).params]
     return {one.arg_name: paragraphs(one.description or "") for one in told}

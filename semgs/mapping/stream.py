@@ -20,6 +20,7 @@ from semgs.data.views import INDOOR_DEPTH_RANGE, Views
 from semgs.geometry.cameras import Arrays, Cameras
 from semgs.geometry.gaussians import Gaussians
 from semgs.mapping.mapper import Mapper, Merged
+from semgs.model.classes.view_cache import ViewCache
 from semgs.model.encode import Network, encode
 from semgs.model.weights.load import load
 from semgs.rendering.rendering import Rendering
@@ -120,8 +121,10 @@ def stream(
     model = load(network) if isinstance(network, str) else network
     bounds = DepthRange(near, far, "metric", "as given")
 
+    cache = ViewCache()
+
     def window(_: Sequence[int], seen: Views) -> Encoding:
-        return encode(model, seen).encoding
+        return encode(model, seen, cache=cache).encoding
 
     mapper = Mapper(window, bounds, views=views, radius=radius, voxel=voxel)
     reader = FrameReader((near, far), size)

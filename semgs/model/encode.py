@@ -9,6 +9,7 @@ import torch
 
 from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
+from semgs.model.classes.view_cache import ViewCache
 from semgs.model.memory.memory_plan import MemoryPlan
 from semgs.model.semgs import SemGS
 from semgs.runtime.stopwatch import now
@@ -49,7 +50,12 @@ class Encoded:
 
 @torch.no_grad()
 def encode(
-    network: Network, views: Views, targets: Views | None = None, *, device: torch.device | str | None = "cpu"
+    network: Network,
+    views: Views,
+    targets: Views | None = None,
+    *,
+    device: torch.device | str | None = "cpu",
+    cache: ViewCache | None = None,
 ) -> Encoded:
     """Encode views into Gaussians.
 
@@ -60,6 +66,7 @@ def encode(
         views: of one scene.
         targets: views that will be rendered later and also need memory.
         device: where to move the result, in float32; None leaves it unchanged.
+        cache: of earlier calls with the same network, as for `SemGS.forward`; other networks have none.
 
     Raises:
         NotEnoughMemoryError: it would not fit in memory.
@@ -67,6 +74,6 @@ def encode(
     """
     planned = network.memory_plan(views, targets) if isinstance(network, SemGS) else None
     start = now()
-    encoding = network(views, planned.chunks) if isinstance(network, SemGS) and planned else network(views)
+    encoding = network(views, planned.chunks, cache=cache) if isinstance(network, SemGS) and planned else network(views)
     seconds = now() - start
     return Encoded(encoding if device is None else encoding.to(device, torch.float32), planned, seconds)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 
@@ -13,7 +14,8 @@ from semgs.data.tables.classes import ClassTable
 from semgs.data.views import Views
 from semgs.model.attention.transformer import CameraTransformer
 from semgs.model.classes.refinement import Cues, ViewFeatures
-from semgs.model.classes.semantic import SHAPE, Attributes, ClassMaps, SemanticBranch, mean_logits
+from semgs.model.classes.semantic import SHAPE, ClassMaps, SemanticBranch
+from semgs.model.classes.view_cache import ViewCache
 from semgs.model.gaussians.heads import Decoder, coarse_disparities
 from semgs.model.gaussians.placing import Placer
 from semgs.model.layers.cnn import FeatureCNN, lay_out
@@ -111,7 +113,13 @@ class SemGS(nn.Module):
         return self
 
     @in_own_precision
-    def forward(self, views: Views, chunks: Chunks | None = None, stage: Stage = nullcontext) -> Encoding:
+    def forward(
+        self,
+        views: Views,
+        chunks: Chunks | None = None,
+        stage: Stage = nullcontext,
+        cache: ViewCache | None = None,
+    ) -> Encoding:
         """The Gaussians of N >= 2 views, and depth at their full size. Gaussians of hidden pixels have no opacity.
 
         Within autocast the layers compute in half precision, as with `precision` "bf16"; depth, cameras and Gaussians stay in float32 or better.
@@ -121,6 +129,7 @@ class SemGS(nn.Module):
             chunks: views to process at a time; fewer need less memory and give the same numbers. None uses
                 `memory_plan` for one scene in evaluation mode, and all views at once for a batch or in training.
             stage: context manager around each of `semgs.model.memory.stage_memory.STAGES`, for example to time it.
+            cache: of earlier calls, which saves time if some of the views were in them; None for none. It carries no gradients.
 
         Raises:
             TypeError: it is given something else than views.
@@ -143,8 +152,8 @@ class SemGS(nn.Module):
         with stage("transformer_colour"):
             features = self.colour.transformer(shallow, inputs)
         with stage("transformer_semantic"):
-            single = None if self.semantic is None else self.semantic.refine(inputs, self.cnn, shallow)
-            classify = None if single is None else self._classify(single, inputs)
+            single = None if self.semantic is None else self._single(self.semantic, inputs, shallow, cache)
+            classify = None if self.semantic is None or single is None else self.semantic(single, inputs)
         with stage("cost_volume"):
             cost = self.colour.depth.cost(features, inputs, chunks.cost)
         with stage("depth"):
@@ -193,13 +202,11 @@ class SemGS(nn.Module):
         if self.semantic is None:
             raise ValueError("the network has no semantic branch, so it cannot classify")
         inputs, evidence = self._inputs(views, fewest=1 if alone else 2), None
-        single = self.semantic.refine(inputs, self.cnn)
+        single = self.semantic.refine(inputs, self.cnn, looks=self._looks_now, alone=alone)
         if alone:
             logits, evidence = self.semantic.single_view_logits(single, inputs), single.evidence
-            if self._looks_twice:
-                logits = mean_logits(logits, self.semantic.second_look(inputs, self.cnn, alone=True))
         else:
-            logits = self._classify(single, inputs)(slice(None))[:, SHAPE:]
+            logits = self.semantic(single, inputs)(slice(None))[:, SHAPE:]
         rows, columns = (-(-side // self.stride) for side in views.size)
         inside = logits[..., :rows, :columns]
         classes = in_full(inside).softmax(1)
@@ -314,21 +321,25 @@ class SemGS(nn.Module):
         self._looks = looks
 
     @property
+    def _looks_now(self) -> int:
+        return 1 if self.training else self.looks
+
+    @property
     def most_looks(self) -> int:
         """How often it can look at each view: twice if the semantic branch does not compare views, else once."""
         return 1 if self.semantic is None else self.semantic.most_looks
 
-    @property
-    def _looks_twice(self) -> bool:
-        return self.looks > 1 and not self.training
+    def _single(
+        self, semantic: SemanticBranch, inputs: NetworkInput, shallow: Tensor, cache: ViewCache | None
+    ) -> ViewFeatures:
+        """What the semantic branch finds in single views, or found before."""
+        if cache is None:
+            return semantic.refine(inputs, self.cnn, shallow, self._looks_now)
 
-    def _classify(self, single: ViewFeatures, inputs: NetworkInput) -> Attributes:
-        """The semantic branch's attributes of Gaussians, from one or two looks at each view."""
-        assert self.semantic is not None
-        if self._looks_twice:
-            return self.semantic.forward_twice(single, inputs, self.cnn)
-        attributes: Attributes = self.semantic(single, inputs)
-        return attributes
+        def compute(new: Sequence[int]) -> ViewFeatures:
+            return semantic.refine(inputs.only(new), self.cnn, shallow[new], self._looks_now)
+
+        return cache.features(inputs.images, compute)
 
     @property
     def _shares_cnn(self) -> bool:

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 import torch
 from jaxtyping import Float, Float64, Int64, Integer
-from scipy.spatial import cKDTree
 
 from semgs.data.tables.classes import SCANNET20, ClassTable
 from semgs.files.errors import check_type
@@ -285,6 +284,8 @@ def joined(
         return groups
     voxels = np.column_stack((np.floor(points[inside] / (gap / 2)), groups[inside]))
     thinned = inside[np.unique(voxels, axis=0, return_index=True)[1]]
+    from scipy.spatial import cKDTree  # takes seconds to import
+
     near = groups[thinned][cKDTree(points[thinned]).query_pairs(gap, output_type="ndarray")]
     pairs = np.unique(np.sort(near), axis=0)
     sums = np.stack([np.bincount(groups, weights * one) for one in distributions.T], -1)

@@ -24,6 +24,7 @@ OF_NETWORK = ("tests/model/test_semgs.py::test_each_pixel_becomes_a_gaussian_on_
 OF_PRECISION = ("tests/runtime/test_precision.py",)
 
 OF_LOOKS = ("tests/model/classes/test_looks.py",)
+OF_CACHE = ("tests/model/classes/test_view_cache.py",)
 
 MODEL = (
     Mutant(
@@ -37,6 +38,14 @@ MODEL = (
     Mutant(
         "two looks are summed instead of averaged", "semgs/model/classes/semantic.py",
         "((in_full(first).softmax(1) + second) / 2)", "(in_full(first).softmax(1) + second)", OF_LOOKS,
+    ),
+    Mutant(
+        "views in a cache are forgotten in the order in which they came", "semgs/model/classes/view_cache.py",
+        "self._known.move_to_end(key)", "self._known[key]", OF_CACHE,
+    ),
+    Mutant(
+        "of several new views in a cache, each gets what another one shows", "semgs/model/classes/view_cache.py",
+        "computed[place : place + 1]", "computed[position : position + 1]", OF_CACHE,
     ),
     Mutant(
         "the single pass looks twice", "semgs/run/reconstruct.py",

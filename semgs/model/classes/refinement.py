@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
@@ -28,17 +29,41 @@ class ViewFeatures:
         evidence: for the refinement's own classifier, if it has one.
         cue_maps: maps from which `ClassRefinement.cues` makes depth's cues, if it makes any.
         second: class logits of a second network, at its own resolution; None if there is none.
+        again: class distributions of a second look, at the Gaussians' scale; None if there was none.
     """
 
     features: Float[Tensor, "n c h4 w4"]
     evidence: Float[Tensor, "n k h4 w4"]
     cue_maps: tuple[Tensor, ...] = ()
     second: Float[Tensor, "n class h2 w2"] | None = None
+    again: Float[Tensor, "n class h3 w3"] | None = None
 
     def __getitem__(self, at: slice) -> ViewFeatures:
-        """The same of some of the views, without `cue_maps`."""
-        second = None if self.second is None else self.second[at]
-        return ViewFeatures(self.features[at], self.evidence[at], second=second)
+        """The same of some of the views."""
+        return ViewFeatures(
+            self.features[at],
+            self.evidence[at],
+            tuple(cue_map[at] for cue_map in self.cue_maps),
+            None if self.second is None else self.second[at],
+            None if self.again is None else self.again[at],
+        )
+
+    @staticmethod
+    def joined(parts: Sequence[ViewFeatures]) -> ViewFeatures:
+        """Those of several views, one after the other."""
+
+        def join(field: str) -> Tensor | None:
+            found = [getattr(part, field) for part in parts]
+            return None if found[0] is None else torch.cat(found)
+
+        maps = zip(*(part.cue_maps for part in parts), strict=True)
+        return ViewFeatures(
+            torch.cat([part.features for part in parts]),
+            torch.cat([part.evidence for part in parts]),
+            tuple(torch.cat(cue_maps) for cue_maps in maps),
+            join("second"),
+            join("again"),
+        )
 
 
 class ClassRefinement(nn.Module, ABC):

@@ -79,7 +79,8 @@ class SemanticBranch(nn.Module):
         self.mosaic = mosaic
 
     def forward(self, single: ViewFeatures, inputs: NetworkInput) -> Attributes:
-        """Apply the transformer, if there is one, to all views; return a function that applies the head to some of them.
+        """Apply the transformer, if there is one, to all views; return a function that applies the head to some of them. After a second look the
+        classes are the mean of the distributions of both looks (test-time augmentation).
 
         Args:
             single: from `refine`.
@@ -94,21 +95,6 @@ class SemanticBranch(nn.Module):
     def most_looks(self) -> int:
         """How often it can look at each view: twice if it does not compare views."""
         return 2 if self.transformer is None else 1
-
-    def forward_twice(self, single: ViewFeatures, inputs: NetworkInput, cnn: FeatureCNN) -> Attributes:
-        """As `forward`; but the classes are the mean of the distributions of two looks at each view (test-time augmentation).
-
-        Args:
-            single, inputs: as for `forward`.
-            cnn: the shared CNN.
-        """
-        first, second = self(single, inputs), self.second_look(inputs, cnn)
-
-        def attributes(at: slice) -> Tensor:
-            raw = first(at)
-            return self._with_logits(raw, mean_logits(raw[:, SHAPE:], second[at]))
-
-        return attributes
 
     def second_look(self, inputs: NetworkInput, cnn: FeatureCNN, alone: bool = False) -> Float[Tensor, "n class h w"]:
         """Class distributions from the views' enlarged mirror images, one view after the other, at the Gaussians' scale.
@@ -130,8 +116,8 @@ class SemanticBranch(nn.Module):
         return torch.cat(found)
 
     def single_view_logits(self, single: ViewFeatures, inputs: NetworkInput) -> Float[Tensor, "n class h w"]:
-        """Class logits of single views: those of the refinement, or else those of the head without the transformer; with a second network,
-        the mean of both."""
+        """Class logits of single views: those of the refinement, or else those of the head without the transformer; with a second network or
+        after a second look, the mean of both."""
         if self.refinement.classifier is not None:
             return self._mean(self._own_logits(self.refinement.classifier, single), single)
         unchanged = None if self.transformer is None else single.features
@@ -143,14 +129,21 @@ class SemanticBranch(nn.Module):
         return 0 if self.refinement.classifier is None else self.refinement.classifier.in_channels
 
     def refine(
-        self, inputs: NetworkInput, cnn: FeatureCNN, shallow: Float[Tensor, "n c h4 w4"] | None = None
+        self,
+        inputs: NetworkInput,
+        cnn: FeatureCNN,
+        shallow: Float[Tensor, "n c h4 w4"] | None = None,
+        looks: int = 1,
+        alone: bool = False,
     ) -> ViewFeatures:
-        """The refinement's output for single views.
+        """The refinement's output for single views, and what a second network and a second look find.
 
         Args:
             inputs: the views.
             cnn: the shared CNN.
             shallow: its features of the views; None computes them if they are needed.
+            looks: at each view, 1 or 2.
+            alone: as for `second_look`.
         """
 
         def shallow_features(images: Tensor) -> Tensor:
@@ -160,7 +153,9 @@ class SemanticBranch(nn.Module):
             return own
 
         single: ViewFeatures = self.refinement(inputs.images, shallow_features)
-        return single if self.mosaic is None else replace(single, second=self.mosaic(inputs.images))
+        second = None if self.mosaic is None else self.mosaic(inputs.images)
+        again = None if looks < 2 else self.second_look(inputs, cnn, alone)
+        return replace(single, second=second, again=again)
 
     def _attributes(
         self, small: Float[Tensor, "n 3 h w"], transformed: Float[Tensor, "n c h4 w4"] | None, single: ViewFeatures
@@ -168,36 +163,28 @@ class SemanticBranch(nn.Module):
         """The output of the head, plus the refinement's own logits if it has any; with a second network, the mean of its and these logits."""
         features = (single.features,) if transformed is None else (transformed, single.features)
         raw: Tensor = self.head(beside(small, self.upsampler(*features)))
-        if self.refinement.classifier is None and single.second is None:
+        if self.refinement.classifier is None and single.second is None and single.again is None:
             return raw
         logits = raw[:, SHAPE:]
         if self.refinement.classifier is not None:
             logits = logits + self._own_logits(self.refinement.classifier, single)
-        return self._with_logits(raw, self._mean(logits, single))
-
-    @staticmethod
-    def _with_logits(
-        raw: Float[Tensor, "n channel h w"], logits: Float[Tensor, "n class h w"]
-    ) -> Float[Tensor, "n channel h w"]:
-        """The output of the head with other class logits."""
-        layout = (
-            torch.channels_last if raw.is_contiguous(memory_format=torch.channels_last) else torch.contiguous_format
-        )
-        # In another format, shapes would round otherwise.
-        return torch.cat((raw[:, :SHAPE], logits.contiguous(memory_format=layout)), dim=1)
+        # In another memory format, shapes would round otherwise.
+        channels_last = raw.is_contiguous(memory_format=torch.channels_last)
+        layout = torch.channels_last if channels_last else torch.contiguous_format
+        mean = self._mean(logits, single).contiguous(memory_format=layout)
+        return torch.cat((raw[:, :SHAPE], mean), dim=1)
 
     def _own_logits(self, classifier: nn.Conv2d, single: ViewFeatures) -> Float[Tensor, "n class h w"]:
         """The refinement's logits at the Gaussians' scale."""
         return upsample(classifier(single.evidence), self.upsampler.factor, self.upsampler.pixel_centres)
 
     def _mean(self, logits: Float[Tensor, "n class h w"], single: ViewFeatures) -> Float[Tensor, "n class h w"]:
-        """The mean of both networks' distributions, from their logits; without a second network, the logits."""
-        if self.mosaic is None or single.second is None:
-            return logits
-        corners = not self.upsampler.pixel_centres
-        second = interpolate(single.second, logits.shape[-2:], mode="bilinear", align_corners=corners)
-        mean: Tensor = self.mosaic.mixture(logits, second)
-        return mean
+        """The mean of both networks' distributions, from their logits, if there are two, and then of both looks, if there were two."""
+        if self.mosaic is not None and single.second is not None:
+            corners = not self.upsampler.pixel_centres
+            second = interpolate(single.second, logits.shape[-2:], mode="bilinear", align_corners=corners)
+            logits = self.mosaic.mixture(logits, second)
+        return logits if single.again is None else mean_logits(logits, single.again)
 
     @property
     def shares_cnn(self) -> bool:

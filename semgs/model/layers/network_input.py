@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -67,6 +67,10 @@ class NetworkInput:
         ).clamp(0, 1)
         stride = self.images.shape[-1] // self.small.shape[-1]
         return replace(self, images=image, small=avg_pool2d(image, stride))
+
+    def only(self, views: Sequence[int]) -> NetworkInput:
+        """Some of the views, for layers that do not use cameras: it keeps those of all."""
+        return replace(self, images=self.images[views], small=self.small[views])
 
     @property
     def near(self) -> Float[Tensor, " b"]:

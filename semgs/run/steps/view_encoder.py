@@ -20,6 +20,7 @@ from semgs.files.errors import InputError
 from semgs.files.text import counted
 from semgs.mapping.mapper import unusable
 from semgs.mapping.windows import encode_in_windows
+from semgs.model.classes.view_cache import ViewCache
 from semgs.model.encode import Network, encode
 from semgs.model.memory.memory_plan import MemoryPlan
 from semgs.runtime.cores import adapt_threads
@@ -57,6 +58,7 @@ class ViewEncoder:
         self._depth, self._labelling, self._stages = depth, labelling, stages
         self._placements: dict[int, Placement | MapPlacement] = {}
         self._segmenter_cost = self._depth_cost = ""
+        self._cache = ViewCache()
         self.plan: MemoryPlan | None = None
 
     def read(self, positions: Sequence[int], depth_range: DepthRange) -> Views:
@@ -134,7 +136,7 @@ class ViewEncoder:
 
     def _encode(self, views: Views, target: Views | None = None) -> Encoding:
         """The network's Gaussians of some views."""
-        encoded = encode(self._network, views, target)
+        encoded = encode(self._network, views, target, cache=self._cache)
         if self.plan is None or not self.plan.short:
             self.plan = encoded.plan
         return replace(encoded.encoding, classes=self._network.classes)
