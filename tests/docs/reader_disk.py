@@ -184,8 +184,19 @@ def _write_results(disk: Path) -> None:
     shutil.copytree(ROOT / "docs" / "scores", disk / "docs" / "scores")
     small = "x".join(map(str, SIZE))
     run(
-        "reconstruct", "room", "--out", "out", "--features", "clip", "--refine", "1"
-    )  # of full size, so that the floor is found
+        "reconstruct",
+        "room",
+        "--out",
+        "out",
+        "--features",
+        "clip",
+        "--refine",
+        "1",
+        "--looks",
+        "1",
+        "--size",
+        "120x160",
+    )
     shutil.copytree(disk / "out", disk / "done")
     shutil.copytree(disk / "done", disk / "demo")
     shutil.move(disk / "done", disk / "out" / "office")

@@ -86,7 +86,8 @@ def test_upright_files_objects_occupancy_and_the_viewer_take_a_merged_scene(
 ) -> None:
     """The included room by the included weights, without `--up`: the way up is found, and with it the floor."""
     folder = tmp_path / "out"
-    assert main(["reconstruct", str(demo_scene()), "--out", str(folder), "--all", "--size", "96x128"]) == 0
+    options = ["--all", "--size", "96x128", "--refine", "1"]
+    assert main(["reconstruct", str(demo_scene()), "--out", str(folder), *options]) == 0
     assert semgs.load_scene(folder).places is not None
     for name in ("ply", "objects", "occupancy"):
         assert main(["export", str(folder), "--out", str(tmp_path / name), "--as", name]) == 0
