@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
+import numpy as np
 import pytest
 
 from semgs.app.requests import Request, in_names_of_user, page_error
 from semgs.app.uploads import UnusableUploadError
+from semgs.data.cameras.lens import Lens
 from semgs.files.errors import InputError
 from semgs.run.usage_errors import UsageError
 from semgs.sfm.scale import NotPlacedError
+from semgs.sfm.solving import PosedPhoto
 
 
 @pytest.mark.parametrize(
@@ -55,7 +56,7 @@ def test_a_zip_is_named_as_the_user_has_it():
     )
 
 
-PHOTO = SimpleNamespace(name="a.jpg")
+PHOTO = PosedPhoto("a.jpg", Lens((48, 64), (100.0, 100.0), (32.0, 24.0)), np.eye(4))
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 from semgs.data.views import Views
 
@@ -19,6 +19,7 @@ MISSING = "generated rooms need the package semgs-rooms: pip install -e packages
 Split = Literal["training", "validation"]
 
 
+@runtime_checkable
 class RoomSamples(Protocol):
     """Samples of generated rooms: sample k is (input views, target views), a pure function of the seed and k."""
 
@@ -33,6 +34,7 @@ class RoomSamples(Protocol):
         """Number of input and target views of sample k."""
 
 
+@runtime_checkable
 class RoomSource(Protocol):
     """What generates rooms."""
 
