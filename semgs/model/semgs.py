@@ -152,8 +152,10 @@ class SemGS(nn.Module):
         with stage("transformer_colour"):
             features = self.colour.transformer(shallow, inputs)
         with stage("transformer_semantic"):
-            single = None if self.semantic is None else self._single(self.semantic, inputs, shallow, cache)
-            classify = None if self.semantic is None or single is None else self.semantic(single, inputs)
+            single = classify = None
+            if self.semantic is not None:
+                single = self._single(self.semantic, inputs, shallow, cache)
+                classify = self.semantic(single, inputs)
         with stage("cost_volume"):
             cost = self.colour.depth.cost(features, inputs, chunks.cost)
         with stage("depth"):

@@ -279,13 +279,13 @@ def joined(
     least: float = ALIKE,
 ) -> Int64[np.ndarray, " n"]:
     """The groups, 0 for none, of which the two that touch and are most alike became one, until no two were at least so alike."""
+    from scipy.spatial import cKDTree  # takes seconds to import
+
     inside = np.flatnonzero(groups)
     if not len(inside):
         return groups
     voxels = np.column_stack((np.floor(points[inside] / (gap / 2)), groups[inside]))
     thinned = inside[np.unique(voxels, axis=0, return_index=True)[1]]
-    from scipy.spatial import cKDTree  # takes seconds to import
-
     near = groups[thinned][cKDTree(points[thinned]).query_pairs(gap, output_type="ndarray")]
     pairs = np.unique(np.sort(near), axis=0)
     sums = np.stack([np.bincount(groups, weights * one) for one in distributions.T], -1)

@@ -92,7 +92,8 @@ SLOW = (
     "app", "batch", "export-network", "label", "paper.", "poses", "train", "weights calibrate", "hf:", "models/", "--assets", "--sheet", "view",
     "kitchen_colmap", "splat-transform", "mosaic.tflite", "scripts/", "tests/", "--protocol neighbours", "--protocol lsm", "--free-space", "eval/other", "eval/segformer",
     "examples/train", "examples/score", "examples/robot", "examples/depth_maps_in", "--correspondence", "--weights runs/small", "--html", "--refine",
-    "label-splat", "--rerun", "--single", "--features", "--all", "--camera", "--depth depth_maps", "--segmenter", "predictions.npz", "--protocol aside", "reconstruct photos", "reconstruct PHOTOS", "reconstruct recording",
+    "label-splat", "--rerun", "--single", "--features", "--all", "--camera", "--depth depth_maps", "--segmenter",
+    "predictions.npz", "--protocol aside", "reconstruct photos", "reconstruct PHOTOS", "reconstruct recording",
 )  # fmt: skip
 """Words of lines that run in `make long` only; in `make test` their options are parsed."""
 SLOW_IN_PYTHON = ("train(", "open_library(", "make_plan(")

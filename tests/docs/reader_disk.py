@@ -183,20 +183,8 @@ def _write_results(disk: Path) -> None:
     """What reconstruct, export and evaluate leave."""
     shutil.copytree(ROOT / "docs" / "scores", disk / "docs" / "scores")
     small = "x".join(map(str, SIZE))
-    run(
-        "reconstruct",
-        "room",
-        "--out",
-        "out",
-        "--features",
-        "clip",
-        "--refine",
-        "1",
-        "--looks",
-        "1",
-        "--size",
-        "120x160",
-    )
+    quick = ("--refine", "1", "--looks", "1", "--size", "120x160")
+    run("reconstruct", "room", "--out", "out", "--features", "clip", *quick)
     shutil.copytree(disk / "out", disk / "done")
     shutil.copytree(disk / "done", disk / "demo")
     shutil.move(disk / "done", disk / "out" / "office")
