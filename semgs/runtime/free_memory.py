@@ -16,6 +16,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import ClassVar
 
 from semgs.runtime.control_groups import ROOT, control_groups, file_lines
 
@@ -41,6 +42,17 @@ LARGE = 32 * 2**20
 This is also the largest threshold that the library reaches by itself, but not if another parameter was set."""
 
 
+class MallocInfo(ctypes.Structure):
+    """The GNU C library's `struct mallinfo2`, of which `fordblks` counts the bytes in free blocks."""
+
+    _fields_: ClassVar = [
+        (name, ctypes.c_size_t)
+        for name in (
+            "arena", "ordblks", "smblks", "hblks", "hblkhd", "usmblks", "fsmblks", "uordblks", "fordblks", "keepcost"
+        )
+    ]  # fmt: skip
+
+
 def free_bytes(root: Path = ROOT) -> float:
     """Memory that this process may still take; infinite if unknown.
 
@@ -54,6 +66,16 @@ def free_bytes(root: Path = ROOT) -> float:
 def held_bytes(root: Path = ROOT) -> float:
     """Memory that this process uses now; 0 if unknown."""
     return process_bytes("VmRSS", root) or 0.0
+
+
+def kept_bytes() -> float:
+    """Freed memory that this process keeps for reuse (`keep_freed_memory`); 0 if unknown."""
+    try:
+        told = ctypes.CDLL(None).mallinfo2
+    except (AttributeError, OSError, TypeError):  # other and older C libraries, and Windows
+        return 0.0
+    told.restype = MallocInfo
+    return float(told().fordblks)
 
 
 def process_bytes(name: str, root: Path = ROOT) -> float | None:

@@ -40,6 +40,11 @@ def check_not_forked() -> None:
         )
 
 
+def has_computed() -> bool:
+    """Whether this process has rendered or encoded."""
+    return _first_to_compute.cache_info().currsize > 0
+
+
 @cache
 def _first_to_compute() -> int:
     """The process that called this first: this one or, after a fork, one that it was forked from."""

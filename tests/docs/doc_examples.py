@@ -60,6 +60,7 @@ SMALLER = {
     "ablate": "--steps 1 --size 32x48 --views 2 --workers 0 --test val24 --rooms 1",
     "bench": "--quick",
     "evaluate": "--size 48x64 --views 2",
+    "evaluate --sides": "--sides 48 64",
     "evaluate --single": "--size 48x64",
     "export-network": "--size 48x64",
     "figure": "--size 48x64 --views 2",
@@ -254,7 +255,8 @@ def run_semgs(words: Sequence[str]) -> None:
     if name == "view" and "--html" not in rest:
         serve("view", *rest)
         return
-    options = SMALLER.get(f"{name} --single" if "--single" in rest else name, "")
+    kind = next((f" {word}" for word in ("--sides", "--single") if word in rest), "")
+    options = SMALLER.get(f"{name}{kind}", "")
     rest = [SMALLER_LISTS.get(word, word) for word in smaller(rest, options)]
     if "camera_path.json" in rest:  # it says how many frames there are
         del rest[rest.index("--frames") :]

@@ -121,3 +121,16 @@ def test_a_limit_on_the_address_space_leaves_what_is_not_mapped(root: Path) -> N
 def test_this_process_holds_something_and_has_something_left() -> None:
     assert 1e7 < held_bytes() < 1e12
     assert free_bytes() > 0
+
+
+def test_what_was_freed_and_is_kept_is_told() -> None:
+    # Fifty blocks of a megabyte, and one after them, so that they are not at the end.
+    program = (
+        "from semgs.runtime.free_memory import keep_freed_memory, kept_bytes; kept = keep_freed_memory(); "
+        "blocks = [bytes(10**6) for _ in range(50)]; last = bytes(10**6); before = kept_bytes(); del blocks; "
+        "print(kept, kept_bytes() - before)"
+    )
+    told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split()
+    if told[0] == "False":
+        pytest.skip("the C library cannot keep freed memory")
+    assert 50e6 <= float(told[1]) < 51e6

@@ -1,6 +1,6 @@
 """Memory plan: how much memory a scene needs, computed before it is encoded, and how many views to process at a time.
 
-The memory of each stage is the sum in `semgs.model.memory.stage_memory`, plus libraries and their compiler (`LIBRARIES`) and the gaps between tensors
+The memory of each stage is the sum in `semgs.model.memory.stage_memory`, plus libraries and a compiler (`LIBRARIES`, `COMPILER`) and the gaps between tensors
 that the allocator cannot release (`HOLES`). Both were measured; docs/benchmarks.md says how, and docs/lab/memory.json compares the plan with real peaks.
 """
 
@@ -13,15 +13,16 @@ import torch
 
 from semgs.model.layers.network_input import MULTIPLE, Chunks, padded_size
 from semgs.model.memory.stage_memory import Work, seen_bytes, stage_bytes
-from semgs.runtime.free_memory import free_bytes, held_bytes
+from semgs.runtime.free_memory import free_bytes, held_bytes, kept_bytes
+from semgs.runtime.kernels import has_computed
 
-LIBRARIES = 185e6
-"""Memory of the libraries for convolutions, and of the compiler of the rendering kernels [bytes]. A process keeps memory that was freed,
-so the compiler comes on top of any stage. Only the first run compiles: later ones need about 80 MB less."""
+COMPILER, LIBRARIES = 90e6, 95e6
+"""Memory of the compiler of the rendering kernels, and of the libraries for convolutions, which a process loads once [bytes]. A process keeps memory
+that was freed, so the compiler comes on top of any stage. Only the first run compiles."""
 
-HOLES = {"heads": 0.5, "cost_volume": 0.2, "render": 0.2}
+HOLES = {"transformer_semantic": 0.2, "heads": 0.5, "cost_volume": 0.2, "render": 0.2}
 """The allocator's overhead relative to a stage's tensors, `MANY_HOLES` in the other stages: small tensors come from a heap, which keeps
-gaps where tensors were freed; large tensors, as in the cost volume and in rendering, are released completely."""
+gaps where tensors were freed; large tensors, as in the class networks, the cost volume and rendering, are released completely."""
 
 MANY_HOLES, MOST_HOLES = 0.7, 250e6
 """The same overhead in stages of many layers, and its maximum [bytes]."""
@@ -79,11 +80,11 @@ def memory_plan(work: Work, available_bytes: float | None = None) -> MemoryPlan:
 
 
 def peaks(work: Work, chunks: Chunks, held: float) -> dict[str, float]:
-    """Peak memory of a process in each stage, if it used `held` before [bytes]."""
+    """Peak memory of a process in each stage, if it used `held` before, with libraries and compiler [bytes]."""
 
     def peak(stage: str, tensors: float) -> float:
         holes = min(HOLES.get(stage, MANY_HOLES) * tensors, MOST_HOLES)
-        return held + LIBRARIES + ROUNDING * tensors + holes
+        return held + ROUNDING * tensors + holes
 
     return {stage: peak(stage, tensors) for stage, tensors in stage_bytes(work, chunks).items()}
 
@@ -156,8 +157,12 @@ def _gigabytes(count: float) -> str:
 
 
 def _held(device: torch.device) -> float:
-    """Memory that this process uses now on the network's device."""
-    return float(torch.cuda.memory_allocated(device)) if device.type == "cuda" else held_bytes()
+    """Memory in use on the network's device, with what libraries and compiler will take, without what earlier scenes left for reuse."""
+    if device.type == "cuda":
+        return float(torch.cuda.memory_allocated(device)) + LIBRARIES + COMPILER
+    if has_computed():
+        return held_bytes() - kept_bytes() + COMPILER
+    return held_bytes() + COMPILER + LIBRARIES
 
 
 def _available(device: torch.device) -> float:

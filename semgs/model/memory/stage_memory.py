@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import torch
 
-from semgs.model.classes.mobilenet import CUE_WIDTHS
+from semgs.model.classes.mobilenet import CUE_WIDTHS, downsampled_size
 from semgs.model.classes.semantic import CLOSER, SHAPE
 from semgs.model.gaussians.heads import RENDERED_HARMONICS
 from semgs.model.layers.network_input import WHOLE, Chunks
@@ -169,7 +169,7 @@ def _numbers(work: Work, chunks: Chunks) -> dict[str, float]:
     return {
         "cnn": images + cnn,
         "transformer_colour": images + features + _attention(s.colour.transformer, features, views),
-        "transformer_semantic": images + 3 * features + max(_semantic(s, features, views), _second_look(work)),
+        "transformer_semantic": images + 3 * features + max(_semantic(work, views), _second_look(work)),
         "cost_volume": images + cost,
         "depth": images + depth,
         "heads": images + last,
@@ -182,19 +182,26 @@ def _attention(transformer: TransformerSettings, features: float, views: int) ->
     return features / transformer.reduction**2 * max(4 * transformer.expansion + 14, 3 * (views - 1) + 13)
 
 
-def _semantic(settings: NetworkSettings, features: float, views: int) -> float:
-    """The transformer of the semantic branch, its refinement or its second network, whichever is largest."""
-    if settings.semantic is None:
+def _read_texels(work: Work) -> float:
+    """Texels at 1/4 of the images that the class network reads, of all views: of large images, it reads smaller ones."""
+    height, width = downsampled_size(work.size, SHRINK)
+    return work.views * height * width / SHRINK**2
+
+
+def _semantic(work: Work, views: int) -> float:
+    """The transformer of the semantic branch, its refinement or its second network, whichever is largest, for so many of the views at a time."""
+    semantic = work.settings.semantic
+    if semantic is None:
         return 0.0
+    read = _read_texels(work) * views / work.views
     refinement = 0.0
-    if isinstance(settings.semantic.refinement, MobileNet):
+    if isinstance(semantic.refinement, MobileNet):
         # The widest maps of the backbone, at half the image: 16 channels in, 96 before and after padding; 96 out at 1/4.
-        refinement = features / settings.channels * (4 * (16 + 2 * 96) + 96)
-    semantic = settings.semantic
+        refinement = read * (4 * (16 + 2 * 96) + 96)
     if semantic.mosaic is not None:
         # Its images, twice, and its widest maps: at half of them 32 channels in, 96 before and after padding; 96 out at 1/4.
-        widest = 2 * 3 * 16 + 4 * (32 + 2 * 96) + 96
-        refinement = max(refinement, features / settings.channels * semantic.mosaic.enlargement**2 * widest)
+        refinement = max(refinement, read * semantic.mosaic.enlargement**2 * (2 * 3 * 16 + 4 * (32 + 2 * 96) + 96))
+    features = views * work.texels(SHRINK) * work.settings.channels
     attention = _attention(semantic.transformer, features, views) if semantic.compares_views else 0.0
     return max(attention, refinement)
 
@@ -204,7 +211,7 @@ def _second_look(work: Work) -> float:
     if work.looks < 2:
         return 0.0
     features = work.texels(SHRINK) * work.settings.channels
-    one = 3 * work.pixels / work.views + 3 * features + _semantic(work.settings, features, 1)
+    one = 3 * work.pixels / work.views + 3 * features + _semantic(work, 1)
     return CLOSER**2 * one + work.gaussians * work.classes
 
 

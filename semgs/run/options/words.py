@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 from semgs.files.paths import typed_path
 
@@ -128,7 +128,10 @@ def _choice(known: Mapping[str, str | int], word: str) -> str | int:
     return known[word]
 
 
-def _number(kind: type[int] | type[float], word: str) -> float:
+Number = TypeVar("Number", int, float)
+
+
+def _number(kind: type[Number], word: str) -> Number:
     try:
         return kind(word)
     except ValueError:

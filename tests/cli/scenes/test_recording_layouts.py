@@ -35,12 +35,12 @@ def written_by(module: str) -> ModuleType:
 
 def scannet(folder: Path, _: Miniature) -> Path:
     """As it is downloaded."""
-    return scannet_writer.write_raw(folder, scannet_writer.scan())
+    return scannet_writer.write_raw(folder, scannet_writer.scan(lost=()))
 
 
 def extracted(folder: Path, _: Miniature) -> Path:
     """As ScanNet's own script extracts it."""
-    return scannet_writer.write_extracted(folder, scannet_writer.scan())
+    return scannet_writer.write_extracted(folder, scannet_writer.scan(lost=()))
 
 
 def frame_files(folder: Path, room: Miniature) -> Path:
