@@ -16,7 +16,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from semgs.runtime.control_groups import ROOT, control_groups, file_lines
 
@@ -70,9 +70,8 @@ def held_bytes(root: Path = ROOT) -> float:
 
 def kept_bytes() -> float:
     """Freed memory that this process keeps for reuse (`keep_freed_memory`); 0 if unknown."""
-    try:
-        told = ctypes.CDLL(None).mallinfo2
-    except (AttributeError, OSError, TypeError):  # other and older C libraries, and Windows
+    told = _c_function("mallinfo2")
+    if told is None:
         return 0.0
     told.restype = MallocInfo
     return float(told().fordblks)
@@ -199,8 +198,15 @@ def keep_freed_memory() -> bool:
     It affects the whole process, so programs call it, not imports: the command `semgs` does when it starts. Freed memory
     counts as used until the process ends, up to the peak.
     """
-    try:
-        set_parameter = ctypes.CDLL(None).mallopt
-    except (AttributeError, OSError, TypeError):  # other C libraries, and Windows
+    set_parameter = _c_function("mallopt")
+    if set_parameter is None:
         return False
     return bool(set_parameter(MMAP_THRESHOLD, LARGE) and set_parameter(TRIM_THRESHOLD, NEVER))
+
+
+def _c_function(name: str) -> Any:
+    """A function of the C library; None in other and older C libraries, and on Windows."""
+    try:
+        return getattr(ctypes.CDLL(None), name)
+    except (AttributeError, OSError, TypeError):
+        return None

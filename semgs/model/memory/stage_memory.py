@@ -182,18 +182,14 @@ def _attention(transformer: TransformerSettings, features: float, views: int) ->
     return features / transformer.reduction**2 * max(4 * transformer.expansion + 14, 3 * (views - 1) + 13)
 
 
-def _read_texels(work: Work) -> float:
-    """Texels at 1/4 of the images that the class network reads, of all views: of large images, it reads smaller ones."""
-    height, width = downsampled_size(work.size, SHRINK)
-    return work.views * height * width / SHRINK**2
-
-
 def _semantic(work: Work, views: int) -> float:
     """The transformer of the semantic branch, its refinement or its second network, whichever is largest, for so many of the views at a time."""
     semantic = work.settings.semantic
     if semantic is None:
         return 0.0
-    read = _read_texels(work) * views / work.views
+    # Texels at 1/4 of the images that the class networks read: of large images, smaller ones.
+    height, width = downsampled_size(work.size, SHRINK)
+    read = views * height * width / SHRINK**2
     refinement = 0.0
     if isinstance(semantic.refinement, MobileNet):
         # The widest maps of the backbone, at half the image: 16 channels in, 96 before and after padding; 96 out at 1/4.

@@ -160,6 +160,13 @@ def test_the_terms_of_small_are_those_worked_out_by_hand() -> None:
     assert padded["transformer_semantic"] - backbone["transformer_semantic"] == 4 * 3 * 4096
 
 
+def test_classes_of_large_images_need_what_their_smaller_copies_need() -> None:
+    # Two views of 480x640, read at 240x320: 9,600 texels of these at four positions with 208 channels and 96 more, beside 153,600 Gaussians with
+    # three colours each and 38,400 texels with three maps of 48 channels.
+    large = work_of(preset("small_plain", class_backbone=True, semantic_transformer=False), 2, (480, 640), 0)
+    assert stage_bytes(large)["transformer_semantic"] == 4 * (460_800 + 5_529_600 + 9600 * (4 * 208 + 96))
+
+
 def test_gaps_and_small_tensors_are_added(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         planning, "stage_bytes", lambda *_: {"cnn": 1e9, "cost_volume": 1e8, "depth": 1e8, "heads": 1e8}
