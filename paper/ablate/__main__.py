@@ -37,7 +37,7 @@ from semgs.training.training_settings import WEIGHTS
 if TYPE_CHECKING:
     from semgs.evaluation.frames.frame_plan import FramePlan
     from semgs.evaluation.run import LabelledScenes
-    from semgs.evaluation.tables.evaluation_report import SavedReport
+    from semgs.evaluation.tables.saved_report import SavedReport
     from semgs.evaluation.tables.table_grid import Grid
     from semgs.training.training_settings import TrainingSettings
 
@@ -419,7 +419,7 @@ def _report(folder: Path, data: LabelledScenes, plan: FramePlan) -> SavedReport:
         InputError: the folder is no evaluation of these targets.
     """
     from semgs.evaluation.frames.frame_plan import frame_list
-    from semgs.evaluation.tables.evaluation_report import data_name, read_report
+    from semgs.evaluation.tables.saved_report import data_name, read_report
     from semgs.files.strict_json import read_json
 
     report = read_report(folder)

@@ -18,7 +18,7 @@ from semgs.evaluation.scoring.intervals import (
     seed_differences,
     units_in_words,
 )
-from semgs.evaluation.tables.evaluation_report import SavedReport
+from semgs.evaluation.tables.saved_report import SavedReport
 from semgs.evaluation.tables.table_grid import Cell, Grid
 from semgs.objectives.measures import TITLES
 

@@ -187,7 +187,7 @@ class PaperFigure:
         from semgs.data.scene_lists import check_unseen
         from semgs.evaluation.frames.saved import SavedPredictions
         from semgs.evaluation.run import load_candidate, open_labelled_scenes, plan_targets
-        from semgs.evaluation.tables.evaluation_report import data_name
+        from semgs.evaluation.tables.saved_report import data_name
         from semgs.model.weights.load import find, table_of, trained_scenes
 
         wanted_scenes = self.scenes[index] if self.scenes else ""

@@ -8,7 +8,7 @@ from typing import Any
 
 from paper.release.pages import CARD, RISKS, SCORES, write_between
 from semgs.evaluation.tables.card import card_grids, risk_curve
-from semgs.evaluation.tables.evaluation_report import read_report
+from semgs.evaluation.tables.saved_report import read_report
 from semgs.evaluation.tables.table_grid import printed
 from semgs.figures.plotting import risk_coverage_picture
 from semgs.files.atomic import write_bytes, write_json
@@ -23,11 +23,11 @@ def reduced(content: Mapping[str, Any], title: str) -> dict[str, Any]:
     """A report without the entries of single targets, to keep it small.
 
     Args:
-        content: of a `report.json`, from `semgs.evaluation.tables.evaluation_report.report_numbers`.
+        content: of a `report.json`, from `semgs.evaluation.tables.evaluation_report.evaluation_numbers`.
         title: name of the data, which replaces its path.
 
     Returns:
-        What `semgs.evaluation.tables.evaluation_report.read_report` reads, with no frames.
+        What `semgs.evaluation.tables.saved_report.read_report` reads, with no frames.
     """
     frames = [{"scene": one["scene"], "size": one["size"], "samples": []} for one in content["frames"]["scenes"]]
     return {

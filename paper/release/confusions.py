@@ -13,13 +13,10 @@ import numpy as np
 
 from paper.release.failures import ClassMistake, mistakes
 from paper.release.pages import CARD, write_between
-from semgs.evaluation import single_images
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.scoring.score_records import decode_scores
 from semgs.evaluation.scoring.summary import sum_confusions, summarise
-from semgs.evaluation.tables.evaluation_report import read_report
+from semgs.evaluation.tables.saved_report import read_report
 from semgs.files.errors import InputError
-from semgs.files.strict_json import read_json
 from semgs.model.weights.index import SHOWN
 
 BEGIN, END = "<!-- confusions -->", "<!-- end of confusions -->"
@@ -91,26 +88,16 @@ def read_photos(path: Path) -> ScoredPhotos:
     Raises:
         InputError: the file cannot be read, is no report of weights, has several numbers of views, or scores no classes.
     """
-    path = path / "report.json" if path.is_dir() else path
-    content = read_json(path, "the report.json of an evaluation")
-    if isinstance(content, dict) and content.get("format") == single_images.FORMAT:
-        try:
-            names, sha256 = tuple(map(str, content["classes"]["names"])), content["method"]["sha256"]
-            frames = [decode_scores(entry, len(names)) for entry in content["per_image"]]
-        except (LookupError, TypeError, ValueError, OverflowError, AttributeError) as error:
-            raise InputError(path, "a complete report of semgs evaluate", f"{type(error).__name__}: {error}") from error
-    else:
-        report = read_report(path)
-        if len(report.results) != 1:
-            raise InputError(path, "one number of views", f"{len(report.results)}", key="results")
-        names, sha256 = report.class_names, report.sha256
-        frames = [frame for result in report.results.values() for frame in result.frames]
+    report = read_report(path)
+    if len(report.results) != 1:
+        raise InputError(report.path, "one number of views", f"{len(report.results)}", key="results")
+    frames = [frame for result in report.results.values() for frame in result.frames]
     labelled = tuple(one for one in frames if one.confusion is not None and one.truth is not None)
     if not labelled:
-        raise InputError(path, "scores of labelled photos", "none")
-    if not isinstance(sha256, str):
-        raise InputError(path, "a report of weights", "one of predictions")
-    return ScoredPhotos(labelled, names, sha256)
+        raise InputError(report.path, "scores of labelled photos", "none")
+    if report.sha256 is None:
+        raise InputError(report.path, "a report of weights", "one of predictions")
+    return ScoredPhotos(labelled, report.class_names, report.sha256)
 
 
 def confusions_text(reports: Mapping[str, ScoredPhotos]) -> str:

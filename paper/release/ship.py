@@ -8,7 +8,7 @@ from pathlib import Path
 from paper.release.pages import SCORES
 from semgs.data.origin.terms import Terms, terms_text
 from semgs.evaluation.tables.card import figures
-from semgs.evaluation.tables.evaluation_report import SavedReport, read_report
+from semgs.evaluation.tables.saved_report import SavedReport, read_report
 from semgs.files.contents import sha256
 from semgs.files.errors import InputError
 from semgs.model.weights.header import DATA_TERMS, Score, scores_text

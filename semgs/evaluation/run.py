@@ -23,14 +23,8 @@ from semgs.evaluation.scoring.method_scores import PREDICTIONS, score_method
 from semgs.evaluation.scoring.panoptic import Rule
 from semgs.evaluation.tables.comparison_tables import kinds_grid, overview_grid, things_grid
 from semgs.evaluation.tables.environment import hardware, versions
-from semgs.evaluation.tables.evaluation_report import (
-    EvaluatedMethod,
-    Evaluation,
-    SavedReport,
-    evaluation_numbers,
-    saved_report,
-    timing,
-)
+from semgs.evaluation.tables.evaluation_report import EvaluatedMethod, Evaluation, evaluation_numbers, timing
+from semgs.evaluation.tables.saved_report import SavedReport, saved_report
 from semgs.evaluation.tables.table_grid import printed
 from semgs.evaluation.tables.table_notes import notes
 from semgs.files.atomic import write_json, write_text

@@ -28,7 +28,7 @@ from semgs.evaluation.scoring.intervals import choose_units, intervals, units_in
 from semgs.evaluation.scoring.score_records import encode_scores
 from semgs.evaluation.scoring.summary import CLASS_METRICS, CONFIDENCE_METRICS, ClassScores, score_classes, summarise
 from semgs.evaluation.tables.environment import hardware, versions
-from semgs.evaluation.tables.evaluation_report import EvaluatedMethod
+from semgs.evaluation.tables.evaluation_report import SINGLE_FORMAT, VERSION, EvaluatedMethod
 from semgs.evaluation.tables.table_grid import Cell, Grid, interval_cells, printed
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError
@@ -45,9 +45,6 @@ from semgs.segmenters.class_map_files import Photos
 from semgs.segmenters.class_source import ClassSource, Segmenter, Translated
 from semgs.segmenters.labelling import Labelling
 from semgs.sources.source import MadeBy
-
-FORMAT = "semgs.report.single"
-VERSION = 1
 
 METRICS = (*(name for name in CLASS_METRICS if name != "not_given"), *CONFIDENCE_METRICS)
 SHOWN = ("miou", "miou_per_image", "accuracy", "class_accuracy", "aurc", "ece")
@@ -250,7 +247,7 @@ def single_numbers(
 ) -> dict[str, Any]:
     """All numbers of the report, ready for JSON."""
     return {
-        "format": FORMAT,
+        "format": SINGLE_FORMAT,
         "version": VERSION,
         "method": asdict(subject),
         "data": [{"name": scene.name, "layout": scene.layout, "images": len(scene)} for scene in scenes],

@@ -34,13 +34,8 @@ from semgs.evaluation.tables.comparison_tables import (
     paper_grid,
 )
 from semgs.evaluation.tables.environment import hardware, versions
-from semgs.evaluation.tables.evaluation_report import (
-    EvaluatedMethod,
-    Evaluation,
-    SavedReport,
-    evaluation_numbers,
-    read_report,
-)
+from semgs.evaluation.tables.evaluation_report import EvaluatedMethod, Evaluation, evaluation_numbers
+from semgs.evaluation.tables.saved_report import SavedReport, read_report
 from semgs.evaluation.tables.table_notes import notes
 from semgs.files.atomic import write_json
 from semgs.files.errors import InputError

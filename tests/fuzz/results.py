@@ -202,7 +202,7 @@ def read_evaluation_run(path: Path, out: Path, changed: Sequence[str]) -> None:
     from semgs.evaluation.frames.saved import SavedPredictions, find_view_counts
     from semgs.evaluation.tables.card import card_grids
     from semgs.evaluation.tables.comparison_tables import data_grid, overview_grid
-    from semgs.evaluation.tables.evaluation_report import read_report
+    from semgs.evaluation.tables.saved_report import read_report
     from semgs.evaluation.tables.table_grid import printed
 
     for name in changed:

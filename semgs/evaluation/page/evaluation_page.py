@@ -18,7 +18,8 @@ from semgs.evaluation.scoring.method_scores import SHOWN, MethodScores
 from semgs.evaluation.scoring.summary import METRICS, find_extremes, sum_confusions, summarise
 from semgs.evaluation.tables.card import risk_curve
 from semgs.evaluation.tables.comparison_tables import MARKED, ROWS, kinds_grid, overview_grid, things_grid
-from semgs.evaluation.tables.evaluation_report import Evaluation, SavedReport, SavedResult, data_name
+from semgs.evaluation.tables.evaluation_report import Evaluation
+from semgs.evaluation.tables.saved_report import SavedReport, SavedResult, data_name
 from semgs.figures import html_page as page
 from semgs.figures.class_images import legend_of
 from semgs.figures.plotting import can_plot, risk_coverage_picture

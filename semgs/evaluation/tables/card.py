@@ -7,7 +7,7 @@ from typing import Any
 
 from semgs.evaluation.scoring.intervals import units_in_words
 from semgs.evaluation.tables.comparison_tables import MARKED, ROWS
-from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
+from semgs.evaluation.tables.saved_report import SavedReport, SavedResult
 from semgs.evaluation.tables.table_grid import Cell, Grid, interval_cells
 from semgs.figures.plotting import RiskCurve
 from semgs.model.weights.header import Figure

@@ -8,10 +8,11 @@ from types import MappingProxyType
 from typing import Any
 
 from semgs._version import __version__
-from semgs.evaluation.scoring.intervals import paired_differences
+from semgs.evaluation.scoring.intervals import paired_differences, units_in_words
 from semgs.evaluation.scoring.summary import LOWER_IS_BETTER, MERGED_METRICS, SEEN_METRICS, THINGS_METRICS
-from semgs.evaluation.tables.evaluation_report import COMPARED, SavedReport, SavedResult, worse_than_copy
+from semgs.evaluation.tables.evaluation_report import COMPARED, worse_than_copy
 from semgs.evaluation.tables.published_results import MARK, PublishedTable
+from semgs.evaluation.tables.saved_report import SavedReport, SavedResult
 from semgs.evaluation.tables.table_grid import Cell, Grid, interval_cells, score_cells
 from semgs.files.errors import InputError
 from semgs.files.text import counted
@@ -29,6 +30,9 @@ BRIEF = (
 
 POOLED = ("miou", *MERGED_METRICS, "accuracy", "psnr", "depth_abs_rel")
 """The columns beside those of the paper."""
+
+SINGLE = ("miou", *MERGED_METRICS, "miou_per_image", "accuracy", "class_accuracy", "aurc", "ece")
+"""The columns of a table of single images."""
 
 DATA = ("miou", *MERGED_METRICS, *PAPER[:3], "psnr", "fps_encoding_each")
 """The columns of a table of several data sets."""
@@ -52,10 +56,16 @@ def check_comparable(reports: Sequence[SavedReport]) -> None:
 
     Raises:
         InputError: two reports differ in class table, or, for the same number of views, in targets, contexts, size or truth;
-            or a report contains totals only, so this cannot be checked.
+            or a report contains totals only, so this cannot be checked; or only one of them is of single images.
     """
     first: dict[int, SavedReport] = {}
     for report in reports:
+        if report.single != reports[0].single:
+            kinds = [
+                f"a report of {'single images' if single else 'rendered views'}"
+                for single in (not report.single, report.single)
+            ]
+            raise InputError(report.path, f"{kinds[0]}, as {reports[0].path}", kinds[1])
         for views, result in report.results.items():
             if not result.frames:
                 advice = "--layout data and card can show it"
@@ -146,6 +156,25 @@ def pooled_grid(reports: Sequence[SavedReport]) -> Grid:
     )
 
 
+def single_grid(reports: Sequence[SavedReport]) -> Grid:
+    """The classes of single images, with intervals; the reports are of the same images."""
+    results = [report.results[1] for report in reports]
+    shown = [metric for metric in SINGLE if any(one.numbers.get(metric) is not None for one in results)]
+    return Grid(
+        title=reports[0].targets(len(results[0].frames)),
+        head=("method", *[TITLES[metric] for metric in shown]),
+        rows=tuple(
+            (Cell(name), *interval_cells(one.numbers, shown))
+            for name, one in zip(distinct_names(reports), results, strict=True)
+        ),
+        notes=(
+            f"In brackets: 95 % intervals over {units_in_words(one.numbers['intervals_over'] for one in results)}; images without cameras count as a scene each.",
+            *_groups_of(reports),
+            *_weights_of(reports),
+        ),
+    )
+
+
 def data_grid(reports: Sequence[SavedReport]) -> Grid:
     """Reports of different data, one below the other, each with the oracle that copies the nearest input view."""
     rows: list[tuple[Cell, ...]] = []
@@ -154,10 +183,10 @@ def data_grid(reports: Sequence[SavedReport]) -> Grid:
     for report in reports:
         rules += [len(rows)] if rows else []
         for views, result in report.results.items():
-            scenes = len(report.sizes)
-            where = f"{with_hash(report)} on {report.data_name} ({counted(scenes, 'scene')}), {views} views"
+            where = f"{with_hash(report)} on {report.data_name} {report.amount(views)}"
             rows.append((Cell(where), *score_cells(result.numbers, shown, result.numbers["below_copy"])))
-            rows.append((Cell(f"  {ROWS['copy']}"), *score_cells(result.baselines.get("copy", {}), shown)))
+            if not report.single:
+                rows.append((Cell(f"  {ROWS['copy']}"), *score_cells(result.baselines.get("copy", {}), shown)))
     return Grid(
         title=f"{len(reports)} evaluation{'s' * (len(reports) > 1)}, protocol {' and '.join(dict.fromkeys(report.protocol for report in reports))}",
         head=("method and data", *[TITLES[metric] for metric in shown]),
@@ -199,7 +228,7 @@ def difference_grids(reports: Sequence[SavedReport]) -> list[Grid]:
         narrow = " (fewer than five scenes), so they are too narrow for other scenes" if over == "frames" else ""
         grids.append(
             Grid(
-                title=f"{name} minus {names[0]}, {len(reports[0].results[shared[0]].frames)} targets, protocol {report.protocol}",
+                title=f"{name} minus {names[0]}, {report.targets(len(reports[0].results[shared[0]].frames))}",
                 head=("metric", "views", names[0], name, "difference", "95 % interval"),
                 rows=tuple(rows),
                 mark=" *",

@@ -18,7 +18,7 @@ from semgs.evaluation.scoring.panoptic import count_boxes, count_segments, joine
 from semgs.evaluation.scoring.score_records import decode_scores, encode_scores
 from semgs.evaluation.scoring.summary import summarise
 from semgs.evaluation.tables.comparison_tables import things_grid
-from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
+from semgs.evaluation.tables.saved_report import SavedReport, SavedResult
 from semgs.geometry.cameras import Cameras
 from semgs.robotics.boxes import Box
 

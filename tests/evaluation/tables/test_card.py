@@ -9,7 +9,7 @@ import pytest
 
 from semgs.cli.main import main
 from semgs.evaluation.tables.card import card_grids
-from semgs.evaluation.tables.evaluation_report import read_report
+from semgs.evaluation.tables.saved_report import read_report
 from semgs.evaluation.tables.table_grid import printed
 from semgs.files.errors import InputError
 

@@ -8,7 +8,7 @@ from paper.ablate.ablation_rows import ROWS, SEMANTIC_ROWS
 from paper.ablate.ablation_tables import ablation_grid, steps_grid, where_grid
 from paper.ablate.view_relations import ViewRelation
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.tables.evaluation_report import SavedReport, SavedResult
+from semgs.evaluation.tables.saved_report import SavedReport, SavedResult
 from semgs.evaluation.tables.table_grid import printed
 
 

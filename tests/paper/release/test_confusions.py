@@ -12,9 +12,9 @@ import pytest
 from paper.release.__main__ import main
 from paper.release.confusions import BEGIN, END, ScoredPhotos, confusions_text, read_photos, write_confusions
 from paper.release.pages import CARD, SCORES
-from semgs.evaluation import single_images
 from semgs.evaluation.scoring.frame_scores import FrameScores
 from semgs.evaluation.scoring.score_records import encode_scores
+from semgs.evaluation.tables.evaluation_report import SINGLE_FORMAT, VERSION
 from semgs.files.errors import InputError
 from semgs.model.weights.index import SHOWN, read_index
 from semgs.model.weights.weights_file import read_scores
@@ -83,7 +83,8 @@ def test_each_report_has_a_table_and_all_are_of_the_same_weights():
 
 def report(path: Path, **changes: object) -> Path:
     content = {
-        "format": single_images.FORMAT, "classes": {"names": NAMES}, "method": {"sha256": "a" * 64},
+        "format": SINGLE_FORMAT, "version": VERSION, "classes": {"name": "four", "names": NAMES},
+        "method": {"name": "small", "sha256": "a" * 64}, "data": [{"name": "photos"}], "per_class": [],
         "per_image": [encode_scores(one) for one in PHOTOS],
     }  # fmt: skip
     path.mkdir()
@@ -103,7 +104,7 @@ def test_reports_that_say_nothing_of_photos_are_refused(tmp_path: Path):
     with pytest.raises(InputError, match="expected scores of labelled photos, found none"):
         read_photos(report(tmp_path / "none", per_image=[]))
     with pytest.raises(InputError, match="expected a report of weights, found one of predictions"):
-        read_photos(report(tmp_path / "theirs", method={"sha256": None}))
+        read_photos(report(tmp_path / "theirs", method={"name": "theirs", "sha256": None}))
     with pytest.raises(InputError, match="expected a complete report"):
         read_photos(report(tmp_path / "part", per_image=[{"scene": "a"}]))
     with pytest.raises(InputError, match="expected scores of labelled photos, found none"):

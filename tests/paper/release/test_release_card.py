@@ -11,7 +11,7 @@ import pytest
 from paper.release.card import BEGIN, END, reduced, tables
 from paper.release.pages import CARD, SCORES, replace_between
 from paper.release.ship import known_scores, scores_of
-from semgs.evaluation.tables.evaluation_report import read_report
+from semgs.evaluation.tables.saved_report import read_report
 from semgs.files.errors import InputError
 from semgs.model.weights.header import Figure
 from semgs.model.weights.index import read_index, shipped_folder

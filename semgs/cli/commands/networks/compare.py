@@ -15,7 +15,7 @@ from semgs.run.usage_errors import UsageError, what_the_user_gave
 class Compare:
     """Compare reports of semgs evaluate in one table.
 
-    All reports must have the same frames, size and truth; if not, the error lists the differences.
+    All reports must have the same frames, size and truth; if not, the error lists the differences. Reports of single images (--single) have a table of their own.
 
     Examples
     - semgs compare eval/small/report.json
@@ -59,9 +59,10 @@ class Compare:
             difference_grids,
             paper_grid,
             pooled_grid,
+            single_grid,
         )
-        from semgs.evaluation.tables.evaluation_report import read_report
         from semgs.evaluation.tables.published_results import PUBLISHED
+        from semgs.evaluation.tables.saved_report import read_report
         from semgs.evaluation.tables.table_grid import printed
 
         reports = [read_report(path) for path in self.reports]
@@ -69,6 +70,10 @@ class Compare:
             if any(not report.class_names for report in reports):
                 raise UsageError("--merge is for reports with classes; one has none")
             reports = [report.by_groups(class_groups(self.merge, report.class_names)) for report in reports]
+        images = [report.path for report in reports if report.single]
+        if images and (self.layout == "card" or self.published):
+            option = "--published" if self.published else "--layout card"
+            raise UsageError(f"{option} is for rendered views; {images[0]} is of single images")
         if self.layout not in ("data", "card"):
             check_comparable(reports)
         with what_the_user_gave():
@@ -78,6 +83,8 @@ class Compare:
                 grids = [data_grid(reports)]
             elif self.layout == "card":
                 grids = card_grids(reports)
+            elif images:
+                grids = [single_grid(reports)]
             else:
                 published = PUBLISHED[self.published] if self.published else None
                 grids = [paper_grid(reports, published), pooled_grid(reports)]
