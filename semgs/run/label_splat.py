@@ -156,7 +156,7 @@ class LabelSplat(Run):
             ),
         )
         self.reading.check()
-        self.segmenting.check()
+        self.segmenting.check(self.looks)
         if self.segmenting.with_own_classes:
             raise UsageError(
                 "--with-own-classes is for semgs reconstruct; here --segmenter is used instead of the weights"

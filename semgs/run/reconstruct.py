@@ -286,7 +286,7 @@ class Reconstruct(Run):
         )
         self.reading.check()
         self.placing.check()
-        self.segmenting.check()
+        self.segmenting.check(self.looks)
         self.featuring.check()
         if self.html:
             check_viewer_library()

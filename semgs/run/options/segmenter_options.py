@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from semgs.data.scene import Scene
+    from semgs.run.options.types import Looks
     from semgs.runtime.stopwatch import Stages
     from semgs.segmenters.features.scene_features import Featuring
     from semgs.segmenters.labelling import Labelling
@@ -79,13 +80,18 @@ class SegmenterOptions:
         """The files and folders to read."""
         return self.segmenter, self.answers.correspondence
 
-    def check(self) -> None:
+    def check(self, looks: Looks | None) -> None:
         """Check what can be checked without importing torch.
+
+        Args:
+            looks: how often the network is to look at each photo; None if nobody asked.
 
         Raises:
             UsageError: an option needs --segmenter, or options contradict each other.
         """
         self.answers.check()
+        if looks == 2 and self.replaces:
+            raise UsageError("--looks 2 is for the network's own classes; with --segmenter nobody uses them")
 
     def labelling(self, save: Path | None = None, earlier: Path | None = None) -> Callable[[Scene], Labelling] | None:
         """What gives the Gaussians of a scene their classes; None without a segmenter.

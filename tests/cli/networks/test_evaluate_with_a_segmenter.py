@@ -87,3 +87,17 @@ def test_a_segmenter_does_not_go_with_workers_or_predictions(
     command = ["evaluate", *method, "--data", str(room), "--segmenter", str(renamed), "--out", str(tmp_path / "out")]
     assert main([*command, *others]) == 2
     assert "--segmenter cannot go with --" in capsys.readouterr().err
+
+
+def test_a_second_look_of_a_network_whose_classes_nobody_uses_is_refused(
+    room: Path, renamed: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    data, out, looks = ["--data", str(room)], ["--out", str(tmp_path / "out")], ["--looks", "2"]
+    segmenter = ["--segmenter", str(renamed)]
+    for command in (
+        ["evaluate", "small", *data],
+        ["evaluate", "small", *data, "--single"],
+        ["reconstruct", str(room)],
+    ):
+        assert main([*command, *segmenter, *looks, *out]) == 2
+        assert "--looks 2 is for the network's own classes" in capsys.readouterr().err

@@ -260,7 +260,7 @@ class Evaluate:
             ),
         )
         self.reading.check()
-        self.segmenting.check()
+        self.segmenting.check(self.looks)
         if self.depth_meaning is not None and self.depth in (None, SENSOR):
             raise UsageError("--depth-meaning is for --depth SOURCE")
 
