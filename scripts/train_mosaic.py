@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, UInt8
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn.functional import avg_pool2d, cross_entropy, grid_sample, interpolate, log_softmax
 
 from semgs.data.resampling import default_size, resized
@@ -40,17 +40,8 @@ from semgs.model.weights.weights_file import save
 from semgs.training.data.augmentation import recolour
 from semgs.training.data.photo_camera import photograph
 
-SIZE = (288, 352)
-"""Height and width of a crop [px]."""
-
-SCALES = (1.1, 2.6)
-"""Pixels of a crop per pixel of the image as SemGS reads it; 1.6 where MOSAIC is used."""
-
 ROLL = 8.0
 """Every second crop is rolled by up to this [degrees]."""
-
-REDUCED = 0.65
-"""Share of photos that are reduced to the size at which SemGS reads them before they are cropped; the others are sharper."""
 
 COLOUR, CAMERA = 0.4, 1.0
 """Strength of other colours and of other cameras, as for `semgs train --augmentation`."""
@@ -87,6 +78,25 @@ OFTEN = 0.02
 
 LABELLED = 2000
 """Labelled pixels, at half the size, from which on an image counts fully."""
+
+
+@dataclass(frozen=True)
+class Crops:
+    """What crops are like.
+
+    Attributes:
+        size: height and width [px].
+        scales: pixels of a crop per pixel of the image as SemGS reads it.
+        reduced: share of photos that are reduced to the size at which SemGS reads them before they are cropped; the others are sharper.
+    """
+
+    size: tuple[int, int]
+    scales: tuple[float, float]
+    reduced: float
+
+
+CROPS = Crops((288, 352), (1.1, 2.6), 0.65)
+"""MOSAIC is used at 1.6 pixels per pixel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,20 +163,21 @@ def stored(views: Views) -> UInt8[Tensor, "1 3 h w"]:
     return (255 * views.images).round().byte()
 
 
-def crop(example: Example, rng: np.random.Generator) -> tuple[Tensor, Tensor, Tensor]:
+def crop(example: Example, rng: np.random.Generator, crops: Crops = CROPS) -> tuple[Tensor, Tensor, Tensor]:
     """A random crop: its image [1 3 h w], labels at half the size [1 h2 w2], and what is known of it at a quarter [1 channel h4 w4]."""
+    size = crops.size
     height, width = example.small.shape[-2:]
-    scale = max(float(np.exp(rng.uniform(*np.log(SCALES)))), 1.0001 * SIZE[0] / height, 1.0001 * SIZE[1] / width)
+    scale = max(float(np.exp(rng.uniform(*np.log(crops.scales)))), 1.0001 * size[0] / height, 1.0001 * size[1] / width)
     angle = np.radians(rng.uniform(-ROLL, ROLL)) * int(rng.integers(2))
-    half = (SIZE[0] / scale / 2, SIZE[1] / scale / 2)
+    half = (size[0] / scale / 2, size[1] / scale / 2)
     places = [(rng.uniform(half[1], width - half[1]), rng.uniform(half[0], height - half[0])) for _ in range(2)]
     middle = max(places, key=lambda place: unseen_around(example, place, half))
-    right = (torch.arange(SIZE[1]) + 0.5 - SIZE[1] / 2) / scale * (1 - 2 * int(rng.integers(2)))
-    down = ((torch.arange(SIZE[0]) + 0.5 - SIZE[0] / 2) / scale)[:, None]
+    right = (torch.arange(size[1]) + 0.5 - size[1] / 2) / scale * (1 - 2 * int(rng.integers(2)))
+    down = ((torch.arange(size[0]) + 0.5 - size[0] / 2) / scale)[:, None]
     x = middle[0] + np.cos(angle) * right - np.sin(angle) * down
     y = middle[1] + np.sin(angle) * right + np.cos(angle) * down
     grid = torch.stack((2 * x / width - 1, 2 * y / height - 1), -1)[None].float()
-    source = example.small if not example.photo or rng.uniform() < REDUCED else example.full
+    source = example.small if not example.photo or rng.uniform() < crops.reduced else example.full
     image = grid_sample(source / 255, grid, padding_mode="reflection", align_corners=False)
     unknown = 255 - example.labels[None, None].float()  # so that what is outside is ignored
     labels = 255 - grid_sample(unknown, grid[:, ::2, ::2], "nearest", align_corners=False)[:, 0].long()
@@ -191,6 +202,28 @@ def unseen_around(example: Example, middle: tuple[float, float], half: tuple[flo
     return int(example.unseen[top : bottom + 1, left : right + 1].sum())
 
 
+def labelled_loss(logits: Tensor, labels: Tensor) -> Tensor:
+    """The cross-entropy of each image [n].
+
+    Args:
+        logits: at a quarter of the images [n class h4 w4].
+        labels: of `crop` [n h2 w2].
+    """
+    wide = interpolate(logits, scale_factor=2, mode="bilinear", align_corners=False)
+    wide = wide + CLASS_WEIGHTS.log()[:, None, None]
+    each = cross_entropy(wide, labels, CLASS_WEIGHTS, ignore_index=255, reduction="none").sum((1, 2))
+    return each / (labels < 255).sum((1, 2)).clamp(min=LABELLED)
+
+
+def away_from(taught: Tensor, logits: Tensor) -> Tensor:
+    """How far each image is from what a teacher says [n]: the Kullback-Leibler divergence.
+
+    Args:
+        taught, logits: probabilities and logits at a quarter of the images [n class h4 w4].
+    """
+    return (taught * (taught.clamp(min=1e-6).log() - log_softmax(logits, 1))).sum(1).mean((1, 2))
+
+
 def loss_of(logits: Tensor, labels: Tensor, known: Tensor, photos: Tensor, new: Tensor) -> Tensor:
     """The loss of a batch.
 
@@ -199,21 +232,11 @@ def loss_of(logits: Tensor, labels: Tensor, known: Tensor, photos: Tensor, new: 
         labels, known: of `crop`, for n images.
         photos, new: 1 for photos, and for images that the class branch has not seen [n].
     """
-
-    def supervised(maps: Tensor) -> Tensor:
-        """The cross-entropy of each image."""
-        wide = (
-            interpolate(maps, scale_factor=2, mode="bilinear", align_corners=False) + CLASS_WEIGHTS.log()[:, None, None]
-        )
-        each = cross_entropy(wide, labels, CLASS_WEIGHTS, ignore_index=255, reduction="none").sum((1, 2))
-        return each / (labels < 255).sum((1, 2)).clamp(min=LABELLED)
-
     taught, first = known.chunk(2, 1)
-    away = (taught * (taught.clamp(min=1e-6).log() - log_softmax(logits, 1))).sum(1).mean((1, 2))
-    alone = supervised(logits) * (1 - new / 2)
-    together = supervised((logits + first) / 2) * new
+    alone = labelled_loss(logits, labels) * (1 - new / 2)
+    together = labelled_loss((logits + first) / 2, labels) * new
     weight = TEACHER["photos"] * photos + TEACHER["rooms"] * (1 - photos)
-    return (alone + together + weight * away).mean()
+    return (alone + together + weight * away_from(taught, logits)).mean()
 
 
 def parameter_groups(mosaic: Mosaic) -> list[dict]:
@@ -229,28 +252,43 @@ def parameter_groups(mosaic: Mosaic) -> list[dict]:
     ]
 
 
-def learn(mosaic: Mosaic, examples: Sequence[Example], steps: int, seed: int) -> Mosaic:
-    """Train MOSAIC; returns the average of its weights.
+def learn(
+    network: nn.Module,
+    groups: list[dict],
+    loss_of_batch: Callable[[Tensor, Tensor, Tensor, Tensor, Tensor], Tensor],
+    examples: Sequence[Example],
+    steps: int,
+    seed: int,
+    crops: Crops = CROPS,
+    longest: float = 0.998,
+    photos_of_eight: int = 4,
+) -> nn.Module:
+    """Train a network; returns the average of its weights.
 
     Args:
-        mosaic: with `enlargement` 1, as crops have the size that it reads.
+        network: for images at the size of crops.
+        groups: of its parameters, each with its peak learning rate.
+        loss_of_batch: of images, and of labels, known, photos and new as `loss_of` takes them.
         examples: photos and rooms.
-        steps: of eight images: four photos, half of them new, and four of rooms.
+        steps: of eight images.
         seed: of the order and the crops.
+        crops: what they are like.
+        longest: decay of the moving average, at most.
+        photos_of_eight: so many images of a step are photos, half of them new; the others are of rooms.
     """
     pools = [[one for one in examples if one.photo and one.new is new] for new in (False, True)]
     rooms = [one for one in examples if not one.photo]
     pools = [pool for pool in pools if pool] + [rooms + [one for one in rooms if one.unseen.float().mean() > OFTEN]]
-    counts = [4 // (len(pools) - 1)] * (len(pools) - 1) + [4]
-    optimiser = torch.optim.AdamW(parameter_groups(mosaic), betas=(0.9, 0.99))
-    average = deepcopy(mosaic)
+    counts = [photos_of_eight // (len(pools) - 1)] * (len(pools) - 1) + [8 - photos_of_eight]
+    optimiser = torch.optim.AdamW(groups, betas=(0.9, 0.99))
+    average = deepcopy(network)
     for step in range(steps):
         batch, examples_of_step = [], []
         for number, (pool, count) in enumerate(zip(pools, counts, strict=True)):
             for index in range(step * count, (step + 1) * count):
                 order = np.random.default_rng((seed, number, index // len(pool))).permutation(len(pool))
                 example = pool[order[index % len(pool)]]
-                batch.append(crop(example, np.random.default_rng((seed, step, len(batch), 1))))
+                batch.append(crop(example, np.random.default_rng((seed, step, len(batch), 1)), crops))
                 examples_of_step.append(example)
         images, labels, known = (torch.cat(parts) for parts in zip(*batch, strict=True))
         photos, new = (
@@ -260,14 +298,14 @@ def learn(mosaic: Mosaic, examples: Sequence[Example], steps: int, seed: int) ->
         rise = done / WARMUP if done < WARMUP else (1 + np.cos(np.pi * (done - WARMUP) / (1 - WARMUP))) / 2
         for group in optimiser.param_groups:
             group["lr"] = group["peak"] * rise
-        loss = loss_of(mosaic(images), labels, known, photos, new)
+        loss = loss_of_batch(images, labels, known, photos, new)
         optimiser.zero_grad()
         loss.backward()
-        torch.nn.utils.clip_grad_norm_(mosaic.parameters(), 2.0)
+        torch.nn.utils.clip_grad_norm_(network.parameters(), 2.0)
         optimiser.step()
-        decay = min(0.998, (1 + step) / (10 + step))
+        decay = min(longest, (1 + step) / (10 + step))
         with torch.no_grad():
-            for mean, parameter in zip(average.parameters(), mosaic.parameters(), strict=True):
+            for mean, parameter in zip(average.parameters(), network.parameters(), strict=True):
                 mean.lerp_(parameter, 1 - decay)
         if step % 50 == 49:
             print(f"step {step + 1}: loss {loss.item():.3f}", flush=True)
@@ -304,7 +342,15 @@ def main() -> None:
     print(f"{len(examples)} images, {time.process_time() - began:.0f} core-seconds", flush=True)
     enlargement, mosaic.enlargement = mosaic.enlargement, 1.0
     published = deepcopy(mosaic.state_dict())
-    average = learn(mosaic, examples, given.steps, given.seed)
+    average = learn(
+        mosaic,
+        parameter_groups(mosaic),
+        lambda images, *others: loss_of(mosaic(images), *others),
+        examples,
+        given.steps,
+        given.seed,
+    )
+    assert isinstance(average, Mosaic)
     trained = average.state_dict()
     average.load_state_dict(
         {

@@ -22,6 +22,10 @@ RUNS = {
     "ids_over_time": (("small", "{rooms}"), "\n| one map | Gaussians and voxels | "),
     "teach": (("{shared}/pretrained/mosaic_ade32.tflite", "{out}", "{rooms}"), "12 images, "),
     "things_oracles": (("small", "{rooms}", "--every", "4"), "\n| own | own | join 0.8 | "),
+    "train_class_backbone": (
+        ("{out}.safetensors", "--photos", "{photos}", "--rooms", "{rooms}", "--steps", "1"),
+        "14 images, ",
+    ),
     "train_mosaic": (
         (
             "{shared}/pretrained/mosaic_ade32.safetensors",
