@@ -47,6 +47,9 @@ WINDOW = (740, 1060)
 COLOURS, WORST_COLOUR = 128, 6.0
 """Of a GIF; and how far the mean colour of a class may be off, of 255."""
 
+FEWEST_PIXELS = 30
+"""Fewer pixels of a class cannot be seen."""
+
 CELL = 6
 """Pixels of a cell of 5 cm in the floor plan."""
 
@@ -136,7 +139,7 @@ def photo_to_3d() -> None:
 
 
 def check_colours(picture: Image.Image, reduced: Image.Image, labels: np.ndarray) -> None:
-    """Check that each class of a class map keeps its colour with fewer colours: one palette for all frames turned chairs into the blue of cabinets.
+    """Check that each class of a class map that can be seen keeps its colour with fewer colours: one palette for all frames turned chairs into the blue of cabinets.
 
     Raises:
         ValueError: one does not.
@@ -144,6 +147,8 @@ def check_colours(picture: Image.Image, reduced: Image.Image, labels: np.ndarray
     small = np.asarray(Image.fromarray(labels).resize(picture.size, Image.Resampling.NEAREST))
     for number in np.unique(small):
         shown = small == number
+        if shown.sum() < FEWEST_PIXELS:
+            continue
         before, after = (np.asarray(one)[shown].astype(float).mean(0) for one in (picture, reduced))
         if np.abs(before - after).max() > WORST_COLOUR:
             raise ValueError(f"class {number} is {before.round()} and becomes {after.round()}")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from paper.release.pages import CARD, RISKS, SCORES, write_between
+from semgs.evaluation.scoring.summary import ON_REQUEST
 from semgs.evaluation.tables.card import card_grids, risk_curve
 from semgs.evaluation.tables.saved_report import read_report
 from semgs.evaluation.tables.table_grid import printed
@@ -20,7 +21,7 @@ BEGIN, END = "<!-- tables of docs/scores -->", "<!-- end of tables -->"
 
 
 def reduced(content: Mapping[str, Any], title: str) -> dict[str, Any]:
-    """A report without the entries of single targets, to keep it small.
+    """A report without the entries of single targets, and without metrics that were not requested, to keep it small.
 
     Args:
         content: of a `report.json`, from `semgs.evaluation.tables.evaluation_report.evaluation_numbers`.
@@ -33,9 +34,18 @@ def reduced(content: Mapping[str, Any], title: str) -> dict[str, Any]:
     return {
         **content,
         "data": {**content["data"], "path": title},
-        "results": [{**entry, "per_frame": []} for entry in content["results"]],
+        "results": [_requested({**entry, "per_frame": []}) for entry in content["results"]],
         "frames": {**content["frames"], "scenes": frames},
     }
+
+
+def _requested(entry: Any) -> Any:
+    """An entry, and what it contains, without the metrics that were not requested."""
+    if isinstance(entry, list):
+        return [_requested(one) for one in entry]
+    if not isinstance(entry, dict):
+        return entry
+    return {name: _requested(one) for name, one in entry.items() if one is not None or name not in ON_REQUEST}
 
 
 def tables(folder: Path) -> str:

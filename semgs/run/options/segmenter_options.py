@@ -84,14 +84,14 @@ class SegmenterOptions:
         """Check what can be checked without importing torch.
 
         Args:
-            looks: how often the network is to look at each photo; None if nobody asked.
+            looks: how often the network is to look at each photo; None for the default.
 
         Raises:
             UsageError: an option needs --segmenter, or options contradict each other.
         """
         self.answers.check()
         if looks == 2 and self.replaces:
-            raise UsageError("--looks 2 is for the network's own classes; with --segmenter nobody uses them")
+            raise UsageError("--looks 2 is for the network's own classes, and --segmenter replaces them")
 
     def labelling(self, save: Path | None = None, earlier: Path | None = None) -> Callable[[Scene], Labelling] | None:
         """What gives the Gaussians of a scene their classes; None without a segmenter.
