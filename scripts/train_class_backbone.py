@@ -16,17 +16,15 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Iterator
 from copy import deepcopy
 from pathlib import Path
+from typing import Literal
 
-import torch
 from torch import Tensor
 from torch.nn.functional import interpolate
-from train_mosaic import UNSEEN, Crops, Example, away_from, labelled_loss, learn, stored
+from train_mosaic import Crops, Known, away_from, labelled_loss, learn, read_examples
 
-from semgs.data.resampling import default_size, resized
-from semgs.data.scenes import open_scene, scene_paths
+from semgs.data.views import Views
 from semgs.model.semgs import SemGS
 from semgs.model.weights.initial_weights import initial_network
 from semgs.model.weights.weights_file import save
@@ -38,29 +36,21 @@ RATES = {"backbone": 1e-4, "decoder": 3e-4}
 """Peak learning rates."""
 
 
-@torch.no_grad()
-def read_examples(folder: str, network: SemGS, photo: bool, new: bool) -> Iterator[Example]:
-    """The labelled images of a folder, with what the network says of them.
+def known_by(network: SemGS, looks: Literal[1, 2]) -> Known:
+    """What a network says of an image.
 
     Args:
-        folder: of labelled images or scenes.
         network: the teacher.
-        photo, new: as for `Example`.
+        looks: how often it looks.
     """
-    assert network.classes is not None
-    rare = torch.tensor([number for number, name in enumerate(network.classes.names) if name in UNSEEN])
-    network.looks = 2 if photo else 1
-    for path in scene_paths(folder):
-        scene = open_scene(path.absolute(), needs_cameras=False)
-        for index, frame in enumerate(scene.frames):
-            full = scene.read([index], "native")
-            if full.labels is None or not (full.labels < len(network.classes)).any():
-                continue
-            small = resized(full, default_size(frame.lens.size))
-            taught = network.class_maps(small, alone=True).distributions.flatten(0, -4)
-            known = interpolate(taught, (small.size[0] // 4, small.size[1] // 4), mode="area").clamp(min=1e-6)
-            labels = full.labels[0]
-            yield Example(photo, new, stored(full), stored(small), labels, torch.isin(labels, rare), known.half())
+
+    def known_of(small: Views, size: tuple[int, int]) -> Tensor:
+        """The map, at a size."""
+        network.looks = looks
+        taught = network.class_maps(small, alone=True).distributions.flatten(0, -4)
+        return interpolate(taught, size, mode="area").clamp(min=1e-6)
+
+    return known_of
 
 
 def main() -> None:
@@ -81,11 +71,18 @@ def main() -> None:
     given = parser.parse_args()
     began = time.process_time()
     network = initial_network("small", given.start, switches={"class_mosaic": True})
+    assert network.classes is not None
     examples = [
         example
         for kind, folders in (("photos", given.photos), ("rooms", given.rooms))
         for position, folder in enumerate(folders)
-        for example in read_examples(folder, network, kind == "photos", kind == "rooms" or position > 0)
+        for example in read_examples(
+            folder,
+            network.classes.names,
+            known_by(network, 2 if kind == "photos" else 1),
+            kind == "photos",
+            kind == "rooms" or position > 0,
+        )
     ]
     print(f"{len(examples)} images, {time.process_time() - began:.0f} core-seconds", flush=True)
     assert network.semantic is not None

@@ -121,41 +121,60 @@ class Example:
     known: Float[Tensor, "1 channel h4 w4"]
 
 
+Known = Callable[[Views, tuple[int, int]], Tensor]
+"""What is known of a view at a height and width [1 channel h w]."""
+
+
 @torch.no_grad()
-def read_examples(folder: str, network: SemGS, mosaic: Mosaic, photo: bool, new: bool) -> Iterator[Example]:
-    """The labelled images of a folder, with what both networks say of them before the training.
+def read_examples(folder: str, names: Sequence[str], known_of: Known, photo: bool, new: bool) -> Iterator[Example]:
+    """The labelled images of a folder, with what is known of them before the training.
 
     Args:
         folder: of labelled images or scenes.
-        network: the weights that MOSAIC joins.
-        mosaic: with its published weights.
+        names: of the classes.
+        known_of: what is known of an image as SemGS reads it, at a quarter of its size.
         photo, new: as for `Example`.
     """
-    assert network.classes is not None
-    own = torch.tensor([name not in UNSEEN for name in network.classes.names])
-    rare = torch.nonzero(~own)[:, 0]
-    teacher = GeometricMean(len(own), SHARES["photos" if photo else "rooms"])
-    teacher.get_buffer("known").copy_(own)
+    rare = torch.tensor([number for number, name in enumerate(names) if name in UNSEEN])
     for path in scene_paths(folder):
         scene = open_scene(path.absolute(), needs_cameras=False)
         for index, frame in enumerate(scene.frames):
             full = scene.read([index], "native")
-            if full.labels is None or not (full.labels < len(own)).any():
+            if full.labels is None or not (full.labels < len(names)).any():
                 continue
             small = resized(full, default_size(frame.lens.size))
-            size = (small.size[0] // 4, small.size[1] // 4)
-            maps = []
-            for mirrored in (False, True) if photo else (False,):
-                views = small.map(lambda array: array.flip(-1)) if mirrored else small
-                both = (network.class_maps(views, alone=True).distributions, mosaic(views.images).softmax(1))
-                found = torch.cat([interpolate(one, size, mode="area") for one in both])
-                maps.append(found.flip(-1) if mirrored else found)
-            first, second = torch.stack(maps).mean(0).clamp(min=1e-6).split(1)
-            plain = network.class_maps(small, alone=True).distributions
-            known = interpolate(plain, size, mode="area").clamp(min=1e-6).log()
-            taught = teacher(first.log(), second.log()).exp()
-            labels, maps = full.labels[0], torch.cat((taught, known), 1).half()
-            yield Example(photo, new, stored(full), stored(small), labels, torch.isin(labels, rare), maps)
+            known = known_of(small, (small.size[0] // 4, small.size[1] // 4)).half()
+            labels = full.labels[0]
+            yield Example(photo, new, stored(full), stored(small), labels, torch.isin(labels, rare), known)
+
+
+def known_by_both(network: SemGS, mosaic: Mosaic, photo: bool) -> Known:
+    """What both networks say of an image, and then what the class branch says of it.
+
+    Args:
+        network: the weights that MOSAIC joins.
+        mosaic: with its published weights.
+        photo: whether the images are photos.
+    """
+    assert network.classes is not None
+    own = torch.tensor([name not in UNSEEN for name in network.classes.names])
+    teacher = GeometricMean(len(own), SHARES["photos" if photo else "rooms"])
+    teacher.get_buffer("known").copy_(own)
+
+    def known_of(small: Views, size: tuple[int, int]) -> Tensor:
+        """The maps, at a size."""
+        maps = []
+        for mirrored in (False, True) if photo else (False,):
+            views = small.map(lambda array: array.flip(-1)) if mirrored else small
+            both = (network.class_maps(views, alone=True).distributions, mosaic(views.images).softmax(1))
+            found = torch.cat([interpolate(one, size, mode="area") for one in both])
+            maps.append(found.flip(-1) if mirrored else found)
+        first, second = torch.stack(maps).mean(0).clamp(min=1e-6).split(1)
+        plain = network.class_maps(small, alone=True).distributions
+        known = interpolate(plain, size, mode="area").clamp(min=1e-6).log()
+        return torch.cat((teacher(first.log(), second.log()).exp(), known), 1)
+
+    return known_of
 
 
 def stored(views: Views) -> UInt8[Tensor, "1 3 h w"]:
@@ -337,7 +356,13 @@ def main() -> None:
         example
         for kind, folders in (("photos", given.photos), ("rooms", given.rooms))
         for position, folder in enumerate(folders)
-        for example in read_examples(folder, network, mosaic, kind == "photos", kind == "rooms" or position > 0)
+        for example in read_examples(
+            folder,
+            network.classes.names,
+            known_by_both(network, mosaic, kind == "photos"),
+            kind == "photos",
+            kind == "rooms" or position > 0,
+        )
     ]
     print(f"{len(examples)} images, {time.process_time() - began:.0f} core-seconds", flush=True)
     enlargement, mosaic.enlargement = mosaic.enlargement, 1.0

@@ -9,7 +9,7 @@ Risk-coverage curves say what share of the classes is wrong if only the most con
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, final
@@ -53,7 +53,12 @@ class Interval:
 
 def choose_units(frames: Sequence[FrameScores]) -> Over:
     """What is resampled: scenes if there are five or more, else frames."""
-    return "scenes" if len({frame.scene for frame in frames}) >= FEWEST_SCENES else "frames"
+    return units_of({frame.scene for frame in frames})
+
+
+def units_of(scenes: Collection[str]) -> Over:
+    """What is resampled of targets in these scenes, each named once."""
+    return "scenes" if len(scenes) >= FEWEST_SCENES else "frames"
 
 
 def units_in_words(units: Iterable[str]) -> str:

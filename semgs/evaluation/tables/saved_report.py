@@ -11,7 +11,7 @@ from typing import Any
 from semgs.data.tables.class_groups import ClassGroups
 from semgs.evaluation.scoring.baselines import NAMES
 from semgs.evaluation.scoring.frame_scores import FrameScores
-from semgs.evaluation.scoring.intervals import choose_units, intervals
+from semgs.evaluation.scoring.intervals import intervals, units_of
 from semgs.evaluation.scoring.score_records import decode_scores, finite, number
 from semgs.evaluation.scoring.summary import (
     CONFIDENCE_METRICS,
@@ -125,7 +125,12 @@ def read_report(path: str | Path) -> SavedReport:
     content = read_json(path, "the report.json of an evaluation")
     found = content.get("format") if isinstance(content, dict) else type(content).__name__
     kinds = {FORMAT: saved_report, SINGLE_FORMAT: saved_single_images}
-    if not isinstance(content, dict) or found not in list(kinds) or content.get("version") != VERSION:
+    if (
+        not isinstance(content, dict)
+        or not isinstance(found, str)
+        or found not in kinds
+        or content.get("version") != VERSION
+    ):
         raise InputError(path, f"a report of format {FORMAT}, version {VERSION}", f"{found!r:.60}", key="format")
     try:
         return kinds[found](path, content)
@@ -176,31 +181,23 @@ def saved_single_images(path: Path, content: dict[str, Any]) -> SavedReport:
     Args, Raises:
         As for `saved_report`; the content is made by `single_numbers`.
     """
+    targets = content["per_image"]
     entry = {
         **dict.fromkeys(METRICS),
         **content,
         "views": 1,
-        "samples": len(content["per_image"]),
+        "samples": len(targets),
         "fps_encoding_each": None,
         "below_copy": [],
         "trivial": {},
-        "truth_sha256": sha256("; ".join(str(one["truth"]) for one in content["per_image"]).encode()).hexdigest(),
-        "per_frame": content["per_image"],
+        "intervals_over": units_of({one["scene"] for one in targets}),
+        "truth_sha256": sha256("; ".join(str(one["truth"]) for one in targets).encode()).hexdigest(),
+        "per_frame": targets,
     }
-    classes = content["classes"]
-    frames = tuple(decode_scores(one, len(classes["names"])) for one in content["per_image"])
-    result = _saved_result({**entry, "intervals_over": choose_units(frames)}, len(classes["names"]))
-    return SavedReport(
-        path=path,
-        name=str(content["method"]["name"]),
-        protocol=SINGLE,
-        sizes={},
-        classes=str(classes["name"]),
-        results={1: result},
-        data_name=", ".join(str(one["name"]) for one in content["data"]),
-        hardware=dict(content.get("hardware", {})),
-        sha256=_sha256(content["method"]),
-        class_names=tuple(map(str, classes["names"])),
+    data = {"path": ", ".join(str(one["name"]) for one in content["data"]), "scenes": content["data"]}
+    shared: dict[str, Any] = {name: content[name] for name in ("method", "classes", "hardware") if name in content}
+    return saved_report(
+        path, {**shared, "protocol": SINGLE, "data": data, "frames": {"scenes": []}, "results": [entry]}
     )
 
 
