@@ -88,11 +88,13 @@ class Crops:
         size: height and width [px].
         scales: pixels of a crop per pixel of the image as SemGS reads it.
         reduced: share of photos that are reduced to the size at which SemGS reads them before they are cropped; the others are sharper.
+        room_colour: `COLOUR` in rooms.
     """
 
     size: tuple[int, int]
     scales: tuple[float, float]
     reduced: float
+    room_colour: float = COLOUR
 
 
 CROPS = Crops((288, 352), (1.1, 2.6), 0.65)
@@ -203,7 +205,8 @@ def crop(example: Example, rng: np.random.Generator, crops: Crops = CROPS) -> tu
     quarter = avg_pool2d(grid.permute(0, 3, 1, 2), 4).permute(0, 2, 3, 1)
     known = grid_sample(example.known.float(), quarter, padding_mode="border", align_corners=False)
     views = Views.trusted(images=image.clamp(0, 1), cameras=None, depth_range=None)
-    return photograph(recolour(views, COLOUR, rng), CAMERA, rng).images, labels, known
+    colour = COLOUR if example.photo else crops.room_colour
+    return photograph(recolour(views, colour, rng), CAMERA, rng).images, labels, known
 
 
 def unseen_around(example: Example, middle: tuple[float, float], half: tuple[float, float]) -> int:
@@ -280,7 +283,6 @@ def learn(
     seed: int,
     crops: Crops = CROPS,
     longest: float = 0.998,
-    photos_of_eight: int = 4,
 ) -> nn.Module:
     """Train a network; returns the average of its weights.
 
@@ -289,16 +291,15 @@ def learn(
         groups: of its parameters, each with its peak learning rate.
         loss_of_batch: of images, and of labels, known, photos and new as `loss_of` takes them.
         examples: photos and rooms.
-        steps: of eight images.
+        steps: of eight images, four of them photos, of these half new.
         seed: of the order and the crops.
         crops: what they are like.
         longest: decay of the moving average, at most.
-        photos_of_eight: so many images of a step are photos, half of them new; the others are of rooms.
     """
     pools = [[one for one in examples if one.photo and one.new is new] for new in (False, True)]
     rooms = [one for one in examples if not one.photo]
     pools = [pool for pool in pools if pool] + [rooms + [one for one in rooms if one.unseen.float().mean() > OFTEN]]
-    counts = [photos_of_eight // (len(pools) - 1)] * (len(pools) - 1) + [8 - photos_of_eight]
+    counts = [4 // (len(pools) - 1)] * (len(pools) - 1) + [4]
     optimiser = torch.optim.AdamW(groups, betas=(0.9, 0.99))
     average = deepcopy(network)
     for step in range(steps):
