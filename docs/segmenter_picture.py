@@ -35,7 +35,9 @@ def main() -> None:
     scene = open_scene(given.office)
     views, photos = scene.read(FRAMES, SIZE), scene.read(FRAMES[:2], SIZE)
     segmenter = segmenters.open(given.network)
-    own = load("small")(photos)
+    network = load("small")
+    network.looks = 2
+    own = network(photos)
     rows = [[as_bytes(image) for image in views.images]]
     for encoding in (own, own.with_classes(segmenter(photos), segmenter.classes)):
         labels = label_maps(encoding.render(views.cameras))

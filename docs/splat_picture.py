@@ -27,7 +27,8 @@ PHOTOS, SHOWN = (3, 4, 5, 7), 6
 
 def main() -> None:
     """Write docs/images/splat.jpg, and print the PSNR of the splat and the accuracy of its classes."""
-    scene, network = open_scene(demo_scene()), load("small").eval()
+    scene, network = open_scene(demo_scene()), load("small")
+    network.looks = 2
     views, photo = scene.read(PHOTOS), scene.read([SHOWN])
     made = refine(network(views), views).gaussians
     splat = Gaussians(made.means, made.opacities, made.colour)
