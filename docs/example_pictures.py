@@ -42,8 +42,8 @@ def save(name: str, pictures: list[np.ndarray]) -> None:
 
 
 def save_plan(name: str, scene: Scene) -> None:
-    """The first two photos, and the plan of the floor from them as examples/robot.py finds it: free white, occupied black, unknown grey."""
-    views = scene.read([0, 1])
+    """The first three photos, and the plan of the floor from them as examples/robot.py finds it: free white, occupied black, unknown grey."""
+    views = scene.read([0, 1, 2])
     made = load("small")(views)
     plan = occupancy(made.gaussians, views.cameras, depth_spread=made.depth_spread, stride=made.stride)
     grey = np.select([plan.cells == 0, plan.cells == 100], [254, 0], 160).astype(np.uint8)[::-1]  # y is up

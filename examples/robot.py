@@ -1,4 +1,4 @@
-"""The nearest things and the free floor ahead, from two photos with poses in a robot's base frame.
+"""The nearest things and the free floor ahead, from three photos with poses in a robot's base frame.
 
     python examples/robot.py SCENE
 
@@ -24,7 +24,7 @@ def base_from_room(camera: torch.Tensor) -> torch.Tensor:
     return torch.tensor(rows, dtype=torch.float64).inverse()
 
 
-room = open_scene(sys.argv[1]).read([0, 1])
+room = open_scene(sys.argv[1]).read([0, 1, 2])
 poses = base_from_room(room.cameras.world_from_camera[0]) @ room.cameras.world_from_camera
 views = Views(room.images, Cameras(poses, room.cameras.intrinsics, room.size), room.depth_range)
 made = load("small")(views)
