@@ -41,25 +41,29 @@ HELD = 6.0
 """Weight of what START says, in rooms."""
 
 
-def known_by(network: SemGS, photo: bool) -> Known:
-    """What a network says of a photo in two looks. Rooms need nothing.
+def in_two_looks(network: SemGS) -> Known:
+    """What a network says of a photo in two looks.
 
     Args:
-        network: the teacher.
-        photo: whether the images are photos.
+        network: the teacher; it keeps two looks.
     """
     network.looks = 2
-    assert network.classes is not None
-    count = len(network.classes.names)
 
     def known_of(small: Views, size: tuple[int, int]) -> Tensor:
         """The map, at a size."""
-        if not photo:
-            return torch.zeros(1, count, *size)
         taught = network.class_maps(small, alone=True).distributions.flatten(0, -4)
         return interpolate(taught, size, mode="area").clamp(min=1e-6)
 
     return known_of
+
+
+def nothing(classes: int) -> Known:
+    """No teacher, as for rooms: what START says of them depends on the crop.
+
+    Args:
+        classes: their number, which the maps of photos have.
+    """
+    return lambda _, size: torch.zeros(1, classes, *size)
 
 
 def says(branch: MobileNetRefinement, images: Float[Tensor, "n 3 h w"]) -> Float[Tensor, "n class h4 w4"]:
@@ -82,18 +86,14 @@ def main() -> None:
     began = time.process_time()
     network = initial_network("small", given.start, switches={"class_mosaic": True})
     assert network.classes is not None
+    names = network.classes.names
     examples = [
         example
-        for kind, folders in (("photos", given.photos), ("rooms", given.rooms))
-        for position, folder in enumerate(folders)
-        for example in read_examples(
-            folder,
-            network.classes.names,
-            known_by(network, kind == "photos"),
-            kind == "photos",
-            kind == "rooms" or position > 0,
-        )
+        for position, folder in enumerate(given.photos)
+        for example in read_examples(folder, names, in_two_looks(network), photo=True, new=position > 0)
     ]
+    for folder in given.rooms:
+        examples += read_examples(folder, names, nothing(len(names)), photo=False, new=True)
     print(f"{len(examples)} images, {time.process_time() - began:.0f} core-seconds", flush=True)
     assert network.semantic is not None
     branch = network.semantic.refinement
